@@ -1,1 +1,1 @@
-
+"""Measure solver, statistics and database: benchmarks that assert their answers."""

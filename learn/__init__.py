@@ -1,1 +1,1 @@
-
+"""Turn contact databases into surrogates: so far, the scores they are judged by."""
