@@ -1,0 +1,249 @@
+"""Rough surfaces: two kinds of random midpoint displacement, and heights from files."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from io import BytesIO
+from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.errors import InputError
+
+Heights = NDArray[np.float64]
+Generator = Callable[[int, float, float, np.random.Generator], Heights]
+
+CONTROL_CHARACTERS = bytes({*range(32)} - {*b"\t\n\v\f\r"})
+"""Bytes that no text has."""
+
+
+class Level(NamedTuple):
+    """Views of the nodes that one level of m x m squares reads and writes.
+
+    Attributes
+    ----------
+    corners : (m + 1, m + 1) nodes of the coarser levels
+    centres : (m, m) of the squares
+    edges_x : (m, m + 1) midpoints of edges along x (axis 0)
+    edges_y : (m + 1, m) midpoints of edges along y (axis 1)
+    """
+
+    corners: Heights
+    centres: Heights
+    edges_x: Heights
+    edges_y: Heights
+
+
+def generate(
+    generator: str, nodes: int, hurst: float, sigma0: float, random: np.random.Generator
+) -> Heights:
+    """Random self-affine surface above its lowest node.
+
+    Parameters
+    ----------
+    generator : a name of `GENERATORS`
+    nodes : nodes a side, 2^k + 1 with k of 1 or more
+    hurst : Hurst exponent, 0 to 1
+    sigma0 : standard deviation of the first displacement [um]
+    random : source of the displacements; the same seed gives the same coarse nodes, up to the
+        lowest height, for every number of nodes
+
+    Returns
+    -------
+    (nodes, nodes) heights, the lowest 0 [um]
+
+    Raises
+    ------
+    InputError : another generator, number of nodes, Hurst exponent or a negative sigma0
+
+    Source: section 2.2 (sec_rmd) of the paper; the definitions stand at each generator.
+    """
+    if generator not in GENERATORS:
+        raise InputError(f"generator {generator!r}: give one of {', '.join(GENERATORS)}")
+    if nodes < 3 or (nodes - 1) & (nodes - 2):
+        raise InputError(f"nodes {nodes}: give 2^k + 1, as 3, 5, 9, ..., 129, 257")
+    if not 0.0 <= hurst <= 1.0:
+        raise InputError(f"hurst {hurst}: give a Hurst exponent from 0 to 1")
+    if not 0.0 <= sigma0 < math.inf:
+        raise InputError(f"sigma0 {sigma0}: give a standard deviation of 0 um or more")
+    heights = GENERATORS[generator](nodes, hurst, sigma0, random)
+    heights -= heights.min()
+    return heights
+
+
+def diamond_square(nodes: int, hurst: float, sigma0: float, random: np.random.Generator) -> Heights:
+    """Displacement in two steps a level, centres then edges: MIRCO's, and the default.
+
+    The centre of a square is the mean of its 4 corners + N(0, a^2), then the midpoint of an edge
+    is the mean of its 4 neighbours, 3 at the border, + N(0, a^2). a starts at `sigma0` and is
+    divided by 2^(hurst / 2) after either step.
+
+    Parameters and result as for `generate`, unchecked and with the corners at 0.
+
+    Source: MIRCO's generator; its statistics are those of the paper's Table 1.
+    """
+    heights = np.zeros((nodes, nodes))
+    amplitude, decay = sigma0, 2.0 ** (-hurst / 2.0)
+    for corners, centres, edges_x, edges_y in _levels(heights):
+        centres[...] = _centre_means(corners)
+        centres += amplitude * random.standard_normal(centres.shape)
+        amplitude *= decay
+        edges_x[...] = _edge_means(corners, centres)
+        edges_x += amplitude * random.standard_normal(edges_x.shape)
+        edges_y[...] = _edge_means(corners.T, centres.T).T
+        edges_y += amplitude * random.standard_normal(edges_y.shape)
+        amplitude *= decay
+    return heights
+
+
+def midpoint(nodes: int, hurst: float, sigma0: float, random: np.random.Generator) -> Heights:
+    """Displacement in one step a level, from corners alone: the paper's text.
+
+    The centre of a square is the mean of its 4 corners and the midpoint of an edge that of its 2,
+    both + N(0, s^2) with s = sigma0 2^(-hurst level), the first level being 0.
+
+    Parameters and result as for `generate`, unchecked and with the corners at 0.
+
+    Source: section 2.2 (sec_rmd) of the paper.
+    """
+    heights = np.zeros((nodes, nodes))
+    amplitude, decay = sigma0, 2.0**-hurst
+    for corners, centres, edges_x, edges_y in _levels(heights):
+        centres[...] = _centre_means(corners)
+        edges_x[...] = 0.5 * (corners[:-1] + corners[1:])
+        edges_y[...] = 0.5 * (corners[:, :-1] + corners[:, 1:])
+        for displaced in (centres, edges_x, edges_y):
+            displaced += amplitude * random.standard_normal(displaced.shape)
+        amplitude *= decay
+    return heights
+
+
+GENERATORS: Mapping[str, Generator] = MappingProxyType(
+    {"diamond-square": diamond_square, "midpoint": midpoint}
+)
+"""Generators by the names that scenes use."""
+
+
+def _levels(heights: Heights) -> Iterator[Level]:
+    """Levels of an array of (2^k + 1, 2^k + 1) heights, from one square to squares of two steps."""
+    step = len(heights) - 1
+    while step > 1:
+        half = step // 2
+        yield Level(
+            corners=heights[::step, ::step],
+            centres=heights[half::step, half::step],
+            edges_x=heights[half::step, ::step],
+            edges_y=heights[::step, half::step],
+        )
+        step = half
+
+
+def _centre_means(corners: Heights) -> Heights:
+    """Mean of the 4 corners of each square: (m + 1, m + 1) to (m, m)."""
+    pairs = corners[:-1] + corners[1:]
+    return 0.25 * (pairs[:, :-1] + pairs[:, 1:])
+
+
+def _edge_means(corners: Heights, centres: Heights) -> Heights:
+    """Mean round the midpoint of each edge along axis 0, of 2 corners and 1 or 2 centres.
+
+    From (m + 1, m + 1) corners and (m, m) centres to (m, m + 1).
+    """
+    means = corners[:-1] + corners[1:]
+    means[:, 1:] += centres
+    means[:, :-1] += centres
+    means[:, 1:-1] *= 0.25
+    means[:, [0, -1]] /= 3.0
+    return means
+
+
+def load(path: Path) -> Heights:
+    """Heights from a file, as they stand there.
+
+    Parameters
+    ----------
+    path : a .npy file, or text with a row of numbers a line, separated by `;`, commas or
+        whitespace (one of them a line, `;` before comma before whitespace), comments after `#`
+
+    Returns
+    -------
+    (rows, columns) heights, C-contiguous, not shifted [um]
+
+    Raises
+    ------
+    InputError : what cannot be read, or is not a 2-D array of 2 x 2 finite numbers or more
+
+    Source: the text format is that of MIRCO's topologies (.dat, a `;` after each number).
+    """
+    try:
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:
+        fault = error.strerror if isinstance(error, OSError) else str(error)
+        raise InputError(f"{path}: cannot be read ({fault}); give a .npy or text file") from error
+    is_array = path.suffix.lower() == ".npy" or content.startswith(np.lib.format.MAGIC_PREFIX)
+    heights = _from_npy(content, path) if is_array else _from_text(content, path)
+    if heights.ndim != 2 or min(heights.shape) < 2:
+        shape = " x ".join(str(length) for length in heights.shape) or "a single number"
+        found = shape if heights.size else "no heights"
+        raise InputError(f"{path}: holds {found}; give 2-D heights, 2 x 2 or more")
+    bad = heights.size - int(np.count_nonzero(np.isfinite(heights)))
+    if bad:
+        raise InputError(
+            f"{path}: {bad} of {heights.size} heights are NaN or infinite; give finite"
+        )
+    return heights
+
+
+def _from_npy(content: bytes, path: Path) -> Heights:
+    """Real numbers of any shape from the bytes of a .npy file; objects are never unpickled."""
+    try:
+        array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
+    except Exception as error:  # a broken header makes numpy raise nearly anything
+        fault = " ".join(str(error).split())[:120]
+        raise InputError(f"{path}: not a whole .npy file ({fault}); save real numbers") from error
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"{path}: holds {array.dtype} values; save real numbers (float64)")
+    with np.errstate(over="ignore"):  # wider floats become infinite, and are counted by `load`
+        return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def _from_text(content: bytes, path: Path) -> Heights:
+    """Numbers of any number of rows and columns from the bytes of a text file."""
+    if any(character in content for character in CONTROL_CHARACTERS):
+        raise InputError(f"{path}: is neither .npy nor text; give one of them")
+    rows: list[list[float]] = []
+    lines = content.decode("utf-8-sig", errors="replace").splitlines()
+    for number, line in enumerate(lines, start=1):
+        fields = _fields(line.split("#", 1)[0].strip())
+        if not fields:
+            continue
+        row = [_number(field, path, number) for field in fields]
+        if rows and len(row) != len(rows[0]):
+            raise InputError(
+                f"{path}, line {number}: {len(row)} numbers where the first row has {len(rows[0])};"
+                " give rows of equal length"
+            )
+        rows.append(row)
+    return np.array(rows, dtype=np.float64)
+
+
+def _fields(line: str) -> list[str]:
+    """Fields of one line; the separator after the last one may be left out."""
+    separator = next((mark for mark in ";," if mark in line), None)
+    if separator is None:
+        return line.split()
+    return line.removesuffix(separator).split(separator)
+
+
+def _number(field: str, path: Path, line: int) -> float:
+    """Number in a field of a line."""
+    try:
+        return float(field)
+    except ValueError as error:
+        shown = repr(field.strip())[:40]
+        raise InputError(
+            f"{path}, line {line}: {shown} is not a number; give numbers separated by"
+            " whitespace, commas or ';'"
+        ) from error

@@ -1,0 +1,413 @@
+"""Scenes: what is read, what is refused and how, and what makes two scenes the same."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gen.errors import InputError
+from gen.scene import Scene, differences, load, preset_names
+
+FULL = load("paper").model_dump(mode="json")
+
+
+def refusal(text: str) -> str:
+    """The one line with which a scene's TOML is refused."""
+    with pytest.raises(InputError) as refused:
+        Scene.parse(text, "some.toml")
+    message = str(refused.value)
+    assert len(message.splitlines()) == 1
+    assert message.isprintable()
+    assert message.startswith("some.toml: ")
+    return message
+
+
+def changed(key: str, value: object) -> dict[str, Any]:
+    """The paper's scene with another value for one dotted key."""
+    content: dict[str, Any] = json.loads(json.dumps(FULL))
+    *tables, name = key.split(".")
+    table = content
+    for part in tables:
+        table = table[part]
+    table[name] = value
+    return content
+
+
+PIECES = "one or more { share = ..., range = [low, high] }, their shares sum to 1"
+BAD_SCENES = [
+    # text, and what the message must name: the key, the value, what is allowed
+    ("samples = 0", ["samples = 0;", "from 1 to 1000000000"]),
+    ("samples = -5", ["samples = -5;", "from 1"]),
+    ("samples = 1000000001", ["samples = 1000000001;", "to 1000000000"]),
+    ("samples = 10.0", ["samples = 10.0;", "a whole number"]),
+    ("samples = 2.5", ["samples = 2.5;", "a whole number"]),
+    ("samples = true", ["samples = true;", "a whole number"]),
+    ('samples = "10"', ["samples = '10';", "a whole number"]),
+    ("samples = [1]", ["samples = [1];", "a whole number"]),
+    ("samples = nan", ["samples = nan;", "a whole number"]),
+    ("samples = 2025-01-01", ["samples = datetime.date(2025, 1, 1);", "a whole number"]),
+    ("samples = 0x" + "f" * 6000, ["samples = a number of thousands of digits;"]),
+    ("seed = 1", ["samples is missing", "the number of rows"]),
+    ("sample = 10", ["unknown key sample = 10;", "closest known key is samples", "(and 1 more)"]),
+    ("samples = 1\nnodes = 65", ["unknown key nodes = 65;", "is surface.nodes"]),
+    ("samples = 1\ntitle = 5", ["title = 5;", "text in quotes"]),
+    ("samples = 1\nseed = -1", ["seed = -1;", "from 0 to 2^63 - 1"]),
+    ("samples = 1\nseed = 9223372036854775808", ["seed = 9223372036854775808;", "2^63 - 1"]),
+    ("samples = 1\nseed = 1.5", ["seed = 1.5;", "a whole number"]),
+    ("samples = 1\nsamples_per_surface = 0", ["samples_per_surface = 0;", "from 1 to 10000"]),
+    ("samples = 1\nsurface = 3", ["surface = 3;", "a table [surface]"]),
+    ("samples = 1\n[[contact]]", ["contact = [{}];", "a table [contact]"]),
+    ("samples = 1\n[surfaces]\nnodes = 65", ["unknown key surfaces =", "key is surface"]),
+    ("samples = 1\n[surface]\nhurts = [0, 1]", ["unknown key surface.hurts = [0, 1];", "e.hurst"]),
+    ("samples = 1\n[surface]\nrtol = 1e-3", ["unknown key surface.rtol = 0.001;", "contact.rtol"]),
+    ("samples = 1\n[surface]\nnodes = 128", ["surface.nodes = 128;", "2^k + 1", "3 to 4097"]),
+    ("samples = 1\n[surface]\nnodes = 2", ["surface.nodes = 2;", "2^k + 1"]),
+    ("samples = 1\n[surface]\nnodes = 1", ["surface.nodes = 1;", "2^k + 1"]),
+    ("samples = 1\n[surface]\nnodes = 8193", ["surface.nodes = 8193;", "3 to 4097"]),
+    ("samples = 1\n[surface]\nnodes = 129.0", ["surface.nodes = 129.0;", "a whole number"]),
+    ("samples = 1\n[surface]\nside = 0", ["surface.side = 0;", "above 0 [um]"]),
+    ("samples = 1\n[surface]\nside = -1000.0", ["surface.side = -1000.0;", "above 0"]),
+    ("samples = 1\n[surface]\nside = inf", ["surface.side = inf;", "finite"]),
+    ("samples = 1\n[surface]\nside = nan", ["surface.side = nan;", "finite"]),
+    ("samples = 1\n[surface]\nside = false", ["surface.side = false;", "number"]),
+    ("samples = 1\n[surface]\nside = 1" + "0" * 400, ["surface.side = 100000", " ...;", "finite"]),
+    ("samples = 1\n[surface]\nhurst = [0.5, 1.5]", ["surface.hurst[1] = 1.5;", "high <= 1"]),
+    ("samples = 1\n[surface]\nhurst = [-0.1, 0.5]", ["surface.hurst[0] = -0.1;", "0 <= low"]),
+    ("samples = 1\n[surface]\nhurst = [0.8, 0.5]", ["surface.hurst = [0.8, 0.5];", "low <= high"]),
+    ("samples = 1\n[surface]\nhurst = [0.5]", ["surface.hurst[1] is missing", "two numbers"]),
+    ("samples = 1\n[surface]\nhurst = [0, 0.5, 1]", ["surface.hurst = [0, 0.5, 1];", "two"]),
+    ("samples = 1\n[surface]\nhurst = 0.5", ["surface.hurst = 0.5;", "[low, high]"]),
+    ("samples = 1\n[surface]\nhurst = ['a', 1]", ["surface.hurst[0] = 'a';", "two numbers"]),
+    ("samples = 1\n[surface]\nsigma0 = [-1, 5]", ["surface.sigma0[0] = -1;", "0 <= low"]),
+    ("samples = 1\n[surface]\nsigma0 = [15, 10]", ["surface.sigma0 = [15, 10];", "low <= high"]),
+    ("samples = 1\n[surface]\nsigma0 = [0, inf]", ["surface.sigma0[1] = inf;", "finite"]),
+    ("samples = 1\n[surface]\ngenerator = 'fractal'", ["'fractal'", "'diamond-square' or 'midp"]),
+    ("samples = 1\ndelta = [5, 45]", ["delta = [5, 45];", "a table [delta]"]),
+    ("samples = 1\ndelta.range = [5, 45]", ["unknown key delta.range =", "delta.pieces.range"]),
+    ("samples = 1\ndelta.pieces = []", ["delta.pieces = [];", PIECES, "(the shares sum to 0)"]),
+    ("samples = 1\ndelta.pieces = 7", ["delta.pieces = 7;", PIECES]),
+    ("samples = 1\ndelta.pieces = [7]", ["delta.pieces[0] = 7;", PIECES]),
+    (
+        "samples = 1\ndelta.pieces = [{share=0.5, range=[1, 2]}, {share=0.4, range=[1, 2]}]",
+        ["delta.pieces = [{", PIECES, "(the shares sum to 0.9)"],
+    ),
+    (
+        "samples = 1\ndelta.pieces = [{share = 1.0, range = [5, 1]}]",
+        ["delta.pieces[0].range = [5, 1];", "low <= high", "(5.0 is above 1.0)"],
+    ),
+    (
+        "samples = 1\ndelta.pieces = [{share = 0, range = [1, 2]}, {share = 1, range = [1, 2]}]",
+        ["delta.pieces[0].share = 0;", "above 0"],
+    ),
+    ("samples = 1\ndelta.pieces = [{share = 1}]", ["delta.pieces[0].range is missing", "[low"]),
+    (
+        "samples = 1\ndelta.pieces = [{share = 1, range = [-1, 2]}]",
+        ["delta.pieces[0].range[0] = -1;", "0 <= low"],
+    ),
+    ("samples = 1\n[contact]\nkernel = 'love'", ["contact.kernel = 'love';", "'uniform-pressure'"]),
+    ("samples = 1\n[contact]\nfar_field = 1", ["contact.far_field = 1;", "'rigid' or 'compliant'"]),
+    (
+        "samples = 1\n[contact]\nspacing = 7.8",
+        ["contact.spacing = 7.8;", "'side/(n-1)' or 'side/n"],
+    ),
+    ("samples = 1\n[contact]\nmodulus = 0.0", ["contact.modulus = 0.0;", "above 0 [MPa]"]),
+    ("samples = 1\n[contact]\npoisson = 0.51", ["contact.poisson = 0.51;", "at most 0.5"]),
+    ("samples = 1\n[contact]\npoisson = -1", ["contact.poisson = -1;", "above -1"]),
+    ("samples = 1\n[contact]\nrtol = 1e-14", ["contact.rtol = 1e-14;", "between 1e-14 and 1"]),
+    ("samples = 1\n[contact]\nrtol = 1", ["contact.rtol = 1;", "between 1e-14 and 1"]),
+    ("samples = 1\n[contact]\nmax_iterations = 0", ["contact.max_iterations = 0;", "from 1 to"]),
+    ("samples = 1\n[store]\npressure = 1", ["store.pressure = 1;", "true or false"]),
+    ("samples = 1\n[store]\nheights = 'yes'", ["store.heights = 'yes';", "true or false"]),
+    ("samples = 1\n[store]\ngap = true", ["unknown key store.gap = true;", "store.mean_gap"]),
+    (
+        "samples = 0\nseed = -1\n[contact]\nrtol = 2",
+        ["samples = 0;", "from 1", "(and 2 more)"],
+    ),
+    ('samples = 1\n"a\\nb\u2028" = "c\\u001b[31m"', [r"unknown key a\nb\u2028 = ", "closest"]),
+    ("", ["is empty", "samples"]),
+    ("# nothing but a comment\n", ["is empty"]),
+    ("samples = 1\nseed 5", ["not TOML", "line 2"]),
+    ("samples = 1\nsamples = 2", ["not TOML", "Cannot overwrite"]),
+    ("samples = 9" + "9" * 5000, ["not TOML", "digits"]),
+    ("samples = " + "[" * 100_000, ["not TOML"]),
+]
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    BAD_SCENES,
+    ids=[text[:50].encode("unicode_escape").decode() for text, _ in BAD_SCENES],
+)
+def test_refusal_names_key_value_and_what_is_allowed(text: str, parts: list[str]) -> None:
+    message = refusal(text)
+    for part in parts:
+        assert part in message
+
+
+def test_whole_numbers_are_numbers() -> None:
+    scene = Scene.parse("samples = 1\n[surface]\nside = 500\nhurst = [0, 1]", "some.toml")
+    assert scene.surface.side == 500.0
+    assert scene.surface.hurst == (0.0, 1.0)
+
+
+def test_short_scene_has_the_papers_values() -> None:
+    assert Scene.parse('samples = 15878\ntitle = "The paper\'s database"', "") == load("paper")
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_presets_load(name: str) -> None:
+    scene = load(name)
+    assert scene.title
+    assert Scene.from_text(scene.text()) == scene
+
+
+def test_presets_say_what_the_design_says() -> None:
+    assert preset_names() == ("extreme", "fine", "paper", "paper-mirco", "quick")
+    quick, paper, fine = load("quick"), load("paper"), load("fine")
+    assert [scene.samples for scene in (quick, paper, fine)] == [256, 15_878, 800]
+    assert [scene.shape[0] for scene in (quick, paper, fine)] == [129, 129, 257]
+    assert quick.fingerprint() == paper.fingerprint()
+    assert differences(paper, fine) == ["surface.nodes: 129 in the file, 257 asked for"]
+    assert [line.partition(":")[0] for line in differences(paper, load("paper-mirco"))] == [
+        "contact.kernel",
+        "contact.far_field",
+        "contact.spacing",
+    ]
+    extreme = load("extreme")
+    assert extreme.samples == 256
+    assert extreme.surface.hurst == (0.01, 0.99)
+    assert extreme.surface.sigma0 == (0.0, 1000.0)
+
+
+def test_grid_follows_from_the_scene() -> None:
+    assert load("paper").spacing == 1000.0 / 128
+    assert load("paper-mirco").spacing == 1000.0 / 129
+    assert Scene.parse("samples = 11\nsamples_per_surface = 5", "").surfaces == 3
+    assert Scene.parse("samples = 10\nsamples_per_surface = 5", "").surfaces == 2
+
+
+def test_load_reads_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for content in (b"samples = 3\r\n", b"\xef\xbb\xbfsamples = 3"):
+        Path("mine.toml").write_bytes(content)
+        assert load("mine.toml").samples == 3
+        assert load(f"{tmp_path}/mine.toml").samples == 3
+    Path("scene").write_text("samples = 4")
+    assert load("scene").samples == 4
+    Path("quick").mkdir()
+    assert load("quick").samples == 256
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("quikc", "neither a file nor a preset"),
+        ("nowhere.toml", "neither a file nor a preset"),
+        ("./quick", "neither a file nor a preset"),
+        ("folder", "directory"),
+        ("", "directory"),
+        ("binary.toml", "not UTF-8 text (byte 3 is 0xff)"),
+        ("null\0.toml", "null"),
+        ("line\nbreak.toml", "neither a file nor a preset"),
+        ("n" * 5000, "too long"),
+    ],
+)
+def test_unreadable_scene_is_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, reason: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("folder").mkdir()
+    Path("binary.toml").write_bytes(b"a =\xff")
+    with pytest.raises(InputError) as refused:
+        load(name)
+    message = str(refused.value)
+    assert len(message.splitlines()) == 1
+    assert reason in message
+    assert "extreme, fine, paper, paper-mirco, quick" in message
+    assert "path" in message
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1]", "null", "3", '{"samples": NaN}', "[" * 100_000])
+def test_text_that_is_no_scene_is_refused_in_one_line(text: str) -> None:
+    with pytest.raises(InputError) as refused:
+        Scene.from_text(text, "some.h5")
+    assert len(str(refused.value).splitlines()) == 1
+    assert str(refused.value).startswith("some.h5: ")
+
+
+finite = st.floats(0.0, 1e300)
+
+
+def ascending(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[list[float]]:
+    return st.lists(numbers, min_size=2, max_size=2).map(sorted)
+
+
+@st.composite
+def scenes(draw: st.DrawFn) -> dict[str, Any]:
+    """The content of a valid scene with every key."""
+    weights = draw(st.lists(st.integers(1, 1000), min_size=1, max_size=5))
+    return {
+        "title": draw(st.text(st.characters(exclude_categories=["Cs"]))),
+        "samples": draw(st.integers(1, 10**9)),
+        "samples_per_surface": draw(st.integers(1, 10_000)),
+        "seed": draw(st.integers(0, 2**63 - 1)),
+        "surface": {
+            "generator": draw(st.sampled_from(["diamond-square", "midpoint"])),
+            "nodes": 2 ** draw(st.integers(1, 12)) + 1,
+            "side": draw(st.floats(0.0, 1e300, exclude_min=True)),
+            "hurst": draw(ascending(st.floats(0.0, 1.0))),
+            "sigma0": draw(ascending(finite)),
+        },
+        "delta": {
+            "pieces": [
+                {"share": weight / sum(weights), "range": draw(ascending(finite))}
+                for weight in weights
+            ]
+        },
+        "contact": {
+            "kernel": draw(st.sampled_from(["uniform-pressure", "concentrated-force"])),
+            "far_field": draw(st.sampled_from(["rigid", "compliant"])),
+            "spacing": draw(st.sampled_from(["side/(n-1)", "side/n"])),
+            "modulus": draw(st.floats(0.0, 1e300, exclude_min=True)),
+            "poisson": draw(st.floats(-1.0, 0.5, exclude_min=True)),
+            "rtol": draw(st.floats(1e-14, 1.0, exclude_min=True, exclude_max=True)),
+            "max_iterations": draw(st.integers(1, 1_000_000)),
+        },
+        "store": {name: draw(st.booleans()) for name in FULL["store"]},
+    }
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(content=scenes())
+def test_valid_scenes_survive_their_text(content: dict[str, Any]) -> None:
+    scene = Scene.parse(tomli_w.dumps(content), "some.toml")
+    again = Scene.from_text(scene.text())
+    assert again == scene
+    assert again.text() == scene.text()
+    assert again.fingerprint() == scene.fingerprint()
+    assert differences(scene, again) == []
+    assert len(scene.text().splitlines()) == 1
+
+
+WRONG_EVERYWHERE: list[object] = [[], [[1.0]], {"share": 1.0}, math.nan, -math.inf, -2, -1.5]
+"""Values that no key of a scene accepts."""
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(content=scenes(), data=st.data())
+def test_corrupted_scenes_are_refused_in_one_line(
+    content: dict[str, Any], data: st.DataObject
+) -> None:
+    table = content
+    dotted = ""
+    while True:
+        key = data.draw(st.sampled_from(sorted(table)))
+        dotted += key
+        if not isinstance(table[key], dict) or data.draw(st.booleans()):
+            break
+        table, dotted = table[key], dotted + "."
+    wrong = data.draw(st.sampled_from(WRONG_EVERYWHERE))
+    if data.draw(st.booleans()):
+        table[key] = wrong
+    else:
+        dotted += data.draw(st.text("abc_", min_size=1).map("_{}_".format))
+        table[dotted.rpartition(".")[2]] = wrong
+    message = refusal(tomli_w.dumps(content))
+    assert dotted in message
+
+
+def test_fingerprint_ignores_what_changes_no_result() -> None:
+    plain = Scene.parse("samples = 5\n[contact]\nrtol = 1e-8\nmodulus = 2\n", "a")
+    other = Scene.parse(
+        "# a comment\ntitle = 'text'\nsamples = 500\ncontact.modulus = 2.0\n"
+        "contact.rtol = 0.00000001 # the same\n[surface]\nnodes = 129\n",
+        "b",
+    )
+    assert plain.fingerprint() == other.fingerprint()
+    assert differences(plain, other) == []
+    zeros = Scene.parse("samples = 1\n[contact]\npoisson = -0.0", "a")
+    assert zeros.fingerprint() == Scene.parse("samples = 1", "b").fingerprint()
+    assert len(plain.fingerprint()) == 64
+
+
+OTHER_VALUES = {
+    "samples_per_surface": 5,
+    "seed": 2026,
+    "surface.generator": "midpoint",
+    "surface.nodes": 257,
+    "surface.side": 1000.0000000001,
+    "surface.hurst": [0.5, 0.7],
+    "surface.sigma0": [9.0, 15.0],
+    "delta.pieces": [{"share": 1.0, "range": [5.0, 45.0]}],
+    "contact.kernel": "concentrated-force",
+    "contact.far_field": "compliant",
+    "contact.spacing": "side/n",
+    "contact.modulus": 2.0,
+    "contact.poisson": 0.3,
+    "contact.rtol": 1e-8,
+    "contact.max_iterations": 999,
+    "store.mean_gap": True,
+    "store.largest_pressure": True,
+    "store.perimeter": True,
+    "store.heights": True,
+    "store.pressure": True,
+}
+
+
+def test_other_values_cover_every_relevant_key() -> None:
+    keys = {
+        f"{table}.{key}" if isinstance(value, dict) else table
+        for table, value in FULL.items()
+        for key in (value if isinstance(value, dict) else [""])
+    }
+    assert keys - set(OTHER_VALUES) == {"title", "samples"}
+
+
+@pytest.mark.parametrize("key", OTHER_VALUES)
+def test_fingerprint_changes_with_every_relevant_key(key: str) -> None:
+    paper = load("paper")
+    other = Scene.parse(tomli_w.dumps(changed(key, OTHER_VALUES[key])), "some.toml")
+    assert other.fingerprint() != paper.fingerprint()
+    lines = differences(paper, other)
+    assert lines
+    for line in lines:
+        assert line.startswith(key)
+        assert " in the file, " in line
+        assert line.endswith(" asked for")
+
+
+def test_differences_read_like_sentences() -> None:
+    paper = load("paper")
+    strict = Scene.parse(tomli_w.dumps(changed("contact.rtol", 1e-8)), "some.toml")
+    assert differences(paper, strict) == ["contact.rtol: 1e-06 in the file, 1e-08 asked for"]
+    single = Scene.parse(tomli_w.dumps(changed("delta.pieces", OTHER_VALUES["delta.pieces"])), "")
+    assert differences(paper, single) == [
+        "delta.pieces[0].share: 0.75 in the file, 1.0 asked for",
+        "delta.pieces[0].range[1]: 25.0 in the file, 45.0 asked for",
+        "delta.pieces[1].share: 0.25 in the file, nothing asked for",
+        "delta.pieces[1].range[0]: 25.0 in the file, nothing asked for",
+        "delta.pieces[1].range[1]: 45.0 in the file, nothing asked for",
+    ]
+
+
+def test_scenes_are_immutable() -> None:
+    with pytest.raises(ValueError, match="frozen"):
+        load("quick").seed = 3
+
+
+def test_import_brings_no_numerics() -> None:
+    code = (
+        "import sys, gen.scene; gen.scene.load('quick'); "
+        "print(*{'numpy', 'scipy', 'h5py', 'mpi4py', 'pyfftw'} & set(sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.split() == []
