@@ -1,0 +1,141 @@
+"""Complementarity of pressure and gap: primal-dual active set with preconditioned gradients.
+
+Everything here lives on a list of m nodes that may touch, in reduced units: displacements over
+Delta, pressures such that H maps a pressure to a displacement. Nodes off the list never carry
+pressure.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Values = NDArray[np.float64]
+Nodes = NDArray[np.intp]
+
+# Residual reduction asked of conjugate gradients before the active set is looked at again.
+INNER_REDUCTION = 0.2
+
+
+class Operators(Protocol):
+    """The influence matrix of the m nodes and its approximate inverse."""
+
+    def displace(self, pressure: Values) -> Values:
+        """(m,) -> (m,) displacement to the last digits: decides what is converged."""
+
+    def displace_some(self, nodes: Nodes, pressure: Values) -> Values:
+        """(a,) pressure on some of the nodes -> (m,) displacement; may be rounded to 1e-7."""
+
+    def precondition_some(self, nodes: Nodes, residual: Values) -> Values:
+        """(a,) -> (a,), symmetric and near the inverse of the matrix on these nodes."""
+
+
+@dataclass
+class Iterate:
+    """A pressure on the nodes that may touch, and how far it is from equilibrium.
+
+    Attributes
+    ----------
+    pressure : (m,) reduced pressure, not negative between the steps
+    residual : (m,) interference less displacement: zero in contact, negative where a gap is open
+    iterations : steps of conjugate gradients so far
+    convolutions : applications of H so far
+    """
+
+    pressure: Values
+    residual: Values
+    iterations: int = 0
+    convolutions: int = 0
+
+    def violation(self) -> float:
+        """Largest |w| in contact or -w outside, in units of Delta; zero for the exact solution."""
+        wrong = np.where(self.pressure > 0, np.abs(self.residual), self.residual)
+        return max(float(wrong.max(initial=0.0)), 0.0)
+
+
+def solve_complementarity(
+    operators: Operators, interference: Values, *, rtol: float, max_iterations: int
+) -> tuple[Iterate, bool]:
+    """Find p >= 0 with w = H p - u >= 0 and p w = 0.
+
+    A semi-smooth Newton method: nodes under pressure and nodes that would penetrate are held in
+    contact, the equations on them are solved loosely, tension is cut off, and so on until the
+    set stands (Hintermueller, Ito and Kunisch 2002; inexact and preconditioned here).
+
+    Parameters
+    ----------
+    operators : see there; positive definite on every contact set met
+    interference : (m,) u, at most 1
+    rtol : largest violation accepted
+    max_iterations : bound on the steps of conjugate gradients
+
+    Returns
+    -------
+    (iterate, converged) : the solution, or the best that the bound allowed; its residual has been
+        recomputed from the pressure
+    """
+    iterate = Iterate(np.zeros_like(interference), interference.copy())
+    exact = True
+    while True:
+        if iterate.violation() <= rtol or iterate.iterations >= max_iterations:
+            if exact:
+                return iterate, iterate.violation() <= rtol
+            iterate.residual = interference - operators.displace(iterate.pressure)
+            iterate.convolutions += 1
+            exact = True
+            continue
+        contact = np.flatnonzero((iterate.pressure > 0) | (iterate.residual > 0))
+        _solve_in_contact(operators, contact, iterate, rtol / 2, max_iterations)
+        _cut_off_tension(operators, contact, iterate)
+        exact = False
+
+
+def _solve_in_contact(
+    operators: Operators, contact: Nodes, iterate: Iterate, floor: float, max_iterations: int
+) -> None:
+    """Conjugate gradients on the nodes in contact until their set has to change.
+
+    The set is looked at whenever the residual has fallen by `INNER_REDUCTION`. The residual is
+    kept up on all nodes, where the convolution gives it for nothing.
+    """
+    pressure = iterate.pressure[contact]
+    outside = np.ones(iterate.pressure.size, dtype=bool)
+    outside[contact] = False
+    residual = iterate.residual[contact]
+    goal = max(INNER_REDUCTION * float(np.abs(residual).max()), floor)
+    direction, previous = np.zeros_like(pressure), np.inf
+    while iterate.iterations < max_iterations:
+        correction = operators.precondition_some(contact, residual)
+        product = _inner(residual, correction)
+        direction = correction + (product / previous) * direction
+        previous = product
+        image = operators.displace_some(contact, direction)
+        step = product / _inner(direction, image[contact])
+        pressure += step * direction
+        iterate.residual -= step * image
+        iterate.iterations += 1
+        iterate.convolutions += 1
+        residual = iterate.residual[contact]
+        largest = float(np.abs(residual).max())
+        if largest > goal:
+            continue
+        stands = pressure.min() >= 0 and not np.any(iterate.residual[outside] > floor)
+        if not stands or largest <= floor:
+            break
+        goal = max(INNER_REDUCTION * goal, floor)
+    iterate.pressure[contact] = pressure
+
+
+def _cut_off_tension(operators: Operators, contact: Nodes, iterate: Iterate) -> None:
+    """Set negative pressures to zero and take their displacement out of the residual."""
+    tension = contact[iterate.pressure[contact] < 0]
+    if tension.size:
+        iterate.residual += operators.displace_some(tension, iterate.pressure[tension])
+        iterate.pressure[tension] = 0
+        iterate.convolutions += 1
+
+
+def _inner(a: Values, b: Values) -> float:
+    """Inner product without BLAS, whose threads would change its last bits."""
+    return float(np.einsum("i,i->", a, b))
