@@ -84,7 +84,8 @@ class Filter:
     def places(self, nodes: NDArray[np.intp]) -> NDArray[np.intp]:
         """Where nodes, as flat indices of (nx, ny), stand in the flat `source` and `result`."""
         padding = self.source.shape[1] - self.shape[1]
-        return (nodes + nodes // self.shape[1] * padding).astype(np.intp)
+        places: NDArray[np.intp] = np.asarray(nodes + nodes // self.shape[1] * padding, np.intp)
+        return places
 
 
 class Selection:
