@@ -134,9 +134,12 @@ _STATISTICS = (
     _statistic("height_rms", "um", "standard deviation of the surface's heights", 2.62, 15.55),
 )
 
+STATUS = Column("status", "u1", "1", "0 pending, 1 done, 2 failed; written last")
+REASON = Column("reason", "u1", "1", "code of the reason why the sample failed")
+
 COLUMNS: tuple[Column, ...] = (
-    Column("status", "u1", "1", "0 pending, 1 done, 2 failed; written last"),
-    Column("reason", "u1", "1", "code of the reason why the sample failed"),
+    STATUS,
+    REASON,
     Column("surface", "i8", "1", "index of the surface, shared by its samples"),
     Column("hurst", "f8", "1", "Hurst exponent of the surface", paper_range=(0.5, 0.8)),
     Column("sigma0", "f8", "um", "standard deviation of the generator's first displacement"),

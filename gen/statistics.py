@@ -1,4 +1,22 @@
-"""The 22 statistics that describe a rough surface (Table 1 of the paper), all in one pass."""
+"""The 22 statistics of rough surfaces (Table 1 of the paper), all in one pass.
+
+Profiles run along x (axis 0) and y (axis 1). Conventions, which Table 1 leaves open and its ranges
+decide (tests/gen/test_statistics.py compares them):
+
+- A peak is a node of a profile above both neighbours, those of x and y pooled; an asperity
+  (summit) is a node above its four neighbours. Either is an interior node; plateaus have none.
+- Heights are counted from the lowest node. "rms" is the standard deviation of the population.
+- Kurtosis is Pearson's (normal: 3) or excess (normal: 0), as the name says: Pearson's for peaks
+  and for the curvature of asperities, excess for asperities and for the curvature of peaks.
+- Curvature is minus the second difference over the squared spacing, at asperities the mean of x
+  and y.
+- Densities are numbers per node: of asperities over n_x n_y, of peaks over 2 n_x n_y, since a
+  node can be a peak along x and along y.
+- The bandwidth parameter of an axis is Nayak's (1971), m0 m4 / m2^2: m0 the variance of all
+  heights, m2 and m4 the means of squared slopes (first differences over the spacing) and squared
+  curvatures over all profiles along it. The spacing cancels. The paper's definition is not
+  stated, and its ranges are three to seven times lower.
+"""
 
 import math
 from dataclasses import dataclass
@@ -79,15 +97,13 @@ class Profiles(NamedTuple):
     Attributes
     ----------
     stride : step from a node to the next of its profile; entry i below is of node i + stride
-    candidates : number of nodes inside profiles, where a peak can be
     curvature : (N - 2 stride,) minus the second difference, 0 at the ends of profiles
     peaks : (N - 2 stride,) whether the node is above both neighbours, false at the ends
     slope_square : mean squared first difference
-    curvature_square : mean squared second difference
+    curvature_square : mean squared second difference, NaN for profiles of two nodes
     """
 
     stride: int
-    candidates: int
     curvature: NDArray[np.float64]
     peaks: NDArray[np.bool_]
     slope_square: float
@@ -95,61 +111,32 @@ class Profiles(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """Peaks or asperities of a surface, as found.
+    """Peaks or asperities of a surface, as found: their number and moments."""
 
-    Attributes
-    ----------
-    count : their number
-    heights : moments of their heights
-    curvatures : moments of their curvatures
-    density : their number over that of candidates, NaN without candidates
-    """
-
-    count: int
+    number: int
     heights: Moments
     curvatures: Moments
-    density: float
 
 
 def describe(heights: NDArray[np.float64], spacing: float | tuple[float, float]) -> Description:
-    """Statistics of a surface: peaks of its profiles, asperities, heights, bandwidth.
-
-    Profiles run along x (axis 0) and y (axis 1). A peak is a node of a profile above both of its
-    neighbours, peaks along x and y pooled; an asperity (summit) is a node above its four
-    neighbours, so both need an interior node and plateaus have none. Curvature is minus the second
-    difference over the squared spacing, at an asperity the mean of x and y. A density is a number
-    over that of candidates: n_y (n_x - 2) + n_x (n_y - 2) positions on profiles for peaks,
-    (n_x - 2)(n_y - 2) nodes for asperities. Means are of heights above the lowest node; "rms" is
-    the standard deviation about the mean (of the population). Kurtosis is Pearson's (normal: 3) or
-    excess (normal: 0) as the name says, which is what the ranges of Table 1 show: Pearson's for
-    peaks and for the curvature of asperities, excess for asperities and the curvature of peaks.
-
-    The bandwidth parameter is Nayak's (1971), alpha = m0 m4 / m2^2 for each axis: m0 the variance
-    of all heights, m2 the mean of squared first differences and m4 that of squared second
-    differences along the axis, over all profiles and each over its power of the spacing, which
-    cancels. The paper does not state its definition: its ranges are about a seventh of these.
-
-    Sums are not left to BLAS: it splits them by its number of threads, and the last bits of a
-    database would depend on how many a rank was given.
+    """The statistics of a surface, by the conventions of this module.
 
     Parameters
     ----------
-    heights : (n_x, n_y) heights [um], 2 x 2 or more; any offset, which is taken off first
-    spacing : distance of neighbouring nodes [um], of one kind or a pair (along x, along y)
+    heights : (n_x, n_y) heights [um], 2 x 2 or more, with any offset
+    spacing : distance between neighbouring nodes [um], one or a pair (along x, along y)
 
     Returns
     -------
-    The statistics and why some are NaN, as they are on flat surfaces and small grids: moments of
-    an empty sample, skewness and kurtosis of one whose values are equal to rounding, densities
-    without candidates, the bandwidth along flat profiles or profiles of two nodes.
-    Heights and their rms [um], curvatures and their rms [1/um], all others without unit.
+    All of `NAMES`: heights and their rms [um], curvatures and their rms [1/um], the rest without
+    unit. NaN, with a reason, are the moments of no peak or asperity, skewness and kurtosis of
+    values that are equal to rounding, bandwidths along flat profiles or profiles of two nodes.
 
     Raises
     ------
-    InputError : heights that are not a finite 2-D array of 2 x 2 nodes or more, spacings that are
-        not within `SPACINGS`
+    InputError : heights that are not 2-D, 2 x 2 or more, and finite; a spacing beyond `SPACINGS`
 
-    Source: Table 1 (tab:list_of_params) and section 2.3 (sec_stat_of_top) of the paper.
+    Source: section 2.3 (sec_stat_of_top) and Table 1 (tab:list_of_params) of the paper.
     """
     spacing_x, spacing_y = _spacings(spacing)
     surface, unit, noise = _normalised(heights)
@@ -157,25 +144,25 @@ def describe(heights: NDArray[np.float64], spacing: float | tuple[float, float])
     ratio = (spacing_x / spacing_y) ** 2
     peaks = _peaks(surface, along_x, along_y, ratio, noise)
     asperities = _asperities(surface, along_x, along_y, ratio, noise)
-    mean, variance = _mean_and_variance(surface.ravel())
+    mean, _, variance = _spread(surface.ravel())
     highest = float(surface.max())
+    bandwidths = [_bandwidth(variance, along, noise) for along in (along_x, along_y)]
     per_length = unit / spacing_x / spacing_x
     values = (
         peaks.heights.mean * unit,
         peaks.heights.rms * unit,
         peaks.heights.kurtosis,
         peaks.heights.skewness,
-        peaks.density,
+        peaks.number / (2 * surface.size),
         peaks.curvatures.mean * per_length,
         peaks.curvatures.kurtosis - 3.0,
         peaks.curvatures.skewness,
-        _bandwidth(variance, along_x, noise),
-        _bandwidth(variance, along_y, noise),
+        *bandwidths,
         asperities.heights.mean * unit,
         asperities.heights.rms * unit,
         asperities.heights.kurtosis - 3.0,
         asperities.heights.skewness,
-        asperities.density,
+        asperities.number / surface.size,
         asperities.curvatures.mean * per_length,
         asperities.curvatures.rms * per_length,
         asperities.curvatures.kurtosis,
@@ -184,7 +171,7 @@ def describe(heights: NDArray[np.float64], spacing: float | tuple[float, float])
         highest * unit,
         math.sqrt(variance) * unit,
     )
-    reason = _reason(highest, peaks, asperities, along_x, along_y, noise)
+    reason = _reason(surface, peaks, asperities, bandwidths)
     return Description(dict(zip(NAMES, values, strict=True)), reason)
 
 
@@ -194,7 +181,7 @@ def _spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
     smallest, largest = SPACINGS
     if len(pair) != 2 or not all(smallest <= value <= largest for value in pair):
         raise InputError(
-            f"spacing {spacing!r}: give one number or a pair, each from {smallest:g} to {largest:g} um"
+            f"spacing {spacing!r}: give one or a pair, from {smallest:g} to {largest:g} um"
         )
     return float(pair[0]), float(pair[1])
 
@@ -202,11 +189,11 @@ def _spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
 def _normalised(
     heights: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], float, float]:
-    """Heights above the lowest node in a unit near the highest, so that no power over- or underflows.
+    """Heights above the lowest node, in a unit in which no power over- or underflows.
 
     Returns
     -------
-    surface : (n_x, n_y) C-contiguous heights above the lowest node, the highest from 0.5 to 1 [unit]
+    surface : (n_x, n_y) C-contiguous heights, the highest from 0.5 to 1 [unit]
     unit : the unit, a power of two, so that scaling rounds nothing [um]
     noise : what the rounding of the given heights can fake, offset included [unit]
     """
@@ -240,14 +227,13 @@ def _profiles(surface: NDArray[np.float64], axis: int) -> Profiles:
     if axis == 1:
         curvature[columns - 2 :: columns] = 0.0
         curvature[columns - 1 :: columns] = 0.0
-    peaks = (difference[:-stride] > 0.0) & (difference[stride:] < 0.0)
+    inside = profiles * (length - 2)
     return Profiles(
         stride=stride,
-        candidates=profiles * (length - 2),
         curvature=curvature,
-        peaks=peaks,
+        peaks=(difference[:-stride] > 0.0) & (difference[stride:] < 0.0),
         slope_square=_sum_of_products(difference, difference) / (profiles * (length - 1)),
-        curvature_square=_sum_of_products(curvature, curvature) / max(profiles * (length - 2), 1),
+        curvature_square=_sum_of_products(curvature, curvature) / inside if inside else math.nan,
     )
 
 
@@ -259,99 +245,86 @@ def _peaks(
     on_x, on_y = np.flatnonzero(along_x.peaks), np.flatnonzero(along_y.peaks)
     heights = np.concatenate((nodes[on_x + along_x.stride], nodes[on_y + along_y.stride]))
     curvatures = np.concatenate((along_x.curvature[on_x], along_y.curvature[on_y] * ratio))
-    return _sample(heights, curvatures, along_x.candidates + along_y.candidates, ratio, noise)
+    return _sample(heights, curvatures, ratio, noise)
 
 
 def _asperities(
     surface: NDArray[np.float64], along_x: Profiles, along_y: Profiles, ratio: float, noise: float
 ) -> Sample:
     """Nodes above their four neighbours, with the mean of both curvatures."""
-    rows, columns = surface.shape
     shift = along_x.stride - along_y.stride
-    on_both = along_x.peaks & along_y.peaks[shift : shift + along_x.peaks.size]
-    found = np.flatnonzero(on_both)
-    heights = surface.ravel()[found + along_x.stride]
-    curvatures = along_x.curvature[found] + along_y.curvature[found + shift] * ratio
-    curvatures *= 0.5
-    return _sample(heights, curvatures, (rows - 2) * (columns - 2), ratio, noise)
+    on_x = np.flatnonzero(along_x.peaks & along_y.peaks[shift : shift + along_x.peaks.size])
+    on_y = on_x + shift
+    heights = surface.ravel()[on_x + along_x.stride]
+    curvatures = 0.5 * (along_x.curvature[on_x] + along_y.curvature[on_y] * ratio)
+    return _sample(heights, curvatures, ratio, noise)
 
 
 def _sample(
-    heights: NDArray[np.float64],
-    curvatures: NDArray[np.float64],
-    candidates: int,
-    ratio: float,
-    noise: float,
+    heights: NDArray[np.float64], curvatures: NDArray[np.float64], ratio: float, noise: float
 ) -> Sample:
-    """Moments and density of the peaks or asperities found among so many candidates."""
-    return Sample(
-        count=heights.size,
-        heights=_moments(heights, noise),
-        curvatures=_moments(curvatures, noise * max(1.0, ratio)),
-        density=heights.size / candidates if candidates else math.nan,
-    )
+    """Number and moments of peaks or asperities found."""
+    curvature_noise = noise * max(1.0, ratio)
+    return Sample(heights.size, _moments(heights, noise), _moments(curvatures, curvature_noise))
 
 
 def _moments(values: NDArray[np.float64], noise: float) -> Moments:
-    """Moments of values (count,), in two passes; a spread within `noise` has no shape."""
+    """Moments of values (count,); those that spread no further than `noise` have no shape."""
     if not values.size:
         return Moments(math.nan, math.nan, math.nan, math.nan)
-    mean = float(values.sum()) / values.size
-    deviations = values - mean
-    squares = deviations * deviations
-    variance = float(squares.sum()) / values.size
+    mean, deviations, variance = _spread(values)
     rms = math.sqrt(variance)
     if rms <= noise:
         return Moments(mean, rms, math.nan, math.nan)
+    squares = deviations * deviations
     third = _sum_of_products(squares, deviations) / values.size
     fourth = _sum_of_products(squares, squares) / values.size
     return Moments(mean, rms, third / (variance * rms), fourth / (variance * variance))
 
 
-def _mean_and_variance(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Mean and population variance, in two passes."""
+def _spread(values: NDArray[np.float64]) -> tuple[float, NDArray[np.float64], float]:
+    """Mean, deviations (count,) from it and variance of values (count,), in two passes."""
     mean = float(values.sum()) / values.size
     deviations = values - mean
-    return mean, _sum_of_products(deviations, deviations) / values.size
+    return mean, deviations, _sum_of_products(deviations, deviations) / values.size
 
 
 def _sum_of_products(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
-    """Sum of products by einsum: BLAS would split it by threads, and change its last bits."""
+    """Sum of products of (count,) values, by einsum.
+
+    BLAS would split long sums among its threads: the last bits of a database would then depend on
+    the number of threads a rank was given.
+    """
     return float(np.einsum("i,i->", first, second))
 
 
 def _bandwidth(variance: float, along: Profiles, noise: float) -> float:
-    """Nayak's alpha = m0 m4 / m2^2 of one axis; the spacing cancels."""
-    if not along.candidates or math.sqrt(along.slope_square) <= noise:
+    """Nayak's m0 m4 / m2^2 along one axis, NaN where the profiles are flat to rounding."""
+    if along.slope_square <= noise * noise:
         return math.nan
     return (variance / along.slope_square) * (along.curvature_square / along.slope_square)
 
 
 def _reason(
-    highest: float,
-    peaks: Sample,
-    asperities: Sample,
-    along_x: Profiles,
-    along_y: Profiles,
-    noise: float,
+    surface: NDArray[np.float64], peaks: Sample, asperities: Sample, bandwidths: list[float]
 ) -> str:
-    """What is missing, in one short text; empty where all statistics are defined."""
-    if highest == 0.0:
+    """Why statistics are NaN, in one short text; empty where none is."""
+    if not surface.any():
         return "flat surface: no profile peak, no asperity"
-    faults = []
-    for axis, along in (("x", along_x), ("y", along_y)):
-        if not along.candidates:
-            faults.append(f"two nodes along {axis}")
-        elif math.sqrt(along.slope_square) <= noise:
-            faults.append(f"flat profiles along {axis}")
-    for one, all_of_them, sample in (
-        ("profile peak", "profile peaks", peaks),
-        ("asperity", "asperities", asperities),
+    faults = [
+        f"flat profiles along {axis}" if length > 2 else f"two nodes along {axis}"
+        for axis, length, bandwidth in zip("xy", surface.shape, bandwidths, strict=True)
+        if math.isnan(bandwidth)
+    ]
+    for sample, one, many in (
+        (peaks, "profile peak", "profile peaks"),
+        (asperities, "asperity", "asperities"),
     ):
-        if sample.count < 2:
-            faults.append(f"{'one' if sample.count else 'no'} {one}")
+        if sample.number < 2:
+            faults.append(f"{'one' if sample.number else 'no'} {one}")
             continue
-        for quantity, moments in (("height", sample.heights), ("curvature", sample.curvatures)):
-            if math.isnan(moments.kurtosis):
-                faults.append(f"{all_of_them} of equal {quantity}")
+        moments = (("height", sample.heights), ("curvature", sample.curvatures))
+        equal = [quantity for quantity, found in moments if math.isnan(found.kurtosis)]
+        if equal:
+            faults.append(f"{many} of equal {' and '.join(equal)}")
     return ", ".join(faults)

@@ -1,11 +1,10 @@
 """Rough surfaces: two kinds of random midpoint displacement, and heights from files."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,23 +16,6 @@ Generator = Callable[[int, float, float, np.random.Generator], Heights]
 
 CONTROL_CHARACTERS = bytes({*range(32)} - {*b"\t\n\v\f\r"})
 """Bytes that no text has."""
-
-
-class Level(NamedTuple):
-    """Views of the nodes that one level of m x m squares reads and writes.
-
-    Attributes
-    ----------
-    corners : (m + 1, m + 1) nodes of the coarser levels
-    centres : (m, m) of the squares
-    edges_x : (m, m + 1) midpoints of edges along x (axis 0)
-    edges_y : (m + 1, m) midpoints of edges along y (axis 1)
-    """
-
-    corners: Heights
-    centres: Heights
-    edges_x: Heights
-    edges_y: Heights
 
 
 def generate(
@@ -84,17 +66,15 @@ def diamond_square(nodes: int, hurst: float, sigma0: float, random: np.random.Ge
 
     Source: MIRCO's generator; its statistics are those of the paper's Table 1.
     """
-    heights = np.zeros((nodes, nodes))
+    heights = np.zeros((2, 2))
     amplitude, decay = sigma0, 2.0 ** (-hurst / 2.0)
-    for corners, centres, edges_x, edges_y in _levels(heights):
-        centres[...] = _centre_means(corners)
-        centres += amplitude * random.standard_normal(centres.shape)
+    while len(heights) < nodes:
+        centres = _displaced(_centre_means(heights), amplitude, random)
         amplitude *= decay
-        edges_x[...] = _edge_means(corners, centres)
-        edges_x += amplitude * random.standard_normal(edges_x.shape)
-        edges_y[...] = _edge_means(corners.T, centres.T).T
-        edges_y += amplitude * random.standard_normal(edges_y.shape)
+        edges_x = _displaced(_edge_means(heights, centres), amplitude, random)
+        edges_y = _displaced(_edge_means(heights.T, centres.T).T, amplitude, random)
         amplitude *= decay
+        heights = _refined(heights, centres, edges_x, edges_y)
     return heights
 
 
@@ -108,15 +88,14 @@ def midpoint(nodes: int, hurst: float, sigma0: float, random: np.random.Generato
 
     Source: section 2.2 (sec_rmd) of the paper.
     """
-    heights = np.zeros((nodes, nodes))
+    heights = np.zeros((2, 2))
     amplitude, decay = sigma0, 2.0**-hurst
-    for corners, centres, edges_x, edges_y in _levels(heights):
-        centres[...] = _centre_means(corners)
-        edges_x[...] = 0.5 * (corners[:-1] + corners[1:])
-        edges_y[...] = 0.5 * (corners[:, :-1] + corners[:, 1:])
-        for displaced in (centres, edges_x, edges_y):
-            displaced += amplitude * random.standard_normal(displaced.shape)
+    while len(heights) < nodes:
+        centres = _displaced(_centre_means(heights), amplitude, random)
+        edges_x = _displaced(0.5 * (heights[:-1] + heights[1:]), amplitude, random)
+        edges_y = _displaced(0.5 * (heights[:, :-1] + heights[:, 1:]), amplitude, random)
         amplitude *= decay
+        heights = _refined(heights, centres, edges_x, edges_y)
     return heights
 
 
@@ -124,20 +103,6 @@ GENERATORS: Mapping[str, Generator] = MappingProxyType(
     {"diamond-square": diamond_square, "midpoint": midpoint}
 )
 """Generators by the names that scenes use."""
-
-
-def _levels(heights: Heights) -> Iterator[Level]:
-    """Levels of an array of (2^k + 1, 2^k + 1) heights, from one square to squares of two steps."""
-    step = len(heights) - 1
-    while step > 1:
-        half = step // 2
-        yield Level(
-            corners=heights[::step, ::step],
-            centres=heights[half::step, half::step],
-            edges_x=heights[half::step, ::step],
-            edges_y=heights[::step, half::step],
-        )
-        step = half
 
 
 def _centre_means(corners: Heights) -> Heights:
@@ -155,8 +120,39 @@ def _edge_means(corners: Heights, centres: Heights) -> Heights:
     means[:, 1:] += centres
     means[:, :-1] += centres
     means[:, 1:-1] *= 0.25
-    means[:, [0, -1]] /= 3.0
+    means[:, :: len(centres)] /= 3.0  # the border's two columns
     return means
+
+
+def _displaced(means: Heights, amplitude: float, random: np.random.Generator) -> Heights:
+    """Means plus independent normal numbers of standard deviation `amplitude`."""
+    displacements = random.standard_normal(means.shape)
+    displacements *= amplitude
+    displacements += means
+    return displacements
+
+
+def _refined(corners: Heights, centres: Heights, edges_x: Heights, edges_y: Heights) -> Heights:
+    """Surface of half the spacing.
+
+    Parameters
+    ----------
+    corners : (m + 1, m + 1) nodes that stay
+    centres : (m, m) of the squares
+    edges_x : (m, m + 1) midpoints of the edges along x (axis 0)
+    edges_y : (m + 1, m) midpoints of the edges along y (axis 1)
+
+    Returns
+    -------
+    (2 m + 1, 2 m + 1) heights
+    """
+    nodes = 2 * len(centres) + 1
+    heights = np.empty((nodes, nodes))
+    heights[::2, ::2] = corners
+    heights[1::2, 1::2] = centres
+    heights[1::2, ::2] = edges_x
+    heights[::2, 1::2] = edges_y
+    return heights
 
 
 def load(path: Path) -> Heights:
@@ -206,7 +202,7 @@ def _from_npy(content: bytes, path: Path) -> Heights:
     if array.dtype.kind not in "iuf":
         raise InputError(f"{path}: holds {array.dtype} values; save real numbers (float64)")
     with np.errstate(over="ignore"):  # wider floats become infinite, and are counted by `load`
-        return np.ascontiguousarray(array, dtype=np.float64)
+        return np.asarray(array, dtype=np.float64, order="C")
 
 
 def _from_text(content: bytes, path: Path) -> Heights:

@@ -1,0 +1,49 @@
+"""How every command of the project ends: one clear line and exit code 2 for bad input."""
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import typer
+
+from gen.errors import InputError
+
+# The base class of what typer raises for a wrong command line; its own home has moved twice.
+CommandLineError: Any = typer.BadParameter.__mro__[2]
+
+
+def call(app: typer.Typer, name: str, arguments: Sequence[str], *, speaking: bool = True) -> int:
+    """Run a command and return the process's exit code.
+
+    Parameters
+    ----------
+    app : the commands
+    name : what the user typed before the arguments
+    arguments : the command line
+    speaking : False on all ranks but one, so that an error is printed once
+
+    Returns
+    -------
+    0 for success, 2 for input that cannot be used, 130 after Ctrl-C, or what the command exits with
+    """
+    try:
+        code = app(list(arguments), prog_name=name, standalone_mode=False)
+    except CommandLineError as error:
+        _complain(f"{name}: {error.format_message()} (see {name} --help)", speaking=speaking)
+        return 2
+    except InputError as error:
+        _complain(f"{name}: {error}", speaking=speaking)
+        return 2
+    except (KeyboardInterrupt, typer.Abort):
+        _complain(f"{name}: interrupted", speaking=speaking)
+        return 130
+    except BrokenPipeError:  # the reader of our output, `head` say, has had enough
+        sys.stderr.close()
+        return 141
+    return code if isinstance(code, int) else 0
+
+
+def _complain(message: str, *, speaking: bool) -> None:
+    if speaking:
+        sys.stderr.write(" ".join(message.split()) + "\n")
+        sys.stderr.flush()

@@ -1,0 +1,160 @@
+"""Print databases, contacts and statistics as tables for people."""
+
+import json
+import signal
+import sys
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from bem import Contact
+from gen.database import Reader
+from gen.run import Outcome
+from gen.schema import REASONS, RUNTIME, Column, Status, statistics_columns
+from gen.statistics import Description
+
+
+def print_outcome(path: Path, outcome: Outcome) -> None:
+    """Say how a run ended, and how to go on.
+
+    Parameters
+    ----------
+    path : the database
+    outcome : of the run
+    """
+    console = _console()
+    pending, done, failed = outcome.counts
+    console.print(f"{path}: {done} rows done, {failed} failed, {pending} pending")
+    if failed:
+        console.print(f"warning: {failed} rows failed; why: python -m gen info {path}")
+    if pending and outcome.signal:
+        name = signal.Signals(outcome.signal).name
+        console.print(f"stopped by {name}; the same command goes on with the rows that are pending")
+
+
+def print_database(reader: Reader) -> None:
+    """Print what a database holds.
+
+    Parameters
+    ----------
+    reader : the open database
+    """
+    console = _console()
+    counts = reader.counts()
+    attributes = reader.attributes
+    console.print(f"{reader.path}: {attributes['title']}")
+    console.print(f"  size      {reader.size_bytes / 1e6:.1f} MB, {sum(counts)} rows")
+    console.print(
+        f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending"
+    )
+    for code, number in reader.reasons().items():
+        console.print(f"            {number} failed: {REASONS.get(code, f'reason {code}')}")
+    console.print(f"  times     {_times(reader)}")
+    for name, value in json.loads(reader.scene.text()).items():
+        if name != "title":
+            console.print(f"  scene     {name} = {json.dumps(value)}")
+    versions = json.loads(str(attributes["versions"]))
+    console.print("  versions  " + ", ".join(f"{name} {value}" for name, value in versions.items()))
+    console.print(
+        f"  made      {attributes['created']}, commit {attributes['git_commit'] or 'unknown'},"
+        f" layout {attributes['schema']}, physics {attributes['physics']}"
+    )
+    if counts.done:
+        console.print(_ranges_table(reader))
+
+
+def print_contact(contact: Contact, seconds: float) -> None:
+    """Print one contact problem's solution.
+
+    Parameters
+    ----------
+    contact : the solution
+    seconds : what it took [s]
+    """
+    problem = contact.problem
+    nodes = contact.pressure.shape
+    cell = problem.spacing[0] * problem.spacing[1]
+    # The patch is as long as its nodes' cells: the share A_e of nodes is a share of this.
+    nominal = contact.pressure.size * cell
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name, value, unit in (
+        ("effective contact area", f"{contact.area_percent:.6g}", "%"),
+        ("contact nodes", f"{contact.contact_nodes}", f"of {nodes[0]} x {nodes[1]}"),
+        ("force", f"{contact.force:.8g}", "uN"),
+        ("mean pressure", f"{contact.force / nominal:.6g}", "MPa"),
+        ("largest pressure", f"{contact.largest_pressure:.6g}", "MPa"),
+        ("mean gap", f"{contact.mean_gap:.6g}", "um"),
+        ("contact perimeter", f"{contact.perimeter:.6g}", "um"),
+        ("far-field displacement", f"{contact.approach:.10g}", "um"),
+        ("residual", f"{contact.residual:.2e}", "of Delta"),
+        ("iterations", f"{contact.iterations}", f"({contact.convolutions} convolutions)"),
+        ("time", f"{1e3 * seconds:.1f}", "ms, the set-up of a first solve included"),
+    ):
+        table.add_row(name, value, unit)
+    _console().print(table)
+
+
+def print_statistics(
+    heights: NDArray[np.float64], spacing: tuple[float, float], description: Description
+) -> None:
+    """Print the 22 statistics of a surface.
+
+    Parameters
+    ----------
+    heights : (nx, ny) [um]
+    spacing : along x and y [um]
+    description : what `gen.statistics.describe` found
+    """
+    console = _console()
+    console.print(
+        f"{heights.shape[0]} x {heights.shape[1]} nodes, spacing {spacing[0]:.6g} x"
+        f" {spacing[1]:.6g} um, heights {heights.min():.6g} to {heights.max():.6g} um"
+    )
+    table = Table(box=None, pad_edge=False)
+    for title in ("statistic", "value", "unit", "meaning"):
+        table.add_column(title, justify="right" if title == "value" else "left")
+    for column in statistics_columns():
+        value = description.values[column.name]
+        table.add_row(column.name, f"{value:.6g}", column.unit, column.long_name)
+    console.print(table)
+    if description.reason:
+        console.print(f"nan: {description.reason}")
+
+
+def _console() -> Console:
+    """Plain text on standard output, unbroken where it goes on into a file or a pipe."""
+    width = None if sys.stdout.isatty() else 1000
+    return Console(markup=False, highlight=False, width=width)
+
+
+def _times(reader: Reader) -> str:
+    """Solve times of the done rows, in words."""
+    done = reader.column("status") == Status.DONE
+    if not done.any():
+        return "no row is done"
+    solve = 1e3 * reader.column("solve_seconds")[done]
+    surface = 1e3 * reader.column("surface_seconds")[done]
+    return (
+        f"solve {solve.mean():.2f} ms on average, {np.median(solve):.2f} median,"
+        f" {solve.max():.2f} at most; surface and statistics {surface.mean():.2f} ms"
+    )
+
+
+def _ranges_table(reader: Reader) -> Table:
+    """Smallest and largest value of every column over the done rows, beside the paper's."""
+    table = Table(box=None, pad_edge=False)
+    for title in ("column", "unit", "from", "to", "paper from", "paper to"):
+        table.add_column(title, justify="left" if title in {"column", "unit"} else "right")
+    ranges = reader.ranges()
+    for column in reader.columns():
+        if column.name in ranges and column.group != RUNTIME:
+            table.add_row(column.name, column.unit, *_limits(ranges[column.name], column))
+    return table
+
+
+def _limits(found: tuple[float, float], column: Column) -> list[str]:
+    limits = [*found, *(column.paper_range or ())]
+    return [f"{limit:.6g}" for limit in limits] + [""] * (4 - len(limits))

@@ -1,0 +1,159 @@
+"""One master and its workers: serially or over MPI behind one contract; the home of mpi4py.
+
+The work is a pure function of its task, the tasks come from an iterator that is drawn from only
+as fast as they are worked off, and results reach the master one by one in the order in which they
+are finished: the master holds a few tasks per worker, however long the plan is.
+"""
+
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass
+from typing import Any, NoReturn, TypeVar
+
+from gen.errors import InputError
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+IN_FLIGHT = 2
+"""Tasks handed out per worker: one at work, one waiting, so that no worker waits for the master."""
+
+LAUNCHERS = ("PMI_SIZE", "PMIX_RANK", "OMPI_COMM_WORLD_SIZE", "MPI_LOCALNRANKS")
+"""Variables that mpiexec, mpirun and srun set for the processes that they start."""
+
+
+@dataclass(frozen=True)
+class World:
+    """The processes of this run.
+
+    Attributes
+    ----------
+    rank : of this process; 0 is the master
+    size : number of processes; 1 works without MPI
+    """
+
+    rank: int = 0
+    size: int = 1
+    communicator: Any = None
+
+    @property
+    def is_master(self) -> bool:
+        """Whether this process hands out the work and writes the results."""
+        return self.rank == 0
+
+    @property
+    def workers(self) -> int:
+        """Number of processes that compute."""
+        return max(self.size - 1, 1)
+
+    def broadcast(self, value: Any) -> Any:
+        """Give the master's value to every process; all of them have to call it."""
+        return value if self.communicator is None else self.communicator.bcast(value, root=0)
+
+    def abort(self) -> NoReturn:
+        """End all processes at once after a bug, with its traceback."""
+        traceback.print_exc()
+        sys.stderr.flush()
+        if self.communicator is not None:
+            self.communicator.Abort(1)
+        sys.exit(1)
+
+
+def this_world() -> World:
+    """Join the other processes if an MPI launcher started this one; import no MPI otherwise.
+
+    Raises
+    ------
+    InputError
+        If a launcher started it but mpi4py is not installed or of another MPI.
+    """
+    launched = any(name in os.environ for name in LAUNCHERS)
+    if not launched and "mpi4py" not in sys.modules:
+        return World()
+    try:
+        from mpi4py import MPI
+    except (ImportError, RuntimeError) as error:
+        reason = str(error).partition("\n")[0]
+        raise InputError(
+            f"started by an MPI launcher, but mpi4py does not load ({reason}): install the extra"
+            " 'mpi' for the MPI of this machine, or 'mpich' to bring one along"
+        ) from None
+    communicator = MPI.COMM_WORLD
+    if communicator.size == 1:
+        return World()
+    return World(communicator.rank, communicator.size, communicator)
+
+
+def run(
+    work: Callable[[Task], Result],
+    tasks: Iterator[Task],
+    on_result: Callable[[Task, Result], None],
+    world: World,
+    *,
+    stopping: Callable[[], bool] = lambda: False,
+) -> None:
+    """Do all tasks; every process of the world has to call it, with the same work.
+
+    Parameters
+    ----------
+    work : what a worker does with a task; picklable, and so are task and result
+    tasks : drawn from on the master only, as workers become free
+    on_result : called on the master with each task and its result, in the order of completion
+    world : from `this_world`
+    stopping : asked on the master before a task is handed out; once true no more are, and the
+        ones in flight are finished
+
+    Raises
+    ------
+    Exception
+        What `on_result` or `tasks` raise, on the master, after the tasks in flight have ended.
+        What `work` raises is a bug: it ends all processes.
+    """
+    if world.size == 1:
+        for task in tasks:
+            if stopping():
+                return
+            on_result(task, work(task))
+        return
+    from mpi4py.futures import MPICommExecutor
+
+    with MPICommExecutor(world.communicator, root=0) as executor:
+        if executor is not None:
+            _supervise(executor, work, tasks, on_result, world, stopping)
+
+
+def _supervise(
+    executor: Any,
+    work: Callable[[Task], Result],
+    tasks: Iterator[Task],
+    on_result: Callable[[Task, Result], None],
+    world: World,
+    stopping: Callable[[], bool],
+) -> None:
+    """Keep every worker busy until the tasks run out."""
+    in_flight: dict[Future[Result], Task] = {}
+    drained = False
+    while in_flight or not drained:
+        while not drained and len(in_flight) < IN_FLIGHT * world.workers:
+            task = None if stopping() else next(tasks, None)
+            drained = task is None
+            if task is not None:
+                in_flight[executor.submit(work, task)] = task
+        finished, _ = wait(in_flight, return_when=FIRST_COMPLETED)
+        for future in finished:
+            task = in_flight.pop(future)
+            if future.exception() is not None:
+                _abort_with(future, world)
+            on_result(task, future.result())
+
+
+def _abort_with(future: "Future[Any]", world: World) -> NoReturn:
+    """A worker's bug: show it as if it had been raised here, and end every process."""
+    try:
+        future.result()
+    except Exception:
+        world.abort()
+    raise AssertionError("a future with an exception did not raise it")

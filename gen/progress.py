@@ -1,0 +1,77 @@
+"""Show how far a run is: a bar on a terminal, plain lines in a batch log."""
+
+import time
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+LINE_SECONDS = 30.0
+"""Time between two lines of a batch log [s]."""
+
+
+class RunProgress:
+    """Rows finished and failed, rate and time left, on standard error.
+
+    Parameters
+    ----------
+    finished : rows that earlier runs finished
+    total : rows of the database
+    """
+
+    def __init__(self, finished: int, total: int) -> None:
+        self._console = Console(stderr=True)
+        self._finished, self._total = finished, total
+        self._here = self._failed = 0
+        self._began = self._last_line = time.monotonic()
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[pace]}"),
+            console=self._console,
+            disable=not self._console.is_terminal,
+        )
+        self._task = self._bar.add_task("samples", total=total, completed=finished, pace="")
+
+    def __enter__(self) -> Self:
+        """Start the clock and the bar."""
+        self._began = self._last_line = time.monotonic()
+        self._bar.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Leave the last state on the screen."""
+        self._bar.stop()
+        if not self._console.is_terminal and self._here:
+            self._print_line()
+
+    def advance(self, rows: int, failed: int) -> None:
+        """Count rows that have been written, `failed` of them as failures."""
+        self._here += rows
+        self._failed += failed
+        self._bar.update(self._task, completed=self._finished + self._here, pace=self._pace())
+        if not self._console.is_terminal and time.monotonic() > self._last_line + LINE_SECONDS:
+            self._print_line()
+
+    def say(self, message: str) -> None:
+        """Print a line above the bar."""
+        self._console.print(message, markup=False, highlight=False, soft_wrap=True)
+
+    def _print_line(self) -> None:
+        self._last_line = time.monotonic()
+        done = self._finished + self._here
+        share = 100 * done / self._total
+        self.say(f"{done} of {self._total} samples ({share:.1f} %), {self._pace()}")
+
+    def _pace(self) -> str:
+        rate = self._here / max(time.monotonic() - self._began, 1e-9)
+        left = (self._total - self._finished - self._here) / rate if rate else 0.0
+        return f"{rate:.1f} samples/s, {self._failed} failed, {_duration(left)} left"
+
+
+def _duration(seconds: float) -> str:
+    """Hours, minutes and seconds, as short as it goes."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

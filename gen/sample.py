@@ -1,0 +1,124 @@
+"""Compute the rows of a database: surface, statistics, contact, one after the other."""
+
+import itertools
+import socket
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import bem
+from gen.plan import Parameters, parameters, surface_random
+from gen.scene import Scene
+from gen.schema import Reason, Status, columns_for
+from gen.statistics import describe
+from gen.surface import generate
+
+Heights = NDArray[np.float64]
+Rows = dict[str, NDArray[Any]]
+
+
+def compute_rows(scene: Scene, start: int, stop: int, rank: int = 0) -> Rows:
+    """Generate, describe and solve the samples start..stop.
+
+    A surface is generated and described once for all its samples. A sample that cannot be solved
+    is a failed row with its reason, not an error; what else is raised is a bug and passes.
+
+    Parameters
+    ----------
+    scene : what to generate
+    start, stop : first row, and one past the last
+    rank : of this process, for the record
+
+    Returns
+    -------
+    Every column of `gen.schema.columns_for(scene.store)` by name, with stop - start rows
+    """
+    plan = parameters(scene, start, stop)
+    rows = _empty_rows(scene, stop - start)
+    for name in ("surface", "hurst", "sigma0", "delta"):
+        rows[name][:] = getattr(plan, name)
+    rows["rank"][:] = rank
+    rows["host"][:] = socket.gethostname().encode()[:64]
+    edges = np.flatnonzero(np.diff(plan.surface, prepend=-1, append=-1))
+    for first, last in itertools.pairwise(edges.tolist()):
+        _compute_surface(scene, plan, rows, first, last)
+    return rows
+
+
+def _empty_rows(scene: Scene, count: int) -> Rows:
+    """Rows in which nothing is known yet."""
+    return {
+        column.name: np.full(
+            column.shape(count, scene.surface.nodes), column.fill, dtype=column.dtype
+        )
+        for column in columns_for(scene.store)
+    }
+
+
+def _compute_surface(scene: Scene, plan: Parameters, rows: Rows, first: int, last: int) -> None:
+    """Fill in the rows first..last of a block, which share one surface."""
+    began = time.perf_counter()
+    surface = int(plan.surface[first])
+    heights = generate(
+        scene.surface.generator,
+        scene.surface.nodes,
+        float(plan.hurst[first]),
+        float(plan.sigma0[first]),
+        surface_random(scene, surface),
+    )
+    description = describe(heights, scene.spacing)
+    for name, value in description.values.items():
+        rows[name][first:last] = value
+    if scene.store.heights:
+        rows["heights"][first:last] = heights
+    rows["surface_seconds"][first:last] = (time.perf_counter() - began) / (last - first)
+    for row in range(first, last):
+        began = time.perf_counter()
+        reason = _solve(scene, heights, float(plan.delta[row]), rows, row)
+        rows["solve_seconds"][row] = time.perf_counter() - began
+        if reason is Reason.NONE and description.reason:
+            reason = Reason.NO_STATISTICS
+        rows["reason"][row] = reason
+        rows["status"][row] = Status.DONE if reason is Reason.NONE else Status.FAILED
+
+
+def _solve(scene: Scene, heights: Heights, delta: float, rows: Rows, row: int) -> Reason:
+    """Solve one contact problem into its row; say why if that is impossible."""
+    settings = scene.contact
+    try:
+        contact = bem.solve(
+            heights,
+            scene.surface.side,
+            delta,
+            spacing=scene.spacing,
+            modulus=settings.modulus,
+            poisson=settings.poisson,
+            kernel=settings.kernel,
+            far_field=settings.far_field,
+            rtol=settings.rtol,
+            max_iterations=settings.max_iterations,
+        )
+    except bem.NotConverged as failure:
+        _record_effort(failure.contact, rows, row)
+        return Reason.NOT_CONVERGED
+    except bem.NoSolution:
+        return Reason.NO_SOLUTION
+    except (ArithmeticError, ValueError):
+        return Reason.ARITHMETIC
+    _record_effort(contact, rows, row)
+    if not np.isfinite(contact.force):
+        return Reason.NOT_FINITE
+    for name in ("area_percent", "force", "contact_nodes"):
+        rows[name][row] = getattr(contact, name)
+    for name in ("mean_gap", "largest_pressure", "perimeter", "pressure"):
+        if getattr(scene.store, name):
+            rows[name][row] = getattr(contact, name)
+    return Reason.NONE
+
+
+def _record_effort(contact: bem.Contact, rows: Rows, row: int) -> None:
+    """Keep what the solver spent and how far it came, also where it did not arrive."""
+    for name in ("iterations", "convolutions", "residual"):
+        rows[name][row] = getattr(contact, name)
