@@ -6,13 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import bem
 from gen.database import Reader
 from gen.errors import InputError
-from gen.plan import parameters, surface_random
+from gen.plan import parameters
+from gen.sample import solve_contact, surface_of
 from gen.scene import Scene
 from gen.schema import Status
-from gen.surface import generate
 
 
 def draw_database(file: Path, picture: Path) -> None:
@@ -59,31 +58,11 @@ def draw_database(file: Path, picture: Path) -> None:
 def _draw_sample(figure: Any, axes: NDArray[Any], scene: Scene, row: int) -> None:
     """Heights and contact pressure of one row, side by side."""
     plan = parameters(scene, row, row + 1)
-    surface = int(plan.surface[0])
-    hurst, sigma0 = float(plan.hurst[0]), float(plan.sigma0[0])
-    heights = generate(
-        scene.surface.generator,
-        scene.surface.nodes,
-        hurst,
-        sigma0,
-        surface_random(scene, surface),
-    )
-    settings = scene.contact
-    contact = bem.solve(
-        heights,
-        scene.surface.side,
-        float(plan.delta[0]),
-        spacing=scene.spacing,
-        modulus=settings.modulus,
-        poisson=settings.poisson,
-        kernel=settings.kernel,
-        far_field=settings.far_field,
-        rtol=settings.rtol,
-        max_iterations=settings.max_iterations,
-    )
+    heights = surface_of(scene, plan, 0)
+    contact = solve_contact(scene, heights, float(plan.delta[0]))
     pressure = np.ma.masked_equal(contact.pressure, 0)
     texts = (
-        f"surface of row {row}: H = {hurst:.2f}, σ₀ = {sigma0:.1f} µm",
+        f"surface of row {row}: H = {plan.hurst[0]:.2f}, σ₀ = {plan.sigma0[0]:.1f} µm",
         f"contact at Δ = {plan.delta[0]:.1f} µm: {contact.area_percent:.1f} % of the nodes",
     )
     units = ("height [µm]", "pressure [MPa]")

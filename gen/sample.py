@@ -47,6 +47,34 @@ def compute_rows(scene: Scene, start: int, stop: int, rank: int = 0) -> Rows:
     return rows
 
 
+def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
+    """(n, n) heights of the surface that a row of the plan is about [um]."""
+    return generate(
+        scene.surface.generator,
+        scene.surface.nodes,
+        float(plan.hurst[row]),
+        float(plan.sigma0[row]),
+        surface_random(scene, plan.surface[row]),
+    )
+
+
+def solve_contact(scene: Scene, heights: Heights, delta: float) -> bem.Contact:
+    """Solve one contact problem as the scene says; raises what `bem.solve` raises."""
+    settings = scene.contact
+    return bem.solve(
+        heights,
+        scene.surface.side,
+        delta,
+        spacing=scene.spacing,
+        modulus=settings.modulus,
+        poisson=settings.poisson,
+        kernel=settings.kernel,
+        far_field=settings.far_field,
+        rtol=settings.rtol,
+        max_iterations=settings.max_iterations,
+    )
+
+
 def _empty_rows(scene: Scene, count: int) -> Rows:
     """Rows in which nothing is known yet."""
     return {
@@ -60,14 +88,7 @@ def _empty_rows(scene: Scene, count: int) -> Rows:
 def _compute_surface(scene: Scene, plan: Parameters, rows: Rows, first: int, last: int) -> None:
     """Fill in the rows first..last of a block, which share one surface."""
     began = time.perf_counter()
-    surface = int(plan.surface[first])
-    heights = generate(
-        scene.surface.generator,
-        scene.surface.nodes,
-        float(plan.hurst[first]),
-        float(plan.sigma0[first]),
-        surface_random(scene, surface),
-    )
+    heights = surface_of(scene, plan, first)
     description = describe(heights, scene.spacing)
     for name, value in description.values.items():
         rows[name][first:last] = value
@@ -86,20 +107,8 @@ def _compute_surface(scene: Scene, plan: Parameters, rows: Rows, first: int, las
 
 def _solve(scene: Scene, heights: Heights, delta: float, rows: Rows, row: int) -> Reason:
     """Solve one contact problem into its row; say why if that is impossible."""
-    settings = scene.contact
     try:
-        contact = bem.solve(
-            heights,
-            scene.surface.side,
-            delta,
-            spacing=scene.spacing,
-            modulus=settings.modulus,
-            poisson=settings.poisson,
-            kernel=settings.kernel,
-            far_field=settings.far_field,
-            rtol=settings.rtol,
-            max_iterations=settings.max_iterations,
-        )
+        contact = solve_contact(scene, heights, delta)
     except bem.NotConverged as failure:
         _record_effort(failure.contact, rows, row)
         return Reason.NOT_CONVERGED
