@@ -1,20 +1,27 @@
 """Print databases, contacts and statistics as tables for people."""
 
+from __future__ import annotations
+
 import json
 import signal
 import sys
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from bem import Contact
-from gen.database import Reader
-from gen.run import Outcome
 from gen.schema import REASONS, RUNTIME, Column, Status, statistics_columns
-from gen.statistics import Description
+
+if TYPE_CHECKING:  # a table of statistics needs no solver, one of a contact no HDF5
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from bem import Contact
+    from gen.database import Reader
+    from gen.run import Outcome
+    from gen.statistics import Description
 
 
 def print_outcome(path: Path, outcome: Outcome) -> None:

@@ -1,21 +1,25 @@
 """One surface from a file: its contact, its statistics."""
 
+from __future__ import annotations
+
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-import bem
 from gen.errors import InputError
-from gen.statistics import Description, describe
 from gen.surface import load
+
+if TYPE_CHECKING:
+    from bem import Contact
+    from gen.statistics import Description
 
 Heights = NDArray[np.float64]
 
 
-def solve_file(path: Path, side: str, delta: float, **settings: Any) -> tuple[bem.Contact, float]:
+def solve_file(path: Path, side: str, delta: float, **settings: Any) -> tuple[Contact, float]:
     """Solve the contact problem of a surface from a file.
 
     Parameters
@@ -34,6 +38,8 @@ def solve_file(path: Path, side: str, delta: float, **settings: Any) -> tuple[be
     InputError
         If the file cannot be read, a number is not allowed, or there is no solution.
     """
+    import bem
+
     heights = load(path)
     sides = _sides(side)
     began = time.perf_counter()
@@ -60,6 +66,8 @@ def describe_file(path: Path, side: str) -> tuple[Heights, tuple[float, float], 
     InputError
         If the file cannot be read or a side is not allowed.
     """
+    from gen.statistics import describe
+
     heights = load(path)
     sides = _sides(side)
     spacing = (sides[0] / (heights.shape[0] - 1), sides[1] / (heights.shape[1] - 1))

@@ -1,0 +1,59 @@
+"""The four scores that the paper judges its models by (section 3.4)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from sklearn.metrics import max_error, mean_absolute_error, mean_squared_error, r2_score
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Scores of predictions, all in percent.
+
+    Attributes
+    ----------
+    nmse : mean squared error over the mean truth; carries the target's unit
+    nmae : mean absolute error over the mean truth
+    nmaxe : largest absolute error over the largest absolute truth
+    r2 : coefficient of determination
+    """
+
+    nmse: float
+    nmae: float
+    nmaxe: float
+    r2: float
+
+
+def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
+    """Score predictions as the paper does.
+
+    Parameters
+    ----------
+    truth : (n,) solved values, of which two at least differ
+    prediction : (n,) predicted values
+
+    Returns
+    -------
+    Scores
+
+    Raises
+    ------
+    ValueError
+        If the lengths differ, a value is not finite, or the truth has a mean of zero or does not
+        vary: the scores are undefined then.
+    """
+    known, guessed = np.asarray(truth, dtype=float), np.asarray(prediction, dtype=float)
+    if known.ndim != 1 or known.shape != guessed.shape:
+        raise ValueError(
+            f"truth has shape {known.shape}, prediction {guessed.shape}: two vectors of one length"
+            " are needed"
+        )
+    if known.size < 2 or np.ptp(known) == 0 or known.mean() == 0:
+        raise ValueError("truth must vary and have a mean other than zero")
+    return Scores(
+        nmse=100 * float(mean_squared_error(known, guessed)) / float(known.mean()),
+        nmae=100 * float(mean_absolute_error(known, guessed)) / float(known.mean()),
+        nmaxe=100 * float(max_error(known, guessed)) / float(np.abs(known).max()),
+        r2=100 * float(r2_score(known, guessed)),
+    )

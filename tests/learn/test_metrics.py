@@ -1,0 +1,37 @@
+"""Scores against the formulas of section 3.4, written out."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from learn.metrics import scores
+
+values = st.lists(st.floats(0.01, 60), min_size=2, max_size=30)
+
+
+@given(values, st.randoms(use_true_random=False))
+def test_scores_are_the_papers_formulas(truth, random):
+    truth = np.array([*truth, 61.0])
+    prediction = truth + np.array([random.gauss(0, 3) for _ in truth])
+    error = truth - prediction
+    found = scores(truth, prediction)
+    assert found.nmse == pytest.approx(100 * (error**2).mean() / truth.mean(), rel=1e-12)
+    assert found.nmae == pytest.approx(100 * abs(error).mean() / truth.mean(), rel=1e-12)
+    assert found.nmaxe == pytest.approx(100 * abs(error).max() / truth.max(), rel=1e-12)
+    spread = ((truth - truth.mean()) ** 2).sum()
+    assert found.r2 == pytest.approx(100 * (1 - (error**2).sum() / spread), rel=1e-9, abs=1e-9)
+
+
+def test_a_perfect_prediction_has_no_error():
+    found = scores([1.0, 2.0, 5.0], [1.0, 2.0, 5.0])
+    assert (found.nmse, found.nmae, found.nmaxe, found.r2) == (0, 0, 0, 100)
+
+
+@pytest.mark.parametrize(
+    ("truth", "prediction"),
+    [([1, 2], [1, 2, 3]), ([1], [1]), ([2, 2], [1, 3]), ([-1, 1], [0, 0]), ([1, np.nan], [1, 1])],
+)
+def test_undefined_scores_are_refused(truth, prediction):
+    with pytest.raises(ValueError, match=r"."):
+        scores(truth, prediction)

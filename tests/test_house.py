@@ -1,0 +1,127 @@
+"""The rules that keep the house easy to live in: who imports what, and when."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+MAY_IMPORT = {
+    "bem": {"bem"},
+    "gen": {"gen", "bem"},
+    "learn": {"learn", "gen", "bem"},
+    "bench": {"bench", "learn", "gen", "bem"},
+}
+ONE_HOME = {
+    "mpi4py": {"gen/farm.py"},
+    "h5py": {"gen/database"},
+    "pyfftw": {"bem/convolution.py"},
+    "tomllib": {"gen/scene.py"},
+    "matplotlib": {"gen/picture.py", "bench"},
+    "sklearn": {"learn"},
+}
+BEM_NEEDS = {"numpy", "scipy", "pyfftw"}
+NUMERICS = {"numpy", "scipy", "pyfftw", "h5py", "mpi4py", "matplotlib", "sklearn", "pandas"}
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Top-level names of all that a file imports, also inside its functions."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (name.name.partition(".")[0] for name in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: imports are absolute"
+            yield str(node.module).partition(".")[0]
+
+
+def sources(package: str) -> list[Path]:
+    found = sorted((ROOT / package).rglob("*.py"))
+    assert found
+    return found
+
+
+@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_packages_import_one_way(package):
+    for path in sources(package):
+        wrong = set(imports(path)) & MAY_IMPORT.keys() - MAY_IMPORT[package]
+        assert not wrong, f"{path} imports {wrong}"
+
+
+@pytest.mark.parametrize("library", ONE_HOME)
+def test_heavy_libraries_have_one_home(library):
+    users = {
+        path.relative_to(ROOT).as_posix()
+        for package in MAY_IMPORT
+        for path in sources(package)
+        if library in set(imports(path))
+    }
+    homes = ONE_HOME[library]
+    assert users, f"nothing imports {library}: drop the rule"
+    strangers = [user for user in users if not any(user.startswith(home) for home in homes)]
+    assert not strangers
+
+
+def test_bem_needs_three_libraries():
+    for path in sources("bem"):
+        foreign = set(imports(path)) - set(sys.stdlib_module_names) - {"bem"}
+        assert foreign <= BEM_NEEDS, f"{path} imports {foreign - BEM_NEEDS}"
+
+
+def test_bem_neither_prints_nor_opens_files():
+    for path in sources("bem"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            called = isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+            assert not (called and node.func.id in {"print", "open", "input"}), path
+
+
+def loaded_by(code: str, folder: Path) -> set[str]:
+    """Top-level modules that a fresh interpreter has loaded after some code."""
+    code = f"{code}\nimport sys; print(sorted(n for n in sys.modules if '.' not in n))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return set(ast.literal_eval(done.stdout.splitlines()[-1]))
+
+
+def command(*arguments: str) -> str:
+    return f"from gen import cli; assert cli.main({list(arguments)!r}) == 0"
+
+
+@pytest.fixture
+def surface(tmp_path):
+    heights = np.random.default_rng(1).normal(size=(9, 9))
+    np.save(tmp_path / "surface.npy", heights)
+    return "surface.npy"
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["columns"]])
+def test_help_imports_no_numerics(arguments, tmp_path):
+    assert not loaded_by(command(*arguments), tmp_path) & NUMERICS
+
+
+def test_importing_the_solver_imports_no_more(tmp_path):
+    loaded = loaded_by("import bem", tmp_path)
+    assert not loaded & (NUMERICS - BEM_NEEDS | {"gen", "pydantic", "typer", "rich"})
+
+
+def test_describe_needs_numpy_only(tmp_path, surface):
+    loaded = loaded_by(command("describe", surface, "--side", "100"), tmp_path)
+    assert loaded & NUMERICS == {"numpy"}
+
+
+def test_contact_needs_no_database(tmp_path, surface):
+    loaded = loaded_by(command("contact", surface, "--side", "9", "--delta", "1"), tmp_path)
+    assert loaded & NUMERICS == {"numpy", "scipy", "pyfftw"}
+
+
+def test_a_serial_run_imports_no_mpi_and_no_learning(tmp_path):
+    (tmp_path / "small.toml").write_text("samples = 3\n[surface]\nnodes = 9\n")
+    run = command("run", "small.toml", "-o", "small.h5")
+    assert not loaded_by(run, tmp_path) & {"mpi4py", "matplotlib", "sklearn", "pandas"}
+    info = command("info", "small.h5")
+    assert not loaded_by(info, tmp_path) & {"mpi4py", "pyfftw", "matplotlib", "sklearn"}
