@@ -9,7 +9,7 @@ import typer
 from gen import command_line, farm
 from gen.errors import InputError
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
 Database = Annotated[Path, typer.Argument(metavar="FILE", help="A database (HDF5).")]
 SurfaceFile = Annotated[

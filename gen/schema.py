@@ -104,7 +104,7 @@ _STATISTICS = (
     _statistic("peak_rms", "um", "standard deviation of profile peak heights", 2.54, 15.49),
     _statistic("peak_kurtosis_pearson", "1", "Pearson kurtosis of peak heights", 1.56, 7.13),
     _statistic("peak_skewness", "1", "skewness of profile peak heights", -1.34, 1.36),
-    _statistic("peak_density", "1", "profile peaks per inner node of the profiles", 0.19, 0.27),
+    _statistic("peak_density", "1", "profile peaks per node and direction", 0.19, 0.27),
     _statistic("peak_curvature_mean", "um-1", "mean curvature of profile peaks", 0.015, 0.066),
     _statistic(
         "peak_curvature_kurtosis_excess", "1", "excess kurtosis of peak curvatures", -0.07, 5.35
@@ -116,7 +116,7 @@ _STATISTICS = (
     _statistic("asperity_rms", "um", "standard deviation of asperity heights", 2.56, 15.60),
     _statistic("asperity_kurtosis_excess", "1", "excess kurtosis of asperity heights", -1.45, 4.26),
     _statistic("asperity_skewness", "1", "skewness of asperity heights", -1.34, 1.48),
-    _statistic("asperity_density", "1", "asperities per inner node", 0.08, 0.13),
+    _statistic("asperity_density", "1", "asperities per node", 0.08, 0.13),
     _statistic("asperity_curvature_mean", "um-1", "mean curvature of asperities", 0.017, 0.072),
     _statistic(
         "asperity_curvature_rms", "um-1", "standard deviation of asperity curvatures", 0.007, 0.031

@@ -1,7 +1,7 @@
 """The 22 statistics of rough surfaces (Table 1 of the paper), all in one pass.
 
-Profiles run along x (axis 0) and y (axis 1). Conventions, which Table 1 leaves open and its ranges
-decide (tests/gen/test_statistics.py compares them):
+Profiles run along x (axis 0) and y (axis 1). Conventions, which Table 1 leaves open; its ranges
+decide the kurtoses and agree with all but the bandwidth (tests/gen/test_statistics.py):
 
 - A peak is a node of a profile above both neighbours, those of x and y pooled; an asperity
   (summit) is a node above its four neighbours. Either is an interior node; plateaus have none.
@@ -186,9 +186,7 @@ def _spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
     return float(pair[0]), float(pair[1])
 
 
-def _normalised(
-    heights: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], float, float]:
+def _normalised(heights: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float]:
     """Heights above the lowest node, in a unit in which no power over- or underflows.
 
     Returns

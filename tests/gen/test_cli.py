@@ -1,0 +1,132 @@
+"""Commands as a user types them, serially; tests/mpi has several ranks."""
+
+import numpy as np
+import pytest
+from launch import launch
+
+from gen import cli, schema
+
+SMALL = "samples = 24\n[surface]\nnodes = 17\n"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small.toml").write_text(SMALL)
+    x = np.linspace(-500, 500, 33)
+    np.save("paraboloid.npy", -(x[:, None] ** 2 + x**2) / 10000)
+    return tmp_path
+
+
+def test_run_info_and_plot(folder, capsys):
+    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
+    assert "24 rows done, 0 failed, 0 pending" in capsys.readouterr().out
+    assert cli.main(["info", "small.h5"]) == 0
+    text = capsys.readouterr().out
+    assert "24 done" in text
+    for column in schema.columns_for(cli_store(folder)):
+        if not column.group and column.name not in {"status", "reason"}:
+            assert column.name in text
+    assert "47.51" in text, "the paper's range stands beside ours"
+    assert cli.main(["plot", "small.h5", "-o", "small.png"]) == 0
+    assert (folder / "small.png").read_bytes().startswith(b"\x89PNG")
+
+
+def cli_store(folder):
+    from gen.scene import load
+
+    return load(str(folder / "small.toml")).store
+
+
+def test_running_again_changes_nothing(folder, capsys):
+    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
+    before = (folder / "small.h5").read_bytes()
+    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
+    assert (folder / "small.h5").read_bytes() == before
+    assert "resumed, 24 of 24 rows finished" in capsys.readouterr().err
+
+
+def test_failed_rows_warn_and_say_why(folder, capsys):
+    (folder / "starved.toml").write_text(SMALL + "[contact]\nmax_iterations = 1\n")
+    assert cli.main(["run", "starved.toml", "-o", "starved.h5"]) == 0
+    assert "warning: 24 rows failed" in capsys.readouterr().out
+    assert cli.main(["info", "starved.h5"]) == 0
+    assert "24 failed: not converged" in capsys.readouterr().out
+    assert cli.main(["plot", "starved.h5", "-o", "no.png"]) == 2
+    assert not (folder / "no.png").exists()
+
+
+def test_contact_is_hertz(folder, capsys):
+    assert cli.main(["contact", "paraboloid.npy", "--side", "1000", "--delta", "1"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    force = float(next(line for line in lines if line.startswith("force")).split()[1])
+    assert force == pytest.approx(4 / 3 * np.sqrt(5000.0), rel=0.05)
+
+
+def test_describe_prints_every_statistic_with_its_unit(folder, capsys):
+    np.save("rough.npy", np.random.default_rng(3).normal(size=(20, 30)))
+    assert cli.main(["describe", "rough.npy", "--side", "100,150"]) == 0
+    text = capsys.readouterr().out
+    for column in schema.statistics_columns():
+        line = next(line for line in text.splitlines() if line.startswith(column.name))
+        assert column.unit in line.split()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        ([], "Missing command"),
+        (["rum"], "rum"),
+        (["run"], "SCENE"),
+        (["run", "quick"], "--output"),
+        (["run", "quik", "-o", "x.h5"], "quik"),
+        (["run", "missing.toml", "-o", "x.h5"], "missing.toml"),
+        (["run", "small.toml", "-o", "nowhere/x.h5"], "nowhere"),
+        (["run", "small.toml", "-o", "."], "folder"),
+        (["run", "small.toml", "-o", "small.toml"], "not a database"),
+        (["run", "small.toml", "-o", "x.h5", "--ranks", "3"], "--ranks"),
+        (["info", "missing.h5"], "does not exist"),
+        (["info", "small.toml"], "not a database"),
+        (["info", "."], "folder"),
+        (["plot", "missing.h5", "-o", "x.png"], "does not exist"),
+        (["contact", "paraboloid.npy", "--delta", "1"], "--side"),
+        (["contact", "paraboloid.npy", "--side", "0", "--delta", "1"], "--side '0'"),
+        (["contact", "paraboloid.npy", "--side", "1,2,3", "--delta", "1"], "1,2,3"),
+        (["contact", "paraboloid.npy", "--side", "wide", "--delta", "1"], "wide"),
+        (["contact", "paraboloid.npy", "--side", "9", "--delta", "nan"], "delta = nan"),
+        (["contact", "paraboloid.npy", "--side", "9", "--delta", "deep"], "--delta"),
+        (["contact", "paraboloid.npy", "--side", "9", "--delta", "1", "--young", "0"], "modulus"),
+        (["contact", "paraboloid.npy", "--side", "9", "--delta", "1", "--poisson", "1"], "poisson"),
+        (["contact", "paraboloid.npy", "--side", "9", "--delta", "1", "--kernel", "x"], "kernel"),
+        (["contact", "paraboloid.npy", "--side", "9", "--delta", "1", "--rtol", "0"], "rtol"),
+        (["contact", "missing.npy", "--side", "9", "--delta", "1"], "missing.npy"),
+        (["describe", "missing.npy", "--side", "9"], "missing.npy"),
+        (["describe", "paraboloid.npy", "--side", "-9"], "--side"),
+        (
+            ["contact", "paraboloid.npy", "--side", "9", "--delta", "99", "--far-field"]
+            + ["compliant"],
+            "Delta*",
+        ),
+        (
+            ["contact", "paraboloid.npy", "--side", "9", "--delta", "1", "--max-iterations", "1"],
+            "max_iterations",
+        ),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(folder, capsys, arguments, expected):
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert cli.main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert expected in captured.err
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_a_fresh_interpreter_pins_its_threads_and_exits_with_the_code(folder):
+    good = launch(0, "columns", folder=folder)
+    assert good.returncode == 0
+    assert good.stdout.strip() == schema.markdown_table()
+    bad = launch(0, "info", "missing.h5", folder=folder)
+    assert (bad.returncode, bad.stderr.count("\n"), bad.stdout) == (2, 1, "")
+    assert "Traceback" not in bad.stderr

@@ -1,0 +1,109 @@
+"""Rows against their own parts: plan, surface, statistics and solver called one by one."""
+
+import numpy as np
+import pytest
+
+import bem
+import gen.sample
+from gen.plan import parameters
+from gen.sample import compute_rows, surface_of
+from gen.scene import Scene
+from gen.schema import Reason, Status, columns_for
+from gen.statistics import describe
+
+STORE_ALL = "{mean_gap=true, largest_pressure=true, perimeter=true, heights=true, pressure=true}"
+
+
+def scene(text: str = "", samples: int = 12) -> Scene:
+    return Scene.parse(f"samples = {samples}\n{text}\n[surface]\nnodes = 17\n", "test")
+
+
+def test_a_row_is_what_its_parts_say():
+    made = scene(f"samples_per_surface = 3\nstore = {STORE_ALL}")
+    rows = compute_rows(made, 3, 9, rank=7)
+    assert rows.keys() == {column.name for column in columns_for(made.store)}
+    plan = parameters(made, 3, 9)
+    for row in range(6):
+        heights = surface_of(made, plan, row)
+        contact = bem.solve(heights, 1000.0, plan.delta[row])
+        assert rows["area_percent"][row] == contact.area_percent
+        assert rows["force"][row] == contact.force
+        assert rows["mean_gap"][row] == contact.mean_gap
+        assert rows["perimeter"][row] == contact.perimeter
+        assert rows["largest_pressure"][row] == contact.pressure.max()
+        np.testing.assert_array_equal(rows["pressure"][row], contact.pressure)
+        np.testing.assert_array_equal(rows["heights"][row], heights)
+        for name, value in describe(heights, made.spacing).values.items():
+            assert rows[name][row] == value
+    np.testing.assert_array_equal(rows["surface"], [1, 1, 1, 2, 2, 2])
+    assert set(rows["status"]) == {Status.DONE}
+    assert set(rows["rank"]) == {7}
+
+
+@pytest.mark.parametrize("m", [1, 5])
+def test_blocks_do_not_change_rows(m):
+    made = scene(f"samples_per_surface = {m}", samples=10)
+    whole = compute_rows(made, 0, 10)
+    parts = [compute_rows(made, start, start + 5) for start in (0, 5)]
+    for column in columns_for(made.store):
+        if column.deterministic:
+            joined = np.concatenate([part[column.name] for part in parts])
+            assert joined.tobytes() == whole[column.name].tobytes(), column.name
+
+
+def test_a_surface_is_made_once_for_its_samples(monkeypatch):
+    made = scene("samples_per_surface = 4")
+    calls = []
+    monkeypatch.setattr(gen.sample, "describe", lambda *a: calls.append(a) or describe(*a))
+    compute_rows(made, 0, 12)
+    assert len(calls) == 3
+
+
+def test_failures_are_rows_with_a_reason():
+    starved = scene("[contact]\nmax_iterations = 1")
+    rows = compute_rows(starved, 0, 4)
+    assert set(rows["status"]) == {Status.FAILED}
+    assert set(rows["reason"]) == {Reason.NOT_CONVERGED}
+    assert np.isnan(rows["area_percent"]).all()
+    assert set(rows["iterations"]) == {1}
+    assert (rows["residual"] > 1e-6).all()
+
+
+def test_beyond_the_critical_displacement_is_a_reason():
+    made = scene(
+        '[contact]\nfar_field = "compliant"\n'
+        "[delta]\npieces = [{share = 1.0, range = [200.0, 300.0]}]"
+    )
+    rows = compute_rows(made, 0, 3)
+    assert set(rows["reason"]) == {Reason.NO_SOLUTION}
+
+
+def test_a_flat_surface_has_an_area_but_no_statistics():
+    made = Scene.parse("samples = 2\n[surface]\nnodes = 9\nsigma0 = [0.0, 0.0]", "test")
+    rows = compute_rows(made, 0, 2)
+    assert set(rows["reason"]) == {Reason.NO_STATISTICS}
+    assert set(rows["area_percent"]) == {100.0}
+    assert np.isnan(rows["peak_mean"]).all()
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, ValueError, np.linalg.LinAlgError])
+def test_numerical_errors_are_rows(monkeypatch, error):
+    def fail(*_, **__):
+        raise error("no")
+
+    monkeypatch.setattr(bem, "solve", fail)
+    assert set(compute_rows(scene(), 0, 2)["reason"]) == {Reason.ARITHMETIC}
+
+
+def test_a_bug_is_not_a_row(monkeypatch):
+    def fail(*_, **__):
+        raise TypeError("bug")
+
+    monkeypatch.setattr(bem, "solve", fail)
+    with pytest.raises(TypeError):
+        compute_rows(scene(), 0, 2)
+
+
+def test_a_force_beyond_all_numbers_is_a_reason():
+    made = scene("[contact]\nmodulus = 1e308\n[delta]\npieces = [{share=1.0, range=[9e9, 9e9]}]")
+    assert set(compute_rows(made, 0, 2)["reason"]) == {Reason.NOT_FINITE}

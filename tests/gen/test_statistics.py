@@ -1,0 +1,530 @@
+"""The 22 statistics against a plain version, closed forms, scaling laws and the paper's Table 1."""
+
+import math
+import os
+import subprocess
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import scipy.stats
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from gen.errors import InputError
+from gen.statistics import NAMES, describe
+from gen.surface import generate
+
+TABLE_1 = {
+    "peak_mean": (8.20, 47.51),
+    "peak_rms": (2.54, 15.49),
+    "peak_kurtosis_pearson": (1.56, 7.13),
+    "peak_skewness": (-1.34, 1.36),
+    "peak_density": (0.19, 0.27),
+    "peak_curvature_mean": (0.015, 0.066),
+    "peak_curvature_kurtosis_excess": (-0.07, 5.35),
+    "peak_curvature_skewness": (0.55, 1.15),
+    "bandwidth_x": (4.06, 46.19),
+    "bandwidth_y": (4.19, 48.52),
+    "asperity_mean": (8.54, 48.18),
+    "asperity_rms": (2.56, 15.60),
+    "asperity_kurtosis_excess": (-1.45, 4.26),
+    "asperity_skewness": (-1.34, 1.48),
+    "asperity_density": (0.08, 0.13),
+    "asperity_curvature_mean": (0.017, 0.072),
+    "asperity_curvature_rms": (0.007, 0.031),
+    "asperity_curvature_kurtosis_pearson": (2.81, 15.14),
+    "asperity_curvature_skewness": (0.41, 1.6),
+    "height_mean": (7.71, 45.36),
+    "height_max": (16.36, 79.25),
+    "height_rms": (2.62, 15.55),
+}
+"""Ranges of the paper's database, in the paper's order."""
+
+LENGTHS = {
+    "peak_mean",
+    "peak_rms",
+    "asperity_mean",
+    "asperity_rms",
+    "height_mean",
+    "height_max",
+    "height_rms",
+}
+CURVATURES = {"peak_curvature_mean", "asperity_curvature_mean", "asperity_curvature_rms"}
+BANDWIDTHS = {"bandwidth_x", "bandwidth_y"}
+
+# Multiples of 1/1024 up to 1024: shifts and differences are exact, so that ties stay ties.
+exact_heights = st.integers(-(2**20), 2**20).map(lambda value: value / 1024)
+coarse_heights = st.integers(0, 3).map(float)  # many plateaus and equal peaks
+spacings = st.sampled_from([0.5, 1.0, 8.0])  # powers of two: ratios are exact
+
+
+def surfaces(smallest: int = 9, largest: int = 17) -> st.SearchStrategy[np.ndarray]:
+    """Odd, even, square and oblong grids."""
+    shapes = st.tuples(st.integers(smallest, largest), st.integers(smallest, largest))
+    return shapes.flatmap(
+        lambda shape: st.one_of(
+            hnp.arrays(np.float64, shape, elements=exact_heights),
+            hnp.arrays(np.float64, shape, elements=coarse_heights),
+        )
+    )
+
+
+def rough(nodes: int = 65, seed: int = 3) -> np.ndarray:
+    return generate("diamond-square", nodes, 0.65, 12.0, np.random.default_rng(seed))
+
+
+# ---------------------------------------------------------------- a plain version, node by node
+
+
+def profile_peaks(profile: list[float], spacing: float) -> list[tuple[float, float]]:
+    """Height and curvature of each peak."""
+    return [
+        (here, -(before - 2 * here + after) / spacing**2)
+        for before, here, after in zip(profile, profile[1:], profile[2:], strict=False)
+        if here > before and here > after
+    ]
+
+
+def asperities(z: list[list[float]], spacing: tuple[float, float]) -> list[tuple[float, float]]:
+    """Height and mean curvature of each node above its four neighbours."""
+    found = []
+    for i in range(1, len(z) - 1):
+        for j in range(1, len(z[0]) - 1):
+            along_x, along_y = z[i - 1][j] + z[i + 1][j], z[i][j - 1] + z[i][j + 1]
+            if z[i][j] > max(z[i - 1][j], z[i + 1][j], z[i][j - 1], z[i][j + 1]):
+                curvature_x = (2 * z[i][j] - along_x) / spacing[0] ** 2
+                curvature_y = (2 * z[i][j] - along_y) / spacing[1] ** 2
+                found.append((z[i][j], (curvature_x + curvature_y) / 2))
+    return found
+
+
+def moments(values: list[float]) -> tuple[float, float, float, float]:
+    """Mean, standard deviation, skewness and Pearson's kurtosis."""
+    if not values:
+        return (math.nan,) * 4
+    mean = math.fsum(values) / len(values)
+    second, third, fourth = (
+        math.fsum((value - mean) ** power for value in values) / len(values) for power in (2, 3, 4)
+    )
+    if second <= (1e-12 * max(abs(value) for value in values)) ** 2:
+        return mean, math.sqrt(second), math.nan, math.nan
+    return mean, math.sqrt(second), third / second**1.5, fourth / second**2
+
+
+def nayak(variance: float, profiles: list[list[float]], spacing: float) -> float:
+    slopes = [(b - a) / spacing for p in profiles for a, b in pairwise(p)]
+    curvatures = [
+        (a - 2 * b + c) / spacing**2
+        for p in profiles
+        for a, b, c in zip(p, p[1:], p[2:], strict=False)
+    ]
+    if not any(slopes) or not curvatures:
+        return math.nan
+    m2 = math.fsum(slope**2 for slope in slopes) / len(slopes)
+    m4 = math.fsum(curvature**2 for curvature in curvatures) / len(curvatures)
+    return variance * m4 / m2**2
+
+
+def plain(heights: np.ndarray, spacing: tuple[float, float]) -> dict[str, float]:
+    """All statistics by loops over nodes, in the order of Table 1."""
+    lowest = float(heights.min())
+    z = [[float(height) - lowest for height in row] for row in heights]
+    along_x, along_y = [list(column) for column in zip(*z, strict=True)], z
+    peaks = [peak for p in along_x for peak in profile_peaks(p, spacing[0])]
+    peaks += [peak for p in along_y for peak in profile_peaks(p, spacing[1])]
+    summits = asperities(z, spacing)
+    every = [height for row in z for height in row]
+    peak = moments([height for height, _ in peaks])
+    peak_curvature = moments([curvature for _, curvature in peaks])
+    asperity = moments([height for height, _ in summits])
+    asperity_curvature = moments([curvature for _, curvature in summits])
+    height = moments(every)
+    values = [peak[0], peak[1], peak[3], peak[2], len(peaks) / (2 * len(every))]
+    values += [peak_curvature[0], peak_curvature[3] - 3, peak_curvature[2]]
+    values += [
+        nayak(height[1] ** 2, along_x, spacing[0]),
+        nayak(height[1] ** 2, along_y, spacing[1]),
+    ]
+    values += [asperity[0], asperity[1], asperity[3] - 3, asperity[2], len(summits) / len(every)]
+    values += [*asperity_curvature[:2], asperity_curvature[3], asperity_curvature[2]]
+    values += [height[0], max(every), height[1]]
+    return dict(zip(TABLE_1, values, strict=True))
+
+
+def assert_same(ours: dict[str, float], theirs: dict[str, float], tolerance: float = 1e-9) -> None:
+    assert list(ours) == list(theirs)
+    assert ours == pytest.approx(theirs, rel=tolerance, abs=tolerance, nan_ok=True)
+
+
+@settings(max_examples=60, deadline=None)
+@given(heights=surfaces(), spacing=st.tuples(spacings, spacings))
+def test_agrees_with_plain_loops_on_any_grid(heights, spacing):
+    description = describe(heights, spacing)
+    assert_same(description.values, plain(heights, spacing))
+    undefined = any(math.isnan(value) for value in description.values.values())
+    assert undefined == bool(description.reason)
+
+
+@pytest.mark.parametrize("shape", [(9, 9), (17, 17), (16, 16), (9, 16), (17, 10)])
+def test_agrees_with_plain_loops_on_rough_surfaces(shape):
+    heights = rough(17)[: shape[0], : shape[1]] + 50.0
+    description = describe(heights, 7.8125)
+    assert description.reason == ""
+    assert_same(description.values, plain(heights, (7.8125, 7.8125)), tolerance=1e-11)
+
+
+def test_names_are_those_of_table_1_in_its_order():
+    assert tuple(TABLE_1) == NAMES
+    description = describe(rough(9), 1.0)
+    assert tuple(description.values) == NAMES
+    assert {type(value) for value in description.values.values()} == {float}
+
+
+def test_kurtosis_is_pearsons_or_excess_as_named():
+    heights = rough()
+    z, values = (heights - heights.min()).tolist(), describe(heights, 2.0).values
+    profiles = z + [list(column) for column in zip(*z, strict=True)]
+    peaks = [peak for p in profiles for peak in profile_peaks(p, 2.0)]
+    for prefix, found in (("peak", peaks), ("asperity", asperities(z, (2.0, 2.0)))):
+        for name, sample in zip(
+            (prefix, f"{prefix}_curvature"), zip(*found, strict=True), strict=True
+        ):
+            assert values[f"{name}_skewness"] == pytest.approx(scipy.stats.skew(sample), abs=1e-10)
+            pearson, excess = f"{name}_kurtosis_pearson", f"{name}_kurtosis_excess"
+            assert (pearson in values) != (excess in values)
+            expected = scipy.stats.kurtosis(sample, fisher=excess in values)
+            found_kurtosis = values.get(excess, values.get(pearson))
+            assert found_kurtosis == pytest.approx(expected, abs=1e-10)
+
+
+# ---------------------------------------------------------------- closed forms
+
+
+def test_plane_has_no_peak_and_no_curvature():
+    x, y = np.meshgrid(np.arange(9.0), np.arange(12.0), indexing="ij")
+    description = describe(3.0 + 0.5 * x - 0.25 * y, (2.0, 4.0))
+    values = description.values
+    assert description.reason == "no profile peak, no asperity"
+    assert values["peak_density"] == values["asperity_density"] == 0.0
+    assert values["bandwidth_x"] == values["bandwidth_y"] == 0.0
+    assert values["height_max"] == 0.5 * 8 + 0.25 * 11
+    assert values["height_mean"] == pytest.approx(values["height_max"] / 2, rel=1e-14)
+    variance = 0.5**2 * (9**2 - 1) / 12 + 0.25**2 * (12**2 - 1) / 12
+    assert values["height_rms"] == pytest.approx(math.sqrt(variance), rel=1e-14)
+    assert math.isnan(values["peak_mean"])
+    assert math.isnan(values["asperity_curvature_rms"])
+
+
+@pytest.mark.parametrize("shape", [(9, 9), (17, 9)])
+@pytest.mark.parametrize("spacing", [(0.1, 0.1), (0.3, 0.7), (0.7, 0.01)])
+def test_paraboloid_has_one_summit_of_curvature_one_over_radius(shape, spacing):
+    radius = 40.0
+    x, y = (g * (np.arange(n) - n // 2) for n, g in zip(shape, spacing, strict=True))
+    description = describe(-(x[:, None] ** 2 + y**2) / (2 * radius), spacing)
+    values, nodes = description.values, shape[0] * shape[1]
+    assert values["asperity_density"] == 1 / nodes
+    assert values["asperity_mean"] == values["height_max"]
+    assert values["asperity_curvature_mean"] == pytest.approx(1 / radius, rel=1e-9)
+    assert values["asperity_curvature_rms"] == 0.0
+    assert values["peak_density"] == sum(shape) / (2 * nodes)  # one on each profile
+    assert values["peak_curvature_mean"] == pytest.approx(1 / radius, rel=1e-9)
+    assert math.isnan(values["peak_curvature_skewness"])
+    assert description.reason == "profile peaks of equal curvature, one asperity"
+
+
+@pytest.mark.parametrize(
+    "waves", [{4: 1.0}, {2: 3.0}, {1: 5.0, 8: 0.5}, {2: 1.0, 5: 2.0, 16: 0.25}]
+)
+def test_sines_along_x_have_the_bandwidth_of_their_spectrum(waves):
+    """Over whole periods sines are orthogonal, so that mean squares add; one wave has alpha = 1."""
+    nodes = 65
+    phase = 2 * np.pi * np.arange(nodes) / (nodes - 1)
+    profile = sum(amplitude * np.sin(number * phase) for number, amplitude in waves.items())
+    description = describe(np.repeat(profile[:, None], 7, axis=1), (0.5, 3.0))
+    m0, m2, m4 = (
+        sum(
+            amplitude**2 / 2 * (2 * math.sin(math.pi * number / (nodes - 1))) ** power
+            for number, amplitude in waves.items()
+        )
+        for power in (0, 2, 4)
+    )
+    ends = (nodes - 1) ** 2 / (nodes * (nodes - 2))  # m0 has a node more, m4 a node less
+    assert description.values["bandwidth_x"] == pytest.approx(ends * m0 * m4 / m2**2, rel=1e-10)
+    assert math.isnan(description.values["bandwidth_y"])
+    assert "flat profiles along y" in description.reason
+
+
+def test_egg_box_has_a_summit_a_wave_each_of_the_known_curvature():
+    period, waves, amplitude, spacing = 8, 5, 2.0, 0.25
+    wave = amplitude * np.cos(2 * np.pi * (np.arange(period * waves + 1) - period / 2) / period)
+    values = describe(wave[:, None] + wave, spacing).values
+    curvature = 2 * amplitude * (1 - math.cos(2 * math.pi / period)) / spacing**2
+    assert values["asperity_density"] * wave.size**2 == pytest.approx(waves**2, rel=1e-14)
+    assert values["asperity_curvature_mean"] == pytest.approx(curvature, rel=1e-12)
+    assert values["asperity_mean"] == pytest.approx(4 * amplitude, rel=1e-12)
+    assert values["bandwidth_x"] == pytest.approx(values["bandwidth_y"], rel=1e-12)
+
+
+# ---------------------------------------------------------------- scaling laws
+
+
+@settings(max_examples=40, deadline=None)
+@given(heights=surfaces(4, 12), factor=st.floats(1e-3, 1e3))
+def test_scaling_heights_scales_lengths_and_curvatures_alone(heights, factor):
+    before, after = describe(heights, 2.0), describe(heights * factor, 2.0)
+    expected = {
+        name: value * factor if name in LENGTHS | CURVATURES else value
+        for name, value in before.values.items()
+    }
+    assert_same(after.values, expected)
+    assert after.reason == before.reason
+
+
+@settings(max_examples=40, deadline=None)
+@given(heights=surfaces(4, 12), factor=st.sampled_from([0.25, 0.5, 4.0, 64.0]))
+def test_scaling_the_spacing_scales_curvatures_alone(heights, factor):
+    before, after = describe(heights, 2.0), describe(heights, 2.0 * factor)
+    expected = {
+        name: value / factor**2 if name in CURVATURES else value
+        for name, value in before.values.items()
+    }
+    assert_same(after.values, expected)
+
+
+@settings(max_examples=40, deadline=None)
+@given(heights=surfaces(4, 12), offset=st.sampled_from([-1e8, -3.0, 7.5, 1e8]))
+def test_offsets_change_nothing(heights, offset):
+    assert_same(describe(heights + offset, 2.0).values, describe(heights, 2.0).values, 1e-12)
+
+
+def test_huge_offsets_cost_only_the_rounding_of_the_heights():
+    heights = rough(129) / 10.0  # roughness of 1 um; at 1e8 um heights are multiples of 1.5e-8
+    assert_same(describe(heights + 1e8, 2.0).values, describe(heights, 2.0).values, 1e-6)
+
+
+@settings(max_examples=40, deadline=None)
+@given(heights=surfaces(4, 12), spacing=st.tuples(spacings, spacings))
+def test_transposition_swaps_the_axes_and_reversal_changes_nothing(heights, spacing):
+    before = describe(heights, spacing).values
+    turned = describe(heights.T, spacing[::-1]).values
+    swapped = before | {
+        "bandwidth_x": before["bandwidth_y"],
+        "bandwidth_y": before["bandwidth_x"],
+    }
+    assert_same(turned, swapped)
+    assert_same(describe(heights[::-1, ::-1], spacing).values, before)
+
+
+def test_memory_order_and_type_do_not_matter_and_the_input_stays():
+    heights = np.round(rough(33) * 8)
+    kept, expected = heights.copy(), describe(heights, 2.0)
+    heights.flags.writeable = False
+    assert describe(heights, (2.0, 2.0)) == expected
+    assert describe(np.asfortranarray(heights), 2.0) == expected
+    assert describe(np.repeat(heights, 2, axis=1)[:, ::2], 2.0) == expected
+    assert describe(heights.astype(np.int16), 2.0) == expected
+    assert np.array_equal(heights, kept)
+
+
+def test_last_bits_do_not_depend_on_the_threads_of_blas():
+    """A database is the same for any number of ranks, which share the cores' threads."""
+    script = (
+        "import numpy as np; from gen.statistics import describe; from gen.surface import generate;"
+        "z = generate('diamond-square', 257, 0.65, 12.0, np.random.default_rng(3))\n"
+        "print([value.hex() for value in describe(z, 2.0).values.values()])"
+    )
+    outputs = [
+        subprocess.run(
+            [sys.executable, "-c", script],
+            env=os.environ | {"OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads},
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=60,
+        ).stdout
+        for threads in ("1", "2", "3")
+    ]
+    assert outputs[0].count("0x") == len(NAMES)
+    assert len(set(outputs)) == 1
+
+
+# ---------------------------------------------------------------- degenerate surfaces
+
+
+def spike(rows: int, columns: int, at: tuple[int, int]) -> np.ndarray:
+    heights = np.zeros((rows, columns))
+    heights[at] = 1.0
+    return heights
+
+
+@pytest.mark.parametrize(
+    ("heights", "reason"),
+    [
+        (np.zeros((5, 5)), "flat surface: no profile peak, no asperity"),
+        (np.full((2, 2), 3.3), "flat surface: no profile peak, no asperity"),
+        (np.full((129, 129), 1e8 + 0.1), "flat surface: no profile peak, no asperity"),
+        (
+            np.array([[0.0, 1.0], [2.0, 4.0]]),
+            "two nodes along x, two nodes along y, no profile peak, no asperity",
+        ),
+        (
+            spike(3, 3, (1, 1)),
+            "profile peaks of equal height and curvature, one asperity",
+        ),
+        (spike(3, 3, (0, 0)), "no profile peak, no asperity"),
+        (spike(2, 3, (0, 1)), "two nodes along x, one profile peak, no asperity"),
+        (spike(3, 2, (1, 0)), "two nodes along y, one profile peak, no asperity"),
+        (spike(6, 4, (0, 2)), "one profile peak, no asperity"),
+        (
+            np.repeat([[0.0], [1.0], [0.0], [2.0], [0.0]], 4, axis=1),
+            "flat profiles along y, no asperity",
+        ),
+        (
+            spike(5, 8, (2, 2)) + spike(5, 8, (2, 5)),
+            "profile peaks of equal height and curvature, asperities of equal height and curvature",
+        ),
+        (np.repeat(np.repeat(rough(5), 2, axis=0), 2, axis=1), "no profile peak, no asperity"),
+    ],
+)
+def test_degenerate_surfaces_give_nan_with_a_reason(heights, reason):
+    description = describe(heights, 1.0)
+    assert description.reason == reason
+    assert_same(description.values, plain(heights, (1.0, 1.0)))
+    assert any(math.isnan(value) for value in description.values.values())
+
+
+def test_equal_to_rounding_is_equal():
+    """Summits of 0.1 k have curvatures that differ in the last bit alone: no shape to speak of."""
+    wave = np.tile([0.0, 0.1, 0.30000000000000004, 0.1], 4)
+    heights = wave[:, None] + wave + 0.7
+    description = describe(heights, 1.0)
+    assert "asperities of equal height and curvature" in description.reason
+    assert math.isnan(description.values["asperity_kurtosis_excess"])
+    assert description.values["asperity_curvature_rms"] < 1e-15
+
+
+def test_flat_to_rounding_is_flat():
+    profile = np.sin(np.arange(9.0)) + 2.0
+    heights = np.array([profile, np.nextafter(profile, 9.0)] * 4)
+    description = describe(heights, 1.0)
+    assert description.reason.startswith("flat profiles along x, ")
+    assert math.isnan(description.values["bandwidth_x"])
+    assert description.values["bandwidth_y"] > 0.0
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    heights=hnp.arrays(
+        np.float64,
+        st.tuples(st.integers(2, 6), st.integers(2, 6)),
+        elements=st.floats(-1e300, 1e300) | st.floats(-1.0, 1.0) | st.sampled_from([0.0, 1.0]),
+    )
+)
+def test_any_finite_surface_has_statistics_or_a_reason(heights):
+    """No warning either: pytest turns them into errors."""
+    description = describe(heights, 1.0)
+    values = description.values.values()
+    assert not any(math.isinf(value) for value in values)
+    assert any(math.isnan(value) for value in values) == bool(description.reason)
+
+
+@pytest.mark.parametrize("size", [1e-310, 1e-200, 1e200, 1e300])
+def test_tiny_and_huge_heights_keep_their_shape(size):
+    heights = np.round(rough(17) * 64) / 64
+    usual, scaled = describe(heights, 1.0).values, describe(heights * size, 1.0).values
+    assert scaled["peak_rms"] / size == pytest.approx(usual["peak_rms"], rel=1e-9)
+    shapes = set(NAMES) - LENGTHS - CURVATURES
+    assert {name: scaled[name] for name in shapes} == pytest.approx(
+        {name: usual[name] for name in shapes}, rel=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    "heights",
+    [
+        np.zeros(9),
+        np.zeros((3, 3, 3)),
+        np.zeros((0, 0)),
+        np.zeros((1, 9)),
+        np.zeros((9, 1)),
+        np.array([[0.0, np.nan], [1.0, 2.0]]),
+        np.array([[0.0, np.inf], [1.0, 2.0]]),
+        np.array([[-1.7e308, 1.7e308], [1.0, 2.0]]),
+    ],
+)
+def test_heights_that_have_no_statistics_are_refused(heights):
+    with pytest.raises(InputError, match=r"^heights .*: give .*"):
+        describe(heights, 1.0)
+
+
+@pytest.mark.parametrize(
+    "spacing", [0.0, -1.0, math.nan, math.inf, 1e-16, (1.0, 0.0), (1.0, 1.0, 1.0)]
+)
+def test_spacings_that_are_none_are_refused(spacing):
+    with pytest.raises(InputError, match=r"^spacing .*: give one or a pair, from 1e-15 to"):
+        describe(np.eye(4), spacing)
+
+
+# ---------------------------------------------------------------- calibration against Table 1
+
+
+@pytest.fixture(scope="module")
+def database() -> dict[str, np.ndarray]:
+    """Statistics of 2,000 surfaces drawn as the paper's: k = 7, L = 1000, H from 0.5 to 0.8."""
+    random = np.random.default_rng(7)
+    rows = []
+    for _ in range(2000):
+        hurst, sigma0 = random.uniform(0.5, 0.8), random.uniform(10.0, 15.0)
+        heights = generate("diamond-square", 129, hurst, sigma0, random)
+        rows.append(list(describe(heights, 1000 / 128).values.values()))
+    return dict(zip(NAMES, np.array(rows).T, strict=True))
+
+
+def agrees(values: np.ndarray, paper: tuple[float, float], cover: float) -> bool:
+    """Whether our values could have been drawn from the paper's range, and span it.
+
+    The central 98 % lie inside the paper's range, widened by 2 % of its width for the digits that
+    are printed; our smallest value is in the lowest quarter; our range covers a share `cover`.
+    """
+    low, high = paper
+    width = high - low
+    inner_low, inner_high = np.percentile(values, [1, 99])
+    covered = min(values.max(), high) - max(values.min(), low)
+    return bool(
+        inner_low >= low - 0.02 * width
+        and inner_high <= high + 0.02 * width
+        and values.min() <= low + 0.25 * width
+        and covered >= cover * width
+    )
+
+
+def share(name: str) -> float:
+    """Share of Table 1's range that ours must cover.
+
+    The upper ends of fourth moments, and of the skewness of curvature, are set by single surfaces
+    among the paper's 15,878.
+    """
+    return 0.3 if "kurtosis" in name or "curvature_skewness" in name else 0.7
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in BANDWIDTHS])
+def test_ranges_are_those_of_table_1(database, name):
+    assert agrees(database[name], TABLE_1[name], share(name))
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if "kurtosis" in name])
+def test_the_other_kurtosis_would_not_fit_table_1(database, name):
+    other = database[name] + (3.0 if name.endswith("excess") else -3.0)
+    assert not agrees(other, TABLE_1[name], share(name))
+
+
+@pytest.mark.parametrize("name", sorted(BANDWIDTHS))
+def test_nayaks_bandwidth_is_not_the_papers(database, name):
+    """The paper's definition is not stated; half of ours lie above all of the paper's."""
+    low, high = TABLE_1[name]
+    assert not agrees(database[name], TABLE_1[name], 0.0)
+    assert database[name].min() > 2 * low
+    assert np.median(database[name]) > high

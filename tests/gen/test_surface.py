@@ -1,0 +1,351 @@
+"""Surfaces: nested, self-affine by construction, and read from files or refused."""
+
+import io
+import math
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from gen.errors import InputError
+from gen.surface import GENERATORS, generate, load
+
+MIRCO = Path("/work/shared/mirco")
+names = pytest.mark.parametrize("generator", sorted(GENERATORS))
+
+
+def surface(generator: str, nodes: int, seed: int = 5, hurst: float = 0.7, sigma0: float = 12.0):
+    return generate(generator, nodes, hurst, sigma0, np.random.default_rng(seed))
+
+
+# ---------------------------------------------------------------- generators
+
+
+def plain(generator: str, nodes: int, hurst: float, sigma0: float, random: np.random.Generator):
+    """The definitions node by node: centres, then edges along x, then edges along y."""
+    z = np.zeros((nodes, nodes))
+
+    def displace(i: int, j: int, neighbours: list[tuple[int, int]], deviation: float) -> None:
+        inside = [z[k, m] for k, m in neighbours if 0 <= k < nodes and 0 <= m < nodes]
+        z[i, j] = math.fsum(inside) / len(inside) + deviation * random.standard_normal()
+
+    step, level = nodes - 1, 0
+    while step > 1:
+        h = step // 2
+        at_centres = sigma0 * 2 ** (-hurst * level)
+        at_edges = at_centres
+        if generator == "diamond-square":
+            at_edges *= 2 ** (-hurst / 2)
+        for i in range(h, nodes, step):
+            for j in range(h, nodes, step):
+                corners = [(i - h, j - h), (i - h, j + h), (i + h, j - h), (i + h, j + h)]
+                displace(i, j, corners, at_centres)
+        for first_i, first_j in ((h, 0), (0, h)):
+            for i in range(first_i, nodes, step):
+                for j in range(first_j, nodes, step):
+                    along_x, along_y = [(i - h, j), (i + h, j)], [(i, j - h), (i, j + h)]
+                    if generator == "diamond-square":
+                        neighbours = along_x + along_y
+                    else:
+                        neighbours = along_x if first_i else along_y
+                    displace(i, j, neighbours, at_edges)
+        step, level = h, level + 1
+    return z - z.min()
+
+
+@names
+@pytest.mark.parametrize("nodes", [3, 5, 17])
+@pytest.mark.parametrize("hurst", [0.0, 0.65, 1.0])
+def test_follows_its_definition_node_by_node(generator, nodes, hurst):
+    expected = plain(generator, nodes, hurst, 12.0, np.random.default_rng(5))
+    assert surface(generator, nodes, hurst=hurst) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+@names
+@settings(max_examples=30, deadline=None)
+@given(
+    seed=st.integers(0, 2**32),
+    hurst=st.floats(0.0, 1.0),
+    coarse=st.integers(1, 4),
+    finer=st.integers(1, 3),
+)
+def test_a_seed_gives_the_same_coarse_nodes_at_every_resolution(
+    generator, seed, hurst, coarse, finer
+):
+    few = surface(generator, 2**coarse + 1, seed, hurst)
+    many = surface(generator, 2 ** (coarse + finer) + 1, seed, hurst)
+    shift = many[:: 2**finer, :: 2**finer] - few
+    assert shift == pytest.approx(shift[0, 0], abs=1e-12 * many.max())
+
+
+@names
+@pytest.mark.parametrize("hurst", [0.5, 0.8])
+def test_displacements_shrink_by_two_to_the_minus_hurst_a_level(generator, hurst):
+    """N(0, s^2) round the mean of the neighbours; 4 standard errors of a standard deviation."""
+    nodes, sigma0, random = 33, 12.0, np.random.default_rng(11)
+    surfaces = np.array([generate(generator, nodes, hurst, sigma0, random) for _ in range(300)])
+    between = hurst / 2 if generator == "diamond-square" else 0.0
+    for level in range(5):
+        step = (nodes - 1) >> level
+        corners = surfaces[:, ::step, ::step]
+        centres = surfaces[:, step // 2 :: step, step // 2 :: step]
+        edges = surfaces[:, step // 2 :: step, ::step][:, :, 1:-1]
+        pairs = (corners[:, 1:] + corners[:, :-1]) / 2
+        edge_means = pairs[:, :, 1:-1]
+        if generator == "diamond-square":
+            edge_means = (edge_means + (centres[:, :, 1:] + centres[:, :, :-1]) / 2) / 2
+        for displacements, exponent in (
+            (centres - (pairs[:, :, 1:] + pairs[:, :, :-1]) / 2, -hurst * level),
+            (edges - edge_means, -hurst * level - between),
+        ):
+            if displacements.size:  # the first level has edges at the border only
+                deviation, errors = sigma0 * 2**exponent, 4 / math.sqrt(2 * displacements.size)
+                assert np.sqrt(np.mean(displacements**2)) == pytest.approx(deviation, rel=errors)
+                assert abs(np.mean(displacements)) < 4 * deviation / math.sqrt(displacements.size)
+
+
+@names
+def test_lowest_node_is_zero_and_nothing_else_is_given_up(generator):
+    heights = surface(generator, 129)
+    assert heights.shape == (129, 129)
+    assert heights.dtype == np.float64
+    assert heights.flags.c_contiguous
+    assert heights.min() == 0.0
+    assert np.unique(heights).size > 0.99 * heights.size
+
+
+@names
+def test_same_seed_same_surface_other_seed_another(generator):
+    assert np.array_equal(surface(generator, 65), surface(generator, 65))
+    assert not np.array_equal(surface(generator, 65), surface(generator, 65, seed=6))
+
+
+@names
+def test_no_displacement_gives_a_flat_surface(generator):
+    assert not surface(generator, 17, sigma0=0.0).any()
+
+
+@names
+def test_heights_are_proportional_to_sigma0(generator):
+    expected = 1e-3 * surface(generator, 33)
+    assert surface(generator, 33, sigma0=0.012) == pytest.approx(expected, rel=1e-12, abs=1e-15)
+
+
+@names
+@pytest.mark.parametrize("nodes", [-3, 0, 1, 2, 4, 6, 7, 128, 130])
+def test_nodes_that_are_no_power_of_two_plus_one_are_refused(generator, nodes):
+    with pytest.raises(InputError, match=rf"^nodes {nodes}: give 2\^k \+ 1, as 3, 5, 9"):
+        surface(generator, nodes)
+
+
+@pytest.mark.parametrize("hurst", [-0.1, 1.1, math.nan, math.inf])
+def test_hurst_exponents_that_are_none_are_refused(hurst):
+    with pytest.raises(InputError, match=r"^hurst .*: give a Hurst exponent from 0 to 1$"):
+        surface("midpoint", 5, hurst=hurst)
+
+
+@pytest.mark.parametrize("sigma0", [-1.0, math.nan, math.inf])
+def test_standard_deviations_that_are_none_are_refused(sigma0):
+    with pytest.raises(InputError, match=r"^sigma0 .*: give a standard deviation of 0 um or more$"):
+        surface("midpoint", 5, sigma0=sigma0)
+
+
+def test_unknown_generator_is_refused_with_those_there_are():
+    with pytest.raises(InputError, match=r"^generator 'brown': .*diamond-square, midpoint$"):
+        surface("brown", 5)
+
+
+# ---------------------------------------------------------------- files
+
+
+def write(folder: Path, name: str, content: bytes | str) -> Path:
+    path = folder / name
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+def npy(array: object) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array, allow_pickle=True)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("name", "nodes", "corner", "highest"),
+    [("sup2.dat", 5, 57.299175, 108.39591), ("sup5.dat", 33, 52.358399, None)],
+)
+def test_reads_the_topologies_of_mirco(name, nodes, corner, highest):
+    path = MIRCO / name
+    if not path.exists():
+        pytest.skip(f"{path} is absent")
+    heights = load(path)
+    assert heights.shape == (nodes, nodes)
+    assert heights[0, 0] == heights[0, -1] == heights[-1, 0] == heights[-1, -1] == corner
+    assert highest is None or heights.max() == highest
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1 2 3\n4 5 6\n",
+        "  1\t2   3  \r\n\r\n4 5 6",
+        "1,2,3\n4, 5, 6,\n",
+        "   1.0e+00;   2.0e+00;   3.0e+00;\n   4.0e+00;   5.0e+00;   6.0e+00;\n",
+        "# width 3, height 2; from a profilometer\n1;2;3 # first\n\n4;5;6\n# end\n",
+        "\ufeff1 2 3\n4 5 6",
+    ],
+)
+def test_reads_text_with_any_separator_and_comments(tmp_path, text):
+    heights = load(write(tmp_path, "heights.txt", text))
+    assert np.array_equal(heights, [[1, 2, 3], [4, 5, 6]])
+    assert heights.dtype == np.float64
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    array=hnp.arrays(
+        st.sampled_from(["<f8", ">f8", "<f4", "<f2", "<i4", "|u1"]),
+        hnp.array_shapes(min_dims=2, max_dims=2, min_side=2, max_side=6),
+        elements={"min_value": 0, "max_value": 255},
+    ),
+    fortran=st.booleans(),
+)
+def test_reads_real_npy_of_any_width_byte_order_and_layout(array, fortran, tmp_path_factory):
+    stored = np.asfortranarray(array) if fortran else array
+    heights = load(write(tmp_path_factory.mktemp("npy"), "heights.npy", npy(stored)))
+    assert np.array_equal(heights, array)
+    assert heights.dtype == np.float64
+    assert heights.dtype.isnative
+    assert heights.flags.c_contiguous
+
+
+def test_heights_are_not_shifted_and_survive_the_round_trip(tmp_path):
+    heights = surface("midpoint", 17) - 1e3
+    assert np.array_equal(load(write(tmp_path, "heights.npy", npy(heights))), heights)
+    np.savetxt(tmp_path / "heights.csv", heights, delimiter=",", fmt="%.17g", header="um")
+    assert np.array_equal(load(tmp_path / "heights.csv"), heights)
+
+
+def test_npy_is_known_by_its_content_whatever_its_name(tmp_path):
+    assert load(write(tmp_path, "heights.dat", npy(np.eye(3)))).shape == (3, 3)
+
+
+GOOD = npy(np.eye(4))
+TERABYTES = GOOD.replace(b"(4, 4), }" + b" " * 12, b"(9999999, 9999999), }")  # header as long
+FAULTS = {
+    "no array": ("a.npy", b"1 2\n3 4\n", r"not a whole \.npy file \(.*magic"),
+    "empty npy": ("a.npy", b"", r"not a whole \.npy file \("),
+    "header alone": ("a.npy", GOOD[:40], r"not a whole \.npy file \("),
+    "cut off": ("a.npy", GOOD[:-9], r"not a whole \.npy file \("),
+    "broken header": ("a.npy", GOOD.replace(b"'descr'", b"'{([\x00'"), r"not a whole \.npy"),
+    "claims terabytes": ("a.npy", TERABYTES, r"not a whole \.npy file \("),
+    "objects": ("a.npy", npy(np.array([[1, "a"], [None, 2]], dtype=object)), "Object arrays"),
+    "pickle": ("a.npy", pickle.dumps([[1.0, 2.0], [3.0, 4.0]]), r"not a whole \.npy file"),
+    "zip": ("a.npy", b"PK\x03\x04" + b"\x00" * 40, r"not a whole \.npy file"),
+    "complex": ("a.npy", npy(np.eye(3) * 1j), "holds complex128 values; save real numbers"),
+    "truth values": ("a.npy", npy(np.eye(3) > 0), "holds bool values; save real numbers"),
+    "texts": ("a.npy", npy(np.array([["1", "2"], ["3", "4"]])), "holds <U1 values; save real"),
+    "dates": ("a.npy", npy(np.zeros((2, 2), "M8[s]")), r"holds datetime64\[s\] values"),
+    "one number": ("a.npy", npy(np.float64(3.0)), "holds a single number; give 2-D heights"),
+    "one axis": ("a.npy", npy(np.zeros(9)), "holds 9; give 2-D heights, 2 x 2 or more"),
+    "three axes": ("a.npy", npy(np.zeros((3, 3, 3))), "holds 3 x 3 x 3; give 2-D heights"),
+    "no rows": ("a.npy", npy(np.zeros((0, 5))), "holds no heights; give 2-D heights"),
+    "one row": ("a.npy", npy(np.zeros((1, 5))), "holds 1 x 5; give 2-D heights"),
+    "one column": ("a.npy", npy(np.zeros((5, 1))), "holds 5 x 1; give 2-D heights"),
+    "not finite": (
+        "a.npy",
+        npy(np.array([[1, np.nan], [np.inf, -np.inf]])),
+        "3 of 4 heights are NaN or infinite",
+    ),
+    "nan in text": ("a.txt", "1 2\nnan 1e999\n", "2 of 4 heights are NaN or infinite"),
+    "words": ("a.txt", "# heights\n1 2\n3 x4\n", "line 3: 'x4' is not a number; give numbers sep"),
+    "complex text": ("a.txt", "1 2\n3 4j\n", "line 2: '4j' is not a number"),
+    "decimal commas": ("a.csv", "1,5;2,5\n3,5;4,5\n", "line 1: '1,5' is not a number"),
+    "more decimal commas": ("a.csv", "1,5 2,5\n3,5 4,5\n", "line 1: '5 2' is not a number"),
+    "a gap": ("a.csv", "1,2,3\n4,,6\n", "line 2: '' is not a number"),
+    "ragged": ("a.dat", "1;2;3;\n\n4;5;\n", "line 3: 2 numbers where the first row has 3; give"),
+    "empty text": ("a.txt", "", "holds no heights; give 2-D heights"),
+    "comments alone": ("a.txt", "# nothing\n\n", "holds no heights; give 2-D heights"),
+    "one line": ("a.txt", "1 2 3\n", "holds 1 x 3; give 2-D heights"),
+    "image": ("a.png", b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", r"is neither \.npy nor text"),
+    "HDF5": ("a.h5", b"\x89HDF\r\n\x1a\n\x00\x00", r"is neither \.npy nor text"),
+    "utf-16": ("a.txt", "1 2\n3 4\n".encode("utf-16"), r"is neither \.npy nor text"),
+    "latin-1": ("a.txt", b"1 2\n3 \xb5\n", "line 2: '\ufffd' is not a number"),
+}
+
+
+@pytest.mark.parametrize(("name", "content", "fault"), FAULTS.values(), ids=FAULTS)
+def test_files_that_hold_no_heights_are_refused_in_one_line(tmp_path, name, content, fault):
+    path = write(tmp_path, name, content)
+    with pytest.raises(InputError, match=fault) as refusal:
+        load(path)
+    message = str(refusal.value)
+    assert message.startswith(str(path))
+    assert "\n" not in message
+    assert any(allowed in message for allowed in ("; give", "; save"))
+    assert len(message) < len(str(path)) + 220
+
+
+@pytest.mark.skipif(
+    np.finfo(np.longdouble).max == np.finfo(np.float64).max, reason="no wide floats"
+)
+def test_heights_beyond_double_precision_are_refused(tmp_path):
+    path = write(tmp_path, "a.npy", npy(np.full((2, 2), np.finfo(np.longdouble).max)))
+    with pytest.raises(InputError, match="4 of 4 heights are NaN or infinite"):
+        load(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [
+        ("absent.npy", "No such file or directory"),
+        ("folder", "Is a directory"),
+        ("x" * 300, "File name too long"),
+        ("nu\0l", "null byte"),
+    ],
+)
+def test_paths_that_cannot_be_read_are_refused(tmp_path, name, fault):
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(
+        InputError, match=rf"cannot be read \(.*{fault}.*; give a \.npy or text file"
+    ):
+        load(tmp_path / name)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    edits=st.lists(st.tuples(st.integers(0, len(GOOD) - 1), st.integers(0, 255)), max_size=4),
+    length=st.integers(0, len(GOOD)),
+    name=st.sampled_from(["a.npy", "a.dat"]),
+)
+def test_no_broken_npy_raises_anything_else(edits, length, name, tmp_path_factory):
+    content = bytearray(GOOD)
+    for position, byte in edits:
+        content[position] = byte
+    assert_heights_or_refusal(tmp_path_factory.mktemp("npy"), name, bytes(content[:length]))
+
+
+@settings(max_examples=150, deadline=None)
+@given(text=st.text("0123456789.,;# \n\teE+-naif_é", max_size=40) | st.binary(max_size=40))
+def test_no_text_raises_anything_else(text, tmp_path_factory):
+    assert_heights_or_refusal(tmp_path_factory.mktemp("text"), "a.txt", text)
+
+
+def assert_heights_or_refusal(folder: Path, name: str, content: bytes | str) -> None:
+    outcome = heights_or_refusal(write(folder, name, content))
+    if isinstance(outcome, str):
+        assert "\n" not in outcome
+    else:
+        assert min(outcome.shape) >= 2
+        assert np.isfinite(outcome).all()
+
+
+def heights_or_refusal(path: Path) -> np.ndarray | str:
+    try:
+        return load(path)
+    except InputError as refusal:
+        return str(refusal)

@@ -1,0 +1,73 @@
+"""The main job under mpiexec: the same bytes as serially, errors once, never a hang."""
+
+import pytest
+from databases import deterministic_bytes, status
+from launch import launch, mpiexec
+
+SMALL = "samples = 75\n{}\n[surface]\nnodes = 33\n"
+
+pytestmark = [
+    pytest.mark.mpi,
+    pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'"),
+]
+
+
+@pytest.fixture(scope="module", params=[1, 5], ids=["one-a-surface", "five-a-surface"])
+def serial(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("serial")
+    (folder / "small.toml").write_text(SMALL.format(f"samples_per_surface = {request.param}"))
+    done = launch(0, "run", "small.toml", "-o", "serial.h5", folder=folder)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_any_number_of_ranks_gives_the_same_bytes(serial, ranks):
+    done = launch(ranks, "run", "small.toml", "-o", f"{ranks}.h5", folder=serial)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("75 rows done, 0 failed, 0 pending") == 1
+    assert deterministic_bytes(serial / f"{ranks}.h5") == deterministic_bytes(serial / "serial.h5")
+
+
+def test_every_worker_worked(serial):
+    import h5py
+
+    done = launch(4, "run", "small.toml", "-o", "shared.h5", folder=serial)
+    assert done.returncode == 0, done.stderr
+    with h5py.File(serial / "shared.h5", "r") as file:
+        assert set(file["runtime/rank"][:]) == {1, 2, 3}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["run", "quik", "-o", "x.h5"], "quik"),
+        (["run", "small.toml", "-o", "nowhere/x.h5"], "nowhere"),
+        (["run", "small.toml", "-o", "small.toml"], "not a database"),
+        (["run", "small.toml"], "--output"),
+        (["info", "missing.h5"], "missing.h5"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2_on_three_ranks(tmp_path, arguments, expected):
+    (tmp_path / "small.toml").write_text(SMALL.format(""))
+    done = launch(3, *arguments, folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.count("gen:") == 1
+    assert expected in done.stderr
+    assert "Traceback" not in done.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"small.toml"}
+
+
+def test_a_bug_in_a_worker_ends_all_ranks(tmp_path):
+    (tmp_path / "small.toml").write_text(SMALL.format(""))
+    (tmp_path / "buggy.py").write_text(
+        "import sys\n"
+        "import bem\n"
+        "from gen import cli\n"
+        "bem.solve = None\n"
+        "sys.exit(cli.main(['run', 'small.toml', '-o', 'x.h5']))\n"
+    )
+    done = launch(3, folder=tmp_path, module="buggy")
+    assert done.returncode not in {0, 2}
+    assert "TypeError" in done.stderr
+    assert not (status(tmp_path / "x.h5") == 1).any()
