@@ -17,6 +17,10 @@ Nodes = NDArray[np.intp]
 # Residual reduction asked of conjugate gradients before the active set is looked at again.
 INNER_REDUCTION = 0.2
 
+# Projected steps before the first contact set is taken: none, one, two and three cost 33.3, 33.3,
+# 29.4 and 32.1 convolutions a solve on the paper's distribution.
+FIRST_STEPS = 2
+
 
 class Operators(Protocol):
     """The influence matrix of the m nodes and its approximate inverse."""
@@ -48,6 +52,10 @@ class Iterate:
     iterations: int = 0
     convolutions: int = 0
 
+    def contact(self) -> Nodes:
+        """Nodes under pressure, and nodes that would penetrate."""
+        return np.flatnonzero((self.pressure > 0) | (self.residual > 0))
+
     def violation(self) -> float:
         """Largest |w| in contact or -w outside, in units of Delta; zero for the exact solution."""
         wrong = np.where(self.pressure > 0, np.abs(self.residual), self.residual)
@@ -76,7 +84,8 @@ def solve_complementarity(
         recomputed from the pressure
     """
     iterate = Iterate(np.zeros_like(interference), interference.copy())
-    exact = True
+    _take_first_steps(operators, interference, iterate)
+    exact = not iterate.convolutions
     while True:
         if iterate.violation() <= rtol or iterate.iterations >= max_iterations:
             if exact:
@@ -85,10 +94,33 @@ def solve_complementarity(
             iterate.convolutions += 1
             exact = True
             continue
-        contact = np.flatnonzero((iterate.pressure > 0) | (iterate.residual > 0))
+        contact = iterate.contact()
         _solve_in_contact(operators, contact, iterate, rtol / 2, max_iterations)
         _cut_off_tension(operators, contact, iterate)
         exact = False
+
+
+def _take_first_steps(operators: Operators, interference: Values, iterate: Iterate) -> None:
+    """Preconditioned steps cut off at zero, each scaled to the least energy on its ray.
+
+    They find most of what is out of contact for one convolution each.
+    """
+    for _ in range(FIRST_STEPS):
+        contact = iterate.contact()
+        pressure = iterate.pressure.copy()
+        pressure[contact] += operators.precondition_some(contact, iterate.residual[contact])
+        loaded = np.flatnonzero(pressure > 0)
+        if not loaded.size:
+            return
+        values = pressure[loaded]
+        image = operators.displace_some(loaded, values)
+        scale = _inner(interference[loaded], values) / _inner(values, image[loaded])
+        iterate.convolutions += 1
+        if not scale > 0:
+            return
+        iterate.pressure[:] = 0
+        iterate.pressure[loaded] = scale * values
+        iterate.residual = interference - scale * image
 
 
 def _solve_in_contact(

@@ -234,7 +234,7 @@ def extend(path: Path, scene: Scene, *, force: bool = False) -> None:
         rows = found.samples
         if scene.samples <= rows:
             raise InputError(f"{path} has {rows} samples; to extend it ask for more")
-        attributes = dict(old.attrs) | _identity(scene)
+        attributes = _attributes(old) | _identity(scene)
         with _new_file(path, scene, replace=True) as temporary:
             _lay_out(temporary, scene, attributes)
             with _open(temporary, writing=True) as new:
@@ -295,7 +295,7 @@ def _put_in_place(temporary: Path, path: Path) -> None:
         temporary.rename(path)
 
 
-def _lay_out(path: Path, scene: Scene, attributes: Mapping[str, Any]) -> None:
+def _lay_out(path: Path, scene: Scene, attributes: Mapping[str, str | int]) -> None:
     """Write dimensions, attributes and empty columns.
 
     HDF5 allocates the columns but does not fill them: when the disk runs full inside HDF5's own
@@ -306,7 +306,7 @@ def _lay_out(path: Path, scene: Scene, attributes: Mapping[str, Any]) -> None:
     # the mark. Creation order is kept: readers then list the columns in the schema's order.
     with h5py.File(path, "w", libver=("v108", "v110"), track_order=True, locking=False) as file:
         for name, value in attributes.items():
-            file.attrs[name] = value
+            _set(file, name, value)
         axes = {"sample": scene.samples}
         if any(column.shape_of for column in columns):
             axes |= dict(zip("xy", scene.shape, strict=True))
@@ -335,12 +335,33 @@ def _add(
     )
     for axis, scale in enumerate(dimensions[: len(shape)]):
         dataset.dims[axis].attach_scale(scale)
-    dataset.attrs["long_name"] = column.long_name
+    _set(dataset, "long_name", column.long_name)
     if column.unit:
-        dataset.attrs["units"] = column.unit
+        _set(dataset, "units", column.unit)
     if flags := FLAGS.get(column):
         dataset.attrs["flag_values"] = np.array(list(flags), dtype=column.dtype)
-        dataset.attrs["flag_meanings"] = " ".join(_word(text) for text in flags.values())
+        _set(dataset, "flag_meanings", " ".join(_word(text) for text in flags.values()))
+
+
+def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
+    """Add an attribute; texts of fixed length.
+
+    HDF5 keeps texts of variable length in a heap without checksums: where that is damaged it may
+    read forever.
+    """
+    if isinstance(value, str):
+        data = value.encode()
+        node.attrs.create(name, data, dtype=h5py.string_dtype("utf-8", max(1, len(data))))
+    else:
+        node.attrs[name] = value
+
+
+def _attributes(file: h5py.File) -> dict[str, str | int]:
+    """Read the file's texts and numbers."""
+    return {
+        name: value.decode() if isinstance(value, bytes) else int(value)
+        for name, value in file.attrs.items()
+    }
 
 
 def _word(text: str) -> str:
@@ -357,7 +378,7 @@ def _fill(file: h5py.File, scene: Scene, first: int) -> None:
             dataset[start:stop] = np.full(shape, column.fill, dtype=column.dtype)
 
 
-def _identity(scene: Scene) -> dict[str, Any]:
+def _identity(scene: Scene) -> dict[str, str | int]:
     """Attributes that say which rows a file is made for."""
     return {
         "title": scene.title or "Contact of rough surfaces",
@@ -367,7 +388,7 @@ def _identity(scene: Scene) -> dict[str, Any]:
     }
 
 
-def _provenance(scene: Scene) -> dict[str, Any]:
+def _provenance(scene: Scene) -> dict[str, str | int]:
     """All attributes of a new file."""
     return {
         "Conventions": "CF-1.11",
@@ -452,25 +473,35 @@ def _unreadable(path: Path, error: OSError) -> str:
 
 def _checked(file: h5py.File, path: Path) -> Scene:
     """Scene of a database of this layout; refuses all else."""
-    attributes = file.attrs
-    if not all(name in attributes for name in ("schema", "physics", "scene", "samples")):
-        raise InputError(f"{path} is HDF5 but not a database of Asperity; give another name")
-    schema = attributes["schema"]
-    if schema != SCHEMA:
-        raise InputError(
-            f"{path} has layout {schema}, this version reads layout {SCHEMA}; "
-            f"use the version that made it ({attributes.get('versions', 'unknown')})"
-        )
-    scene = Scene.from_text(str(attributes["scene"]), str(path))
+    try:
+        if not all(name in file.attrs for name in ("schema", "physics", "scene", "samples")):
+            raise InputError(f"{path} is HDF5 but not a database of Asperity; give another name")
+        attributes = _attributes(file)
+        schema = attributes["schema"]
+        if schema != SCHEMA:
+            raise InputError(
+                f"{path} has layout {schema}, this version reads layout {SCHEMA}; "
+                f"use the version that made it ({attributes.get('versions', 'unknown')})"
+            )
+        scene = Scene.from_text(str(attributes["scene"]), str(path))
+        fault = _missing_column(file, scene)
+    except InputError:
+        raise
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:  # all by h5py
+        fault = _first_line(error)
+    if fault:
+        raise InputError(f"{path} is damaged ({fault}); restore it from a copy or remove it")
+    return scene
+
+
+def _missing_column(file: h5py.File, scene: Scene) -> str:
+    """What is wrong with the file's columns, "" if nothing."""
     for column in columns_for(scene.store):
         shape = column.shape(scene.samples, scene.surface.nodes)
         dataset = file.get(column.path)
         if dataset is None or dataset.shape != shape or dataset.dtype != np.dtype(column.dtype):
-            raise InputError(
-                f"{path} is damaged: no column {column.path!r} of type {column.dtype} and shape "
-                f"{shape}; restore it from a copy or remove it"
-            )
-    return scene
+            return f"no column {column.path!r} of type {column.dtype} and shape {shape}"
+    return ""
 
 
 def _checked_for(file: h5py.File, path: Path, scene: Scene, *, force: bool) -> Scene:
@@ -717,8 +748,7 @@ class Reader(_OpenDatabase):
     @property
     def attributes(self) -> dict[str, str | int]:
         """What the file says about itself: scene, versions, commit, numbers of layout, physics."""
-        attributes = self._file.attrs.items()
-        return {name: value if isinstance(value, str) else int(value) for name, value in attributes}
+        return _attributes(self._file)
 
     @property
     def size_bytes(self) -> int:
@@ -822,7 +852,7 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         largest = max(scenes, key=lambda path: scenes[path].samples)
         scene = scenes[largest]
         forced = max(int(file.attrs["physics_forced"]) for file in files.values())
-        attributes = dict(files[largest].attrs) | {"physics_forced": forced}
+        attributes = _attributes(files[largest]) | {"physics_forced": forced}
         with _new_file(target, scene) as temporary:
             _lay_out(temporary, scene, attributes)
             with _open(temporary, writing=True) as file:
