@@ -22,6 +22,10 @@ class HalfSpace:
     kernel, aspect : see `bem.influence.influence_coefficients`
     nodes : (m,) flat indices of the nodes
     softening : 1 / s of a compliant far field, H - 1 1^T / s; 0 for a rigid one
+
+    Attributes
+    ----------
+    norm : upper bound of the largest eigenvalue
     """
 
     def __init__(
@@ -33,6 +37,7 @@ class HalfSpace:
         softening: float = 0.0,
     ) -> None:
         self._softening = softening
+        self.norm = displacement_filter(shape, kernel, aspect).largest
         self._double = Selection(displacement_filter(shape, kernel, aspect), nodes)
         self._single = Selection(displacement_filter(shape, kernel, aspect, "float32"), nodes)
         self._inverse = Selection(circulant_inverse(shape, kernel, aspect, "float32"), nodes)
