@@ -1,0 +1,74 @@
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gen import schema, statistics
+from gen.scene import Store
+from gen.schema import COLUMNS, REASON, REASONS, RUNTIME, STATUS, Reason
+
+OPTIONAL = ("mean_gap", "largest_pressure", "perimeter", "heights", "pressure")
+
+
+def test_status_leads_and_names_are_unique():
+    assert COLUMNS[:2] == (STATUS, REASON)
+    assert len({column.name for column in COLUMNS}) == len(COLUMNS)
+
+
+def test_every_column_is_a_type_of_numpy_and_explained():
+    for column in COLUMNS:
+        assert np.array(column.fill, dtype=column.dtype).shape == ()
+        assert column.long_name
+        assert column.unit or column.dtype[0] == "S"
+
+
+def test_statistics_are_those_that_are_computed_in_the_order_of_table_1():
+    assert tuple(column.name for column in schema.statistics_columns()) == statistics.NAMES
+    assert all(column.paper_range for column in schema.statistics_columns())
+
+
+def test_ranges_ascend():
+    for column in COLUMNS:
+        if column.paper_range:
+            assert column.paper_range[0] < column.paper_range[1]
+
+
+def test_only_runtime_differs_between_runs():
+    assert {column.group for column in COLUMNS if not column.deterministic} == {RUNTIME}
+    assert {column.group for column in COLUMNS if column.deterministic} == {""}
+
+
+def test_scene_flags_are_the_optional_columns():
+    assert tuple(column.optional for column in COLUMNS if column.optional) == OPTIONAL
+    assert set(Store.model_fields) == set(OPTIONAL)
+
+
+@pytest.mark.parametrize("flag", OPTIONAL)
+def test_flag_adds_its_column(flag):
+    least = schema.columns_for(Store())
+    more = schema.columns_for(Store(**{flag: True}))
+    assert {column.name for column in more} - {column.name for column in least} == {flag}
+
+
+def test_missing_flag_is_refused():
+    with pytest.raises(AttributeError):
+        schema.columns_for(SimpleNamespace(mean_gap=True))
+
+
+def test_fields_have_nodes():
+    shapes = {column.name: column.shape(7, 9) for column in COLUMNS}
+    assert shapes["heights"] == shapes["pressure"] == (7, 9, 9)
+    assert shapes["force"] == (7,)
+
+
+def test_every_reason_has_a_text():
+    assert set(REASONS) == set(Reason)
+    assert [REASONS[code] == "" for code in Reason] == [True] + [False] * 5
+
+
+def test_table_has_every_column_and_table_1s_ranges():
+    lines = schema.markdown_table().splitlines()
+    assert len(lines) == len(COLUMNS) + 2
+    assert all(line.count("|") == 5 for line in lines)
+    assert "| `area_percent` | % | effective contact area | 0.01 to 16.56 |" in lines
+    assert "| `runtime/rank` | 1 | MPI rank that computed the sample |  |" in lines
