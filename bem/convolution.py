@@ -183,7 +183,8 @@ def _make_displacement_filter(
 def _make_circulant_inverse(
     shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str
 ) -> Filter:
-    periods = tuple(2 * int(fft.next_fast_len((nodes + 1) // 2, real=True)) for nodes in shape)
+    rows, columns = (2 * int(fft.next_fast_len((nodes + 1) // 2, real=True)) for nodes in shape)
+    periods = rows, columns
     table = influence_coefficients(periods, kernel, aspect)
     for axis, period in enumerate(periods):
         # Per axis c_k = ((m - k) t_k + k t_(m - k)) / m: the mean over each wrapped diagonal.

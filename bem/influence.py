@@ -17,8 +17,11 @@ KERNELS: tuple[Kernel, ...] = get_args(Kernel)
 # 1/r over the cell to the last digit from there on (the error falls as (2 d)^(-2 points)).
 QUADRATURE = ((3.0, 8), (16.0, 5), (128.0, 3))
 
+# Grids up to these sizes are cut from one table, since boxes round what may touch come in many
+# shapes: it covers 129 and 257 nodes and the circulants that precondition them.
+SHARED = (160, 288)
 
-@lru_cache(maxsize=8)
+
 def influence_coefficients(
     shape: tuple[int, int], kernel: Kernel = "uniform-pressure", aspect: float = 1.0
 ) -> NDArray[np.float64]:
@@ -42,6 +45,13 @@ def influence_coefficients(
     ValueError
         for an unknown kernel
     """
+    larger = next((size for size in SHARED if max(shape) <= size), None)
+    table = _table(shape if larger is None else (larger, larger), kernel, aspect)
+    return table[: shape[0], : shape[1]]
+
+
+@lru_cache(maxsize=8)
+def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> NDArray[np.float64]:
     rows, columns = np.ogrid[: shape[0], : shape[1]]
     if kernel == "uniform-pressure":
         table = _uniform_pressure(rows, columns, aspect)

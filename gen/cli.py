@@ -50,24 +50,53 @@ def run(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="The database to write.")
     ],
+    rows: Annotated[
+        str, typer.Option(metavar="A:B", help="Only the rows A to B - 1: a job array's share.")
+    ] = "",
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="Compute failed rows again.")
+    ] = False,
     force: Annotated[
         bool, typer.Option("--force", help="Go on with a file of another physics number.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what would be generated, and write nothing.")
     ] = False,
 ) -> int:
     """Generate a database, or go on where an earlier run stopped.
 
     Alone it works serially; started as `mpiexec -n 9 python -m mpi4py -m gen run ...` rank 0 hands
-    out the samples and writes, the others compute.
+    out the samples and writes, the others compute. Interrupted, it finishes what is in flight; the
+    same command goes on.
     """
-    from gen.run import generate_database
-
     world = farm.this_world()
-    outcome = generate_database(scene, output, world, force=force)
+    if dry_run:
+        if world.is_master:
+            from gen import display
+            from gen.forecast import plan_of
+            from gen.scene import load
+
+            display.print_plan(plan_of(load(scene)), output)
+        return 0
+    from gen.run import Request, generate_database
+
+    request = Request(scene, output, _range(rows), retry_failed, force)
+    outcome = generate_database(request, world)
     if world.is_master:
         from gen import display
 
         display.print_outcome(output, outcome)
     return 128 + outcome.signal if outcome.signal and outcome.counts.pending else 0
+
+
+def _range(text: str) -> tuple[int, int] | None:
+    """Rows from "100:200"; None from nothing."""
+    if not text:
+        return None
+    first, _, last = text.partition(":")
+    if not (first.isdecimal() and last.isdecimal()):
+        raise InputError(f"--rows {text!r}: give two row numbers, as 0:1000")
+    return int(first), int(last)
 
 
 @app.command()
@@ -150,3 +179,61 @@ def columns() -> None:
     from gen.schema import markdown_table
 
     typer.echo(markdown_table())
+
+
+@app.command()
+def check(
+    file: Database,
+    recompute: Annotated[
+        int, typer.Option(metavar="N", min=0, help="Rows to compute again, bit for bit.")
+    ] = 16,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the choice of rows.")] = 0,
+) -> int:
+    """Check a database: statuses, values, its plan, and N random rows computed again.
+
+    Exit code 0 if all is well, 1 if not.
+    """
+    if not farm.this_world().is_master:
+        return 0
+    from gen.check import faults
+
+    count = 0
+    for fault in faults(file, recompute, seed):
+        count += 1
+        typer.echo(f"{file}: {fault}")
+    if not count:
+        typer.echo(f"{file}: sound; up to {recompute} rows computed again, bit for bit")
+    return 1 if count else 0
+
+
+@app.command()
+def merge(
+    files: Annotated[list[Path], typer.Argument(metavar="FILES", help="Databases of one scene.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="The database to write.")
+    ],
+) -> None:
+    """Join databases whose rows were computed by different jobs."""
+    if not farm.this_world().is_master:
+        return
+    from gen import database
+
+    pending, done, failed = database.merge(output, files)
+    typer.echo(f"{output}: {done} rows done, {failed} failed, {pending} pending")
+
+
+@app.command()
+def estimate(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name, or a TOML file.")],
+    ranks: Annotated[
+        int, typer.Option(min=1, help="Processes of the run; rank 0 computes nothing.")
+    ] = 1,
+) -> None:
+    """Measure a few samples and say what the run takes: time, memory, disk."""
+    if not farm.this_world().is_master:
+        return
+    from gen import display, forecast
+    from gen.scene import load
+
+    asked_for = load(scene)
+    display.print_estimate(forecast.plan_of(asked_for), forecast.estimate(asked_for, ranks))

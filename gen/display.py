@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # a table of statistics needs no solver, one of a contact no 
 
     from bem import Contact
     from gen.database import Reader
+    from gen.forecast import Estimate, Plan
     from gen.run import Outcome
     from gen.statistics import Description
 
@@ -71,6 +72,43 @@ def print_database(reader: Reader) -> None:
     )
     if counts.done:
         console.print(_ranges_table(reader))
+
+
+def print_plan(plan: Plan, path: Path | None = None) -> None:
+    """Print a scene's plan in numbers.
+
+    Parameters
+    ----------
+    plan : from `gen.forecast.plan_of`
+    path : the database that would be written
+    """
+    console = _console()
+    low, mean, high = plan.delta
+    console.print(
+        f"{plan.samples} samples on {plan.surfaces} surfaces of {plan.nodes} x {plan.nodes} nodes"
+    )
+    console.print(f"  Delta     {low:.4g} to {high:.4g} um, {mean:.4g} um on average")
+    console.print(f"  file      {plan.file_bytes / 1e6:.1f} MB")
+    if path is not None:
+        state = "exists" if path.exists() else "does not exist yet"
+        console.print(f"  output    {path} {state}; nothing was written")
+
+
+def print_estimate(plan: Plan, estimate: Estimate) -> None:
+    """Print what a run is going to take.
+
+    Parameters
+    ----------
+    plan, estimate : from `gen.forecast`
+    """
+    print_plan(plan)
+    console = _console()
+    hours, rest = divmod(round(estimate.seconds), 3600)
+    console.print(
+        f"  time      {hours}:{rest // 60:02}:{rest % 60:02} h on {estimate.workers} worker(s):"
+        f" {estimate.milliseconds:.2f} ms a sample, mean of {estimate.measured} measured here"
+    )
+    console.print(f"  memory    {estimate.memory_bytes / 1e6:.0f} MB on all ranks")
 
 
 def print_contact(contact: Contact, seconds: float) -> None:

@@ -15,13 +15,12 @@ class RunProgress:
 
     Parameters
     ----------
-    finished : rows that earlier runs finished
-    total : rows of the database
+    total : rows that this run is to finish
     """
 
-    def __init__(self, finished: int, total: int) -> None:
+    def __init__(self, total: int) -> None:
         self._console = Console(stderr=True)
-        self._finished, self._total = finished, total
+        self._total = total
         self._here = self._failed = 0
         self._began = self._last_line = time.monotonic()
         self._bar = Progress(
@@ -32,7 +31,7 @@ class RunProgress:
             console=self._console,
             disable=not self._console.is_terminal,
         )
-        self._task = self._bar.add_task("samples", total=total, completed=finished, pace="")
+        self._task = self._bar.add_task("samples", total=total, pace="")
 
     def __enter__(self) -> Self:
         """Start the clock and the bar."""
@@ -50,7 +49,7 @@ class RunProgress:
         """Count rows that have been written, `failed` of them as failures."""
         self._here += rows
         self._failed += failed
-        self._bar.update(self._task, completed=self._finished + self._here, pace=self._pace())
+        self._bar.update(self._task, completed=self._here, pace=self._pace())
         if not self._console.is_terminal and time.monotonic() > self._last_line + LINE_SECONDS:
             self._print_line()
 
@@ -60,13 +59,12 @@ class RunProgress:
 
     def _print_line(self) -> None:
         self._last_line = time.monotonic()
-        done = self._finished + self._here
-        share = 100 * done / self._total
-        self.say(f"{done} of {self._total} samples ({share:.1f} %), {self._pace()}")
+        share = 100 * self._here / self._total
+        self.say(f"{self._here} of {self._total} samples ({share:.1f} %), {self._pace()}")
 
     def _pace(self) -> str:
         rate = self._here / max(time.monotonic() - self._began, 1e-9)
-        left = (self._total - self._finished - self._here) / rate if rate else 0.0
+        left = (self._total - self._here) / rate if rate else 0.0
         return f"{rate:.1f} samples/s, {self._failed} failed, {_duration(left)} left"
 
 

@@ -14,7 +14,7 @@ from gen.interruption import Interruption
 from gen.progress import RunProgress
 from gen.sample import Rows, compute_rows
 from gen.scene import Scene, load
-from gen.schema import Status, columns_for
+from gen.schema import Status, row_bytes
 
 BLOCK_ROWS = 64
 """Rows of a block at most: half a second of the paper's solves, 36,500 rows/s to write."""
@@ -39,17 +39,33 @@ class Outcome:
     message: str
 
 
-def generate_database(
-    scene_name: str, path: Path, world: farm.World, *, force: bool = False
-) -> Outcome:
+@dataclass(frozen=True)
+class Request:
+    """What to generate and where.
+
+    Attributes
+    ----------
+    scene : a shipped scene's name, or the path of a TOML file
+    path : the database
+    rows : first row and one past the last of those to compute, None for all; a job array's share
+    retry_failed : True to compute failed rows again
+    force : True to continue a file of another physics number
+    """
+
+    scene: str
+    path: Path
+    rows: tuple[int, int] | None = None
+    retry_failed: bool = False
+    force: bool = False
+
+
+def generate_database(request: Request, world: farm.World) -> Outcome:
     """Create or continue a database; every process of the world has to call it.
 
     Parameters
     ----------
-    scene_name : a shipped scene's name, or the path of a TOML file
-    path : the database
+    request : what to generate and where
     world : the processes; the master reads, checks and writes, the others compute
-    force : True to continue a file of another physics number
 
     Raises
     ------
@@ -62,7 +78,7 @@ def generate_database(
         refusal = ""
         if world.is_master:
             try:
-                job = stack.enter_context(_Job(scene_name, path, force=force))
+                job = stack.enter_context(_Job(request))
                 scene = job.scene
             except InputError as error:
                 refusal = str(error)
@@ -76,20 +92,26 @@ def generate_database(
 
 
 class _Job:
-    """The master's side of a run: the locked, open file and what it lacks.
+    """The master's side of a run: the locked, open file and what it lacks."""
 
-    Parameters as for `generate_database`.
-    """
-
-    def __init__(self, scene_name: str, path: Path, *, force: bool) -> None:
-        self._stack = ExitStack()
-        with self._stack:
-            asked_for = load(scene_name)
-            self._stack.enter_context(database.lock(path))
-            self.opened = database.open_or_create(path, asked_for, force=force)
-            self.writer = self._stack.enter_context(database.Writer(path, asked_for, force=force))
+    def __init__(self, request: Request) -> None:
+        with ExitStack() as stack:
+            asked_for = load(request.scene)
+            first, last = request.rows or (0, asked_for.samples)
+            if not 0 <= first < last <= asked_for.samples:
+                raise InputError(
+                    f"--rows {first}:{last}: give first and last + 1 of the rows 0 to"
+                    f" {asked_for.samples}, as 0:{asked_for.samples}"
+                )
+            stack.enter_context(database.lock(request.path))
+            self.opened = database.open_or_create(request.path, asked_for, force=request.force)
+            self.writer = stack.enter_context(
+                database.Writer(request.path, asked_for, force=request.force)
+            )
             self.scene = self.writer.scene
-            self._stack = self._stack.pop_all()
+            self.retried = self.writer.retry_failed() if request.retry_failed else 0
+            self._rows = (first, last if request.rows else self.scene.samples)
+            self._stack = stack.pop_all()
 
     def __enter__(self) -> "_Job":
         return self
@@ -97,19 +119,19 @@ class _Job:
     def __exit__(self, *error: object) -> None:
         self._stack.close()
 
+    def pending(self) -> list[tuple[int, int]]:
+        """Ranges of the rows that this run is to finish."""
+        return self.writer.pending(*self._rows)
+
     def blocks(self, workers: int) -> Iterator[tuple[int, int]]:
         """Ranges of rows to compute, for the farm."""
-        nodes = self.scene.surface.nodes
-        row_bytes = sum(
-            np.dtype(column.dtype).itemsize * int(np.prod(column.shape(1, nodes)))
-            for column in columns_for(self.scene.store)
-        )
+        block_rows = BLOCK_BYTES // row_bytes(self.scene.store, self.scene.surface.nodes)
         return plan.blocks(
-            self.writer.pending(),
+            self.pending(),
             samples=self.scene.samples,
             samples_per_surface=self.scene.samples_per_surface,
             workers=workers,
-            largest=max(1, min(BLOCK_ROWS, BLOCK_BYTES // row_bytes)),
+            largest=max(1, min(BLOCK_ROWS, block_rows)),
         )
 
 
@@ -128,12 +150,15 @@ def _supervise(
     job: _Job, work: "partial[Rows]", world: farm.World, interruption: Interruption
 ) -> Outcome:
     """The master's part: hand out blocks, write what comes back, say how it ended."""
-    counts = job.writer.counts()
     message = ""
-    with RunProgress(counts.done + counts.failed, sum(counts)) as progress:
+    todo = sum(stop - start for start, stop in job.pending())
+    total = sum(job.writer.counts())
+    with RunProgress(todo) as progress:
+        again = f", {job.retried} failed ones among them" if job.retried else ""
+        workers = "worker" if world.workers == 1 else "workers"
         progress.say(
-            f"{job.writer.path}: {job.opened.how}, {counts.done + counts.failed} of {sum(counts)}"
-            f" rows finished; {world.workers} worker{'s' if world.workers > 1 else ''}"
+            f"{job.writer.path}: {job.opened.how}, {total} rows, {todo} to do{again};"
+            f" {world.workers} {workers}"
         )
 
         def write(block: tuple[int, int], rows: Rows) -> None:

@@ -43,7 +43,7 @@ def test_running_again_changes_nothing(folder, capsys):
     before = (folder / "small.h5").read_bytes()
     assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
     assert (folder / "small.h5").read_bytes() == before
-    assert "resumed, 24 of 24 rows finished" in capsys.readouterr().err
+    assert "resumed, 24 rows, 0 to do" in capsys.readouterr().err
 
 
 def test_failed_rows_warn_and_say_why(folder, capsys):

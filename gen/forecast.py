@@ -1,0 +1,98 @@
+"""What a scene is going to cost: its plan in numbers, and a few samples measured."""
+
+import resource
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from gen.plan import parameters
+from gen.sample import compute_rows
+from gen.scene import Scene
+from gen.schema import row_bytes
+
+MEASURED_SURFACES = 16
+"""Surfaces computed for an estimate, spread evenly over the plan."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A scene's plan in numbers.
+
+    Attributes
+    ----------
+    samples, surfaces, nodes : numbers of rows, of surfaces and of nodes a side
+    delta : smallest, mean and largest displacement of the planned rows [um]
+    file_bytes : size of the database's columns [bytes]
+    """
+
+    samples: int
+    surfaces: int
+    nodes: int
+    delta: tuple[float, float, float]
+    file_bytes: int
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A run's cost, extrapolated from measured samples.
+
+    Attributes
+    ----------
+    measured : number of rows that were computed
+    milliseconds : mean time of a sample on one worker [ms]
+    workers : processes that compute
+    seconds : of the run [s]
+    memory_bytes : of all processes [bytes]
+    """
+
+    measured: int
+    milliseconds: float
+    workers: int
+    seconds: float
+    memory_bytes: int
+
+
+def plan_of(scene: Scene, chunk_rows: int = 1_000_000) -> Plan:
+    """Go through the plan of a scene without computing anything.
+
+    Parameters
+    ----------
+    scene : what to generate
+    chunk_rows : rows looked at together
+    """
+    low, total, high = np.inf, 0.0, -np.inf
+    for start in range(0, scene.samples, chunk_rows):
+        delta = parameters(scene, start, min(start + chunk_rows, scene.samples)).delta
+        low, high = min(low, float(delta.min())), max(high, float(delta.max()))
+        total += float(delta.sum())
+    return Plan(
+        samples=scene.samples,
+        surfaces=scene.surfaces,
+        nodes=scene.surface.nodes,
+        delta=(low, total / scene.samples, high),
+        file_bytes=scene.samples * row_bytes(scene.store, scene.surface.nodes),
+    )
+
+
+def estimate(scene: Scene, ranks: int) -> Estimate:
+    """Measure a few samples here and extrapolate to a run.
+
+    Parameters
+    ----------
+    scene : what to generate
+    ranks : processes under mpiexec, of which rank 0 hands out the work; 1 works alone
+    """
+    m = scene.samples_per_surface
+    surfaces = np.unique(np.linspace(0, scene.surfaces - 1, MEASURED_SURFACES).astype(int)).tolist()
+    compute_rows(scene, 0, min(m, scene.samples))  # plans are made once a run, not once a sample
+    began, measured = time.perf_counter(), 0
+    for surface in surfaces:
+        stop = min((surface + 1) * m, scene.samples)
+        compute_rows(scene, surface * m, stop)
+        measured += stop - surface * m
+    mean = (time.perf_counter() - began) / measured
+    workers = max(ranks - 1, 1)
+    # Linux counts the largest resident set in KiB. A master holds less than a worker.
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 * max(ranks, 1)
+    return Estimate(measured, 1e3 * mean, workers, scene.samples * mean / workers, memory)
