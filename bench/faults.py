@@ -32,6 +32,9 @@ SAMPLES = 3000
 """Rows of a campaign's database: some seconds of work, so that most kills come in its midst."""
 
 VICTIMS = ("serial", "worker", "master", "mpiexec")
+LISTENING = ("serial", "master", "mpiexec")
+"""Victims that heed SIGTERM and SIGINT: workers leave that to the master."""
+
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 TIMEOUT = 120.0
 """Seconds after which a run counts as hanging."""
@@ -90,8 +93,8 @@ def campaign(folder: Path, rounds: int, seed: int = 0, samples: int = SAMPLES) -
             path.unlink()
             before = None
         victim = str(random.choice(VICTIMS))
-        number = int(random.choice([s for s in SIGNALS if s == signal.SIGKILL or victim in ENDS]))
-        delay = float(random.uniform(0.2, undisturbed))
+        number = int(random.choice([s for s in SIGNALS if s == signal.SIGKILL or victim in LISTENING]))
+        delay = float(random.uniform(0.2, 0.8 * undisturbed))
         code = _interrupt(folder, victim, number, delay)
         fault = _fault(path, before, reference, number, code)
         results.append(
@@ -106,10 +109,6 @@ def campaign(folder: Path, rounds: int, seed: int = 0, samples: int = SAMPLES) -
             )
         )
     return [*results, *_completed(folder, path, reference)]
-
-
-ENDS = ("serial", "master", "mpiexec")
-"""Who listens to SIGTERM and SIGINT: workers leave that to the master."""
 
 
 def _completed(folder: Path, path: Path, reference: Columns) -> Iterator[Round]:

@@ -91,6 +91,10 @@ class Column:
         """Shape of `rows` samples on a grid of `nodes` x `nodes`."""
         return (rows, nodes, nodes) if self.shape_of else (rows,)
 
+    def row_bytes(self, nodes: int) -> int:
+        """Bytes of one sample on a grid of `nodes` x `nodes`."""
+        return int(self.dtype[1:]) * math.prod(self.shape(1, nodes))
+
 
 def _statistic(name: str, unit: str, long_name: str, lowest: float, highest: float) -> Column:
     """Column of one of the 22 statistics, with its range in Table 1."""
@@ -186,6 +190,11 @@ def columns_for(store: object) -> tuple[Column, ...]:
     return tuple(
         column for column in COLUMNS if not column.optional or getattr(store, column.optional)
     )
+
+
+def row_bytes(store: object, nodes: int) -> int:
+    """Bytes of one row of all columns; `store` as in `columns_for`, `nodes` the nodes a side."""
+    return sum(column.row_bytes(nodes) for column in columns_for(store))
 
 
 def statistics_columns() -> tuple[Column, ...]:

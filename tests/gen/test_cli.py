@@ -72,57 +72,6 @@ def test_describe_prints_every_statistic_with_its_unit(folder, capsys):
         assert column.unit in line.split()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "expected"),
-    [
-        ([], "Missing command"),
-        (["rum"], "rum"),
-        (["run"], "SCENE"),
-        (["run", "quick"], "--output"),
-        (["run", "quik", "-o", "x.h5"], "quik"),
-        (["run", "missing.toml", "-o", "x.h5"], "missing.toml"),
-        (["run", "small.toml", "-o", "nowhere/x.h5"], "nowhere"),
-        (["run", "small.toml", "-o", "."], "folder"),
-        (["run", "small.toml", "-o", "small.toml"], "not a database"),
-        (["run", "small.toml", "-o", "x.h5", "--ranks", "3"], "--ranks"),
-        (["info", "missing.h5"], "does not exist"),
-        (["info", "small.toml"], "not a database"),
-        (["info", "."], "folder"),
-        (["plot", "missing.h5", "-o", "x.png"], "does not exist"),
-        (["contact", "paraboloid.npy", "--delta", "1"], "--side"),
-        (["contact", "paraboloid.npy", "--side", "0", "--delta", "1"], "--side '0'"),
-        (["contact", "paraboloid.npy", "--side", "1,2,3", "--delta", "1"], "1,2,3"),
-        (["contact", "paraboloid.npy", "--side", "wide", "--delta", "1"], "wide"),
-        (["contact", "paraboloid.npy", "--side", "9", "--delta", "nan"], "delta = nan"),
-        (["contact", "paraboloid.npy", "--side", "9", "--delta", "deep"], "--delta"),
-        (["contact", "paraboloid.npy", "--side", "9", "--delta", "1", "--young", "0"], "modulus"),
-        (["contact", "paraboloid.npy", "--side", "9", "--delta", "1", "--poisson", "1"], "poisson"),
-        (["contact", "paraboloid.npy", "--side", "9", "--delta", "1", "--kernel", "x"], "kernel"),
-        (["contact", "paraboloid.npy", "--side", "9", "--delta", "1", "--rtol", "0"], "rtol"),
-        (["contact", "missing.npy", "--side", "9", "--delta", "1"], "missing.npy"),
-        (["describe", "missing.npy", "--side", "9"], "missing.npy"),
-        (["describe", "paraboloid.npy", "--side", "-9"], "--side"),
-        (
-            ["contact", "paraboloid.npy", "--side", "9", "--delta", "99", "--far-field"]
-            + ["compliant"],
-            "Delta*",
-        ),
-        (
-            ["contact", "paraboloid.npy", "--side", "9", "--delta", "1", "--max-iterations", "1"],
-            "max_iterations",
-        ),
-    ],
-)
-def test_bad_input_is_one_line_and_exit_code_2(folder, capsys, arguments, expected):
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    assert cli.main(arguments) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.count("\n") == 1
-    assert expected in captured.err
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
-
-
 def test_a_fresh_interpreter_pins_its_threads_and_exits_with_the_code(folder):
     good = launch(0, "columns", folder=folder)
     assert good.returncode == 0

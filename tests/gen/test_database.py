@@ -17,15 +17,6 @@ from gen.errors import InputError
 from gen.scene import Scene, Store, Surface
 from gen.schema import Reason, Status, columns_for
 
-HELD_ELSEWHERE = """
-    import sys
-    from pathlib import Path
-    from gen.database import lock
-    with lock(Path(sys.argv[1])):
-        print("held", flush=True)
-        sys.stdin.read()
-"""
-
 KILLED_BEFORE_STATUS = """
     import os, signal, sys
     from pathlib import Path
@@ -49,6 +40,7 @@ KILLED_BEFORE_STATUS = """
 NO_ROOM = """
     import resource, signal, sys
     from pathlib import Path
+    import numpy as np
     from gen.errors import InputError
     from gen.database import *
     from gen.scene import Scene
@@ -69,7 +61,7 @@ KILLED_WHILE_EXTENDING = """
     path = Path(sys.argv[1])
     with database.Reader(path) as reader:
         scene = reader.scene
-    database._fill = lambda *_, **__: os.kill(os.getpid(), signal.SIGKILL)
+    database.creation.fill = lambda *_, **__: os.kill(os.getpid(), signal.SIGKILL)
     database.open_or_create(path, scene.model_copy(update={"samples": 15}))
 """
 
@@ -124,6 +116,12 @@ def filled(path, scene, *runs):
         for start, stop, status in runs:
             writer.write_block(start, stop, block(scene, start, stop, status))
     return path
+
+
+def raise_physics(monkeypatch):
+    """Have a version of the code that computes other results."""
+    for module in (database.creation, database.layout, database.opening):
+        monkeypatch.setattr(module, "PHYSICS", schema.PHYSICS + 1)
 
 
 @pytest.fixture
@@ -184,7 +182,7 @@ def test_creation_never_overwrites(path):
 
 
 def test_creation_never_overwrites_what_appears_meanwhile(path, monkeypatch):
-    monkeypatch.setattr(database, "_fill", lambda *_, **__: path.write_text("precious"))
+    monkeypatch.setattr(database.creation, "fill", lambda *_, **__: path.write_text("precious"))
     with pytest.raises(InputError, match="meanwhile"):
         create(path, small())
     assert path.read_text() == "precious"
@@ -209,7 +207,7 @@ def test_written_rows_come_back(path):
 
 
 def test_ranges_are_those_of_done_rows(path, monkeypatch):
-    monkeypatch.setattr(database, "CHUNK_BYTES", 24)
+    monkeypatch.setattr(database.disk, "CHUNK_BYTES", 24)
     scene = small()
     filled(path, scene, (2, 5, Status.DONE), (7, 8, Status.FAILED), (9, 10, Status.DONE))
     force = block(scene, 0, 10)["force"]
@@ -237,10 +235,10 @@ def test_status_is_written_after_all_else_is_flushed(path, monkeypatch):
     scene = small()
     create(path, scene)
     seen = []
-    write, flush = database._write, h5py.File.flush
+    write, flush = database.disk.write_rows, h5py.File.flush
     monkeypatch.setattr(
-        database,
-        "_write",
+        database.writer,
+        "write_rows",
         lambda dataset, *rest: (seen.append(dataset.name), write(dataset, *rest)),
     )
     monkeypatch.setattr(h5py.File, "flush", lambda file: (seen.append("flush"), flush(file)))
@@ -321,7 +319,7 @@ def test_pending_is_what_a_plain_loop_finds(twenty_rows, statuses, first, last, 
             else:
                 wanted.append((row, row + 1))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(database, "CHUNK_BYTES", chunk)
+        patch.setattr(database.disk, "CHUNK_BYTES", chunk)
         assert twenty_rows.pending(first, last) == wanted
         tally = [statuses.count(status) for status in Status]
         assert list(twenty_rows.counts()) == tally
@@ -468,8 +466,6 @@ def test_missing_folder(tmp_path):
     path = tmp_path / "nowhere" / "some.h5"
     with pytest.raises(InputError, match="does not exist"):
         create(path, small())
-    with pytest.raises(InputError, match="nowhere"), lock(path):
-        pass
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read and write everything")
@@ -500,7 +496,7 @@ def test_title_does_not_make_another_scene(path):
 
 def test_other_layout_is_refused(path, monkeypatch):
     create(path, small())
-    monkeypatch.setattr(database, "SCHEMA", schema.SCHEMA + 1)
+    monkeypatch.setattr(database.opening, "SCHEMA", schema.SCHEMA + 1)
     for opening in (Reader, lambda old: open_or_create(old, small(), force=True)):
         with pytest.raises(InputError, match=r"layout 1, this version reads layout 2"):
             opening(path)
@@ -509,7 +505,7 @@ def test_other_layout_is_refused(path, monkeypatch):
 def test_other_physics_is_refused_unless_forced(path, monkeypatch):
     create(path, small())
     before = path.read_bytes()
-    monkeypatch.setattr(database, "PHYSICS", schema.PHYSICS + 1)
+    raise_physics(monkeypatch)
     with pytest.raises(InputError, match=r"physics 1, this version computes physics 2"):
         open_or_create(path, small())
     with pytest.raises(InputError, match="physics"):
@@ -521,64 +517,6 @@ def test_other_physics_is_refused_unless_forced(path, monkeypatch):
     with Reader(path) as reader:
         assert reader.attributes["physics"] == 1
         assert reader.attributes["physics_forced"] == 2
-
-
-# --- one writer at a time -----------------------------------------------------------------------
-
-
-def test_second_writer_is_told_who_writes(path, monkeypatch):
-    command = [sys.executable, "-c", textwrap.dedent(HELD_ELSEWHERE), str(path)]
-    monkeypatch.setenv("SLURM_JOB_ID", "4711")
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as holder:
-        assert holder.stdout.readline() == "held\n"
-        with pytest.raises(InputError) as raised, lock(path):
-            pass
-        holder.kill()
-    assert f"process {holder.pid}, job 4711, since 20" in str(raised.value)
-    assert os.uname().nodename in str(raised.value)
-    with lock(path):  # a killed holder holds nothing, though its file is still there
-        assert f"process {os.getpid()}" in path.with_name("some.h5.lock").read_text()
-    assert list(path.parent.iterdir()) == []
-
-
-def test_lock_is_one_for_all_names_of_a_file(path, tmp_path):
-    link = tmp_path / "link.h5"
-    link.symlink_to(path)
-    with lock(path), pytest.raises(InputError, match="is being written"), lock(link):
-        pass
-
-
-def test_lock_survives_a_rival_that_unlinks_in_between(path, monkeypatch):
-    """The holder before us ends between our open and our lock: ours must not be of a ghost."""
-    lock_path = path.with_name("some.h5.lock")
-    flock = database.fcntl.flock
-    opened = []
-
-    def unlink_first_time(descriptor, operation):
-        if not opened:
-            lock_path.unlink()
-        opened.append(descriptor)
-        return flock(descriptor, operation)
-
-    monkeypatch.setattr(database.fcntl, "flock", unlink_first_time)
-    with lock(path):
-        assert len(opened) == 2
-        with pytest.raises(InputError, match="is being written"), lock(path):
-            pass
-
-
-def test_file_system_without_locks(path, monkeypatch):
-    def refuse(_descriptor, _operation):
-        raise OSError(38, "Function not implemented")
-
-    monkeypatch.setattr(database.fcntl, "flock", refuse)
-    with pytest.raises(InputError, match="HDF5_USE_FILE_LOCKING=FALSE"), lock(path):
-        pass
-    monkeypatch.setenv("HDF5_USE_FILE_LOCKING", "FALSE")
-    with lock(path):
-        pass
 
 
 # --- more and fewer samples ---------------------------------------------------------------------
@@ -622,7 +560,7 @@ def test_failed_extension_leaves_the_old_file(path, monkeypatch):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(database, "_fill", interrupt)
+    monkeypatch.setattr(database.creation, "fill", interrupt)
     with pytest.raises(KeyboardInterrupt):
         open_or_create(path, small(15))
     assert path.read_bytes() == before
@@ -662,7 +600,7 @@ def test_fewer_samples_keep_the_larger_file(path):
 
 
 def test_merge_takes_the_best_of_every_row(tmp_path, monkeypatch):
-    monkeypatch.setattr(database, "CHUNK_BYTES", 3 * 8 * 25)
+    monkeypatch.setattr(database.disk, "CHUNK_BYTES", 3 * 8 * 25)
     store = Store(heights=True)
     one = filled(tmp_path / "one.h5", small(10, store=store), (0, 4, 1), (6, 8, 2))
     two = filled(tmp_path / "two.h5", small(15, store=store), (2, 7, 1), (8, 9, 2), (14, 15, 1))
@@ -718,7 +656,7 @@ def test_merge_refuses_other_scenes_physics_and_targets(tmp_path, monkeypatch):
         merge(target, [])
     with pytest.raises(InputError, match="exists"):
         merge(two, [one])
-    monkeypatch.setattr(database, "PHYSICS", schema.PHYSICS + 1)
+    raise_physics(monkeypatch)
     three = filled(tmp_path / "three.h5", small(seed=1))
     with pytest.raises(InputError, match=r"physics 1, .* of physics 2"):
         merge(target, [one, three])

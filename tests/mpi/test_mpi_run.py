@@ -38,26 +38,6 @@ def test_every_worker_worked(serial):
         assert set(file["runtime/rank"][:]) == {1, 2, 3}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "expected"),
-    [
-        (["run", "quik", "-o", "x.h5"], "quik"),
-        (["run", "small.toml", "-o", "nowhere/x.h5"], "nowhere"),
-        (["run", "small.toml", "-o", "small.toml"], "not a database"),
-        (["run", "small.toml"], "--output"),
-        (["info", "missing.h5"], "missing.h5"),
-    ],
-)
-def test_bad_input_is_one_line_and_exit_code_2_on_three_ranks(tmp_path, arguments, expected):
-    (tmp_path / "small.toml").write_text(SMALL.format(""))
-    done = launch(3, *arguments, folder=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.count("gen:") == 1
-    assert expected in done.stderr
-    assert "Traceback" not in done.stderr
-    assert {path.name for path in tmp_path.iterdir()} == {"small.toml"}
-
-
 def test_a_bug_in_a_worker_ends_all_ranks(tmp_path):
     (tmp_path / "small.toml").write_text(SMALL.format(""))
     (tmp_path / "buggy.py").write_text(

@@ -1,0 +1,27 @@
+"""Databases: HDF5 files, readable as netCDF-4, in which a killed run resumes.
+
+One contiguous dataset per column of `gen.schema`, allocated and filled when the file is created,
+so that writing rows changes no metadata: whatever the moment at which a writer is killed, the
+file opens again, and a row whose status says done is whole. (The order of writes that guarantees
+it holds for killed processes, not for a machine that loses power.) HDF5's own file locks are not
+used: they fail on network file systems and would shut out readers; `lock` keeps writers apart.
+"""
+
+from gen.database.creation import Opened, create, extend, open_or_create
+from gen.database.merging import merge
+from gen.database.opening import Counts
+from gen.database.reader import Reader
+from gen.database.writer import Writer
+from gen.lock import lock
+
+__all__ = [
+    "Counts",
+    "Opened",
+    "Reader",
+    "Writer",
+    "create",
+    "extend",
+    "lock",
+    "merge",
+    "open_or_create",
+]

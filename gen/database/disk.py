@@ -1,0 +1,112 @@
+"""The disk under a database: files in the making, rows in pieces, troubles in words."""
+
+import errno
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+from numpy.typing import NDArray
+
+from gen.errors import InputError
+from gen.lock import beside
+from gen.scene import Scene
+from gen.schema import row_bytes
+
+CHUNK_BYTES = 8 * 2**20
+"""Bytes of a column that are held in memory at once."""
+
+FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+"""System errors that mean: no room left, be it the disk's, the quota's or the file's."""
+
+
+@contextmanager
+def new_file(path: Path, scene: Scene, *, replace: bool = False) -> Iterator[Path]:
+    """Name for a file in the making, which takes its place when the block has succeeded.
+
+    What is left of a killed attempt is removed by the next.
+    """
+    temporary = beside(path, ".part")
+    if not replace and os.path.lexists(path):
+        raise InputError(f"{path} exists; give another name or remove it")
+    if not temporary.parent.is_dir():
+        raise InputError(f"{path}: the folder {temporary.parent} does not exist; create it first")
+    try:
+        temporary.unlink(missing_ok=True)
+        _require_room(path, scene)
+        yield temporary
+        with temporary.open("rb") as file:
+            os.fsync(file.fileno())
+        if replace:
+            temporary.replace(path.resolve())
+        else:
+            _put_in_place(temporary, path)
+    except (OSError, RuntimeError, ValueError) as error:
+        trouble = disk_trouble(error)
+        if trouble is None:
+            raise
+        raise InputError(f"{path}: {trouble}; nothing was changed") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _require_room(path: Path, scene: Scene) -> None:
+    """Refuse a file that cannot fit before it fills the disk; quotas show only on writing."""
+    needed = scene.samples * row_bytes(scene.store, scene.surface.nodes)
+    free = shutil.disk_usage(path.resolve().parent).free
+    if needed > free:
+        raise InputError(
+            f"{path}: {scene.samples} samples need {needed / 1e9:,.1f} GB, "
+            f"{free / 1e9:,.1f} GB are free; make room, or ask for less"
+        )
+
+
+def _put_in_place(temporary: Path, path: Path) -> None:
+    """Rename, but never over a file that has appeared meanwhile."""
+    try:
+        path.hardlink_to(temporary)
+    except FileExistsError:
+        raise InputError(f"{path} has appeared meanwhile; give another name") from None
+    except OSError:  # no hard links on this file system
+        temporary.rename(path)
+
+
+def chunks(rows: int, bytes_per_row: int, first: int = 0) -> Iterator[tuple[int, int]]:
+    """Split the rows first..rows so that a chunk has at most `CHUNK_BYTES`, but one row."""
+    step = max(1, CHUNK_BYTES // bytes_per_row)
+    for start in range(first, rows, step):
+        yield start, min(start + step, rows)
+
+
+def write_rows(dataset: h5py.Dataset, start: int, values: NDArray[Any]) -> None:
+    """Write contiguous rows of the column's own type.
+
+    What `dataset[start:stop] = values` does, without the 0.1 ms that h5py takes to understand
+    the slice: a block has forty columns, and one process may write for hundreds.
+    """
+    rows = dataset.id.get_space()
+    rows.select_hyperslab((start,) + (0,) * (values.ndim - 1), values.shape)
+    dataset.id.write(h5py.h5s.create_simple(values.shape), rows, values)
+
+
+def disk_trouble(error: Exception) -> str | None:
+    """What went wrong with the disk, in words; None if the error is about something else.
+
+    h5py raises OSError, RuntimeError or ValueError for one and the same system error, depending
+    on the call; its number stands in the text.
+    """
+    match = re.search(r"errno = (\d+)", str(error))
+    number = int(match[1]) if match else getattr(error, "errno", None)
+    if number is not None:
+        reason = os.strerror(number)
+        return f"the disk is full ({reason})" if number in FULL else f"cannot be written: {reason}"
+    return f"cannot be written: {first_line(error)}" if isinstance(error, OSError) else None
+
+
+def first_line(error: Exception) -> str:
+    """First line of an error's text: messages to users have no more."""
+    return str(error).partition("\n")[0]

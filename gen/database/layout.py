@@ -1,0 +1,172 @@
+"""What stands in a file: dimensions, columns, and attributes that say where it comes from."""
+
+import importlib.metadata
+import json
+import platform
+import re
+from collections.abc import Mapping
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from gen.database.disk import chunks, write_rows
+from gen.scene import Scene
+from gen.schema import (
+    PHYSICS,
+    REASON,
+    REASONS,
+    RUNTIME,
+    SCHEMA,
+    STATUS,
+    Column,
+    Status,
+    columns_for,
+)
+
+FLAGS: dict[Column, dict[int, str]] = {
+    STATUS: {status: status.name.lower() for status in Status},
+    REASON: REASONS,
+}
+"""Meanings of the columns that hold codes."""
+
+
+def lay_out(path: Path, scene: Scene, attributes: Mapping[str, str | int]) -> None:
+    """Write dimensions, attributes and empty columns.
+
+    HDF5 allocates the columns but does not fill them: when the disk runs full inside HDF5's own
+    filling, it can neither close the file nor leave without a crash. `fill` does it instead.
+    """
+    columns = columns_for(scene.store)
+    # A superblock of version 2: the next one marks files as open and a killed writer would leave
+    # the mark. Creation order is kept: readers then list the columns in the schema's order.
+    with h5py.File(path, "w", libver=("v108", "v110"), track_order=True, locking=False) as file:
+        for name, value in attributes.items():
+            _set(file, name, value)
+        axes = {"sample": scene.samples}
+        if any(column.shape_of for column in columns):
+            axes |= dict(zip("xy", scene.shape, strict=True))
+        dimensions = [_dimension(file, name, size) for name, size in axes.items()]
+        file.create_group(RUNTIME, track_order=True)
+        for column in columns:
+            _add(file, column, column.shape(scene.samples, scene.surface.nodes), dimensions)
+
+
+def _dimension(file: h5py.File, name: str, size: int) -> h5py.Dataset:
+    """Add a netCDF-4 dimension without coordinates: a scale that never gets data or disk space."""
+    scale = file.create_dataset(name, shape=(size,), dtype=">f4")
+    scale.make_scale(f"This is a netCDF dimension but not a netCDF variable.{size:10d}")
+    return scale
+
+
+def _add(
+    file: h5py.File, column: Column, shape: tuple[int, ...], dimensions: list[h5py.Dataset]
+) -> None:
+    """Add a column: allocated, not filled, described, attached to its dimensions."""
+    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    dataset = file.create_dataset(
+        column.path, shape=shape, dtype=column.dtype, fillvalue=column.fill, dcpl=properties
+    )
+    for axis, scale in enumerate(dimensions[: len(shape)]):
+        dataset.dims[axis].attach_scale(scale)
+    _set(dataset, "long_name", column.long_name)
+    if column.unit:
+        _set(dataset, "units", column.unit)
+    if flags := FLAGS.get(column):
+        dataset.attrs["flag_values"] = np.array(list(flags), dtype=column.dtype)
+        _set(dataset, "flag_meanings", " ".join(_word(text) for text in flags.values()))
+
+
+def fill(file: h5py.File, scene: Scene, first: int) -> None:
+    """Write NaN, 0 and empty texts from row `first` on, which also takes the disk space."""
+    for column in columns_for(scene.store):
+        dataset = file[column.path]
+        for start, stop in chunks(scene.samples, column.row_bytes(scene.surface.nodes), first):
+            shape = column.shape(stop - start, scene.surface.nodes)
+            write_rows(dataset, start, np.full(shape, column.fill, dtype=column.dtype))
+
+
+def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
+    """Add an attribute; texts of fixed length.
+
+    HDF5 keeps texts of variable length in a heap without checksums: where that is damaged it may
+    read forever.
+    """
+    if isinstance(value, str):
+        data = value.encode()
+        node.attrs.create(name, data, dtype=h5py.string_dtype("utf-8", max(1, len(data))))
+    else:
+        node.attrs[name] = value
+
+
+def read_attributes(file: h5py.File) -> dict[str, str | int]:
+    """Read the file's texts and numbers."""
+    return {
+        name: value.decode() if isinstance(value, bytes) else int(value)
+        for name, value in file.attrs.items()
+    }
+
+
+def _word(text: str) -> str:
+    """One word of CF's `flag_meanings`, which is a list separated by blanks."""
+    return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "none"
+
+
+def identity(scene: Scene) -> dict[str, str | int]:
+    """Attributes that say which rows a file is made for."""
+    return {
+        "title": scene.title or "Contact of rough surfaces",
+        "scene": scene.text(),
+        "scene_hash": scene.fingerprint(),
+        "samples": scene.samples,
+    }
+
+
+def provenance(scene: Scene) -> dict[str, str | int]:
+    """All attributes of a new file."""
+    return {
+        "Conventions": "CF-1.11",
+        **identity(scene),
+        "schema": SCHEMA,
+        "physics": PHYSICS,
+        "physics_forced": 0,
+        "versions": json.dumps(_versions()),
+        "git_commit": _git_commit(),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def _versions() -> dict[str, str]:
+    """Versions of all that decides the numbers; read from package lists, nothing is imported."""
+    versions = {"python": platform.python_version(), "hdf5": h5py.version.hdf5_version}
+    for name in ("asperity", "numpy", "scipy", "pyfftw", "h5py"):
+        with suppress(importlib.metadata.PackageNotFoundError):
+            versions[name] = importlib.metadata.version(name)
+    return versions
+
+
+def _git_commit() -> str:
+    """Commit of the checkout that this code runs from, "" if it is none.
+
+    Read from git's files: starting a process from an MPI rank is unsafe on some interconnects.
+    """
+    git = Path(__file__).resolve().parents[2] / ".git"
+    try:
+        if git.is_file():  # a linked work tree
+            git = (git.parent / git.read_text().removeprefix("gitdir:").strip()).resolve()
+        head = (git / "HEAD").read_text().strip()
+        if not head.startswith("ref: "):
+            return head
+        if (git / "commondir").exists():
+            git = (git / (git / "commondir").read_text().strip()).resolve()
+        reference = head.removeprefix("ref: ")
+        if (git / reference).exists():
+            return (git / reference).read_text().strip()
+        packed = (line.partition(" ") for line in (git / "packed-refs").read_text().splitlines())
+        return next((commit for commit, _, name in packed if name == reference), "")
+    except OSError:
+        return ""

@@ -1,0 +1,146 @@
+"""The writer: finished rows go in, unfinished ones are found again."""
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gen.database.disk import chunks, disk_trouble, write_rows
+from gen.database.opening import OpenDatabase, checked_for, counts, open_file
+from gen.errors import InputError
+from gen.scene import Scene
+from gen.schema import STATUS, Status
+
+KINDS = {"f": "fiu", "i": "iu", "u": "iu", "S": "S"}
+"""Kinds of arrays that a column of each kind takes."""
+
+
+class Writer(OpenDatabase):
+    """A database open for writing rows; a context manager; the caller holds `lock(path)`.
+
+    No call changes metadata, so that a writer with MPI-IO can write rows independently.
+
+    Parameters
+    ----------
+    path : the database, from `open_or_create`
+    scene : what is being generated
+    force : see `open_or_create`
+
+    Attributes
+    ----------
+    path : the database
+    scene : the file's scene, which may have more samples than the one asked for
+
+    Raises
+    ------
+    InputError
+        If the file cannot be opened or is not of this scene, layout and physics.
+    """
+
+    def __init__(self, path: Path, scene: Scene, *, force: bool = False) -> None:
+        with ExitStack() as stack:
+            file = stack.enter_context(open_file(path, writing=True))
+            super().__init__(path, checked_for(file, path, scene, force=force), file)
+            stack.pop_all()
+        self._datasets = {column.name: file[column.path] for column in self.columns()}
+        self._status = self._datasets[STATUS.name]
+
+    def write_block(self, start: int, stop: int, columns: Mapping[str, ArrayLike]) -> None:
+        """Write finished rows: everything else first, then their status.
+
+        Parameters
+        ----------
+        start, stop : first row, and one past the last
+        columns : by name, every column of the file: (stop - start,), or (stop - start, n, n) for
+            fields, in the units of `gen.schema`; the status done or failed
+
+        Raises
+        ------
+        ValueError
+            If a column is missing, unknown, or of another shape or kind, a status is neither done
+            nor failed, or there are no such rows; nothing is written then.
+        InputError
+            If the disk is full or fails: it says how many rows are safe.
+        """
+        arrays = self._checked_block(start, stop, columns)
+        status = arrays.pop(STATUS.name)
+        try:
+            for name, values in arrays.items():
+                write_rows(self._datasets[name], start, values)
+            self._flush()
+            write_rows(self._status, start, status)
+            self._flush()
+        except (OSError, RuntimeError, ValueError) as error:
+            trouble = disk_trouble(error)
+            if trouble is None:
+                raise
+            raise InputError(
+                f"{self.path}: {trouble}; {counts(self._status).done} rows are done and safe: "
+                "make room and run the same command again"
+            ) from None
+
+    def _checked_block(
+        self, start: int, stop: int, columns: Mapping[str, ArrayLike]
+    ) -> dict[str, NDArray[Any]]:
+        """Arrays of a block, of the right names, shapes and kinds."""
+        if not 0 <= start < stop <= self.scene.samples:
+            raise ValueError(f"rows {start} to {stop} of {self.scene.samples}")
+        if wrong := columns.keys() ^ self._datasets.keys():
+            raise ValueError(f"columns missing or unknown: {', '.join(sorted(wrong))}")
+        arrays = {}
+        for column in self.columns():
+            values = np.asarray(columns[column.name])
+            shape = column.shape(stop - start, self.scene.surface.nodes)
+            if values.shape != shape or values.dtype.kind not in KINDS[column.dtype[0]]:
+                raise ValueError(
+                    f"column {column.name}: wanted {column.dtype} of shape {shape}, "
+                    f"got {values.dtype} of shape {values.shape}"
+                )
+            arrays[column.name] = np.ascontiguousarray(values, dtype=column.dtype)
+        if not np.isin(arrays[STATUS.name], (Status.DONE, Status.FAILED)).all():
+            raise ValueError("a finished row is done or failed, nothing else")
+        return arrays
+
+    def _flush(self) -> None:
+        """Hand all data to the kernel, which keeps them if this process is killed."""
+        self._file.flush()
+
+    def pending(self, first: int = 0, last: int | None = None) -> list[tuple[int, int]]:
+        """Find the rows that are neither done nor failed.
+
+        Parameters
+        ----------
+        first, last : where to look: first row, and one past the last (None: to the end)
+
+        Returns
+        -------
+        (start, stop) of every run of pending rows, in order, as long as possible
+        """
+        rows = self.scene.samples
+        last = rows if last is None else min(last, rows)
+        runs: list[tuple[int, int]] = []
+        for start, stop in chunks(last, 1, first):
+            chunk = self._status[start:stop]
+            finished = (chunk == Status.DONE) | (chunk == Status.FAILED)
+            edges = start + np.flatnonzero(np.diff(finished, prepend=True, append=True))
+            found = list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+            if runs and found and runs[-1][1] == found[0][0]:
+                found[0] = (runs.pop()[0], found[0][1])
+            runs += found
+        return runs
+
+    def retry_failed(self) -> int:
+        """Make the failed rows pending again, and return how many they were."""
+        retried = 0
+        for start, stop in chunks(self.scene.samples, 1):
+            chunk = self._status[start:stop]
+            failed = chunk == Status.FAILED
+            if failed.any():
+                retried += int(np.count_nonzero(failed))
+                chunk[failed] = Status.PENDING
+                write_rows(self._status, start, chunk)
+        self._flush()
+        return retried
