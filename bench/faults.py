@@ -93,7 +93,8 @@ def campaign(folder: Path, rounds: int, seed: int = 0, samples: int = SAMPLES) -
             path.unlink()
             before = None
         victim = str(random.choice(VICTIMS))
-        number = int(random.choice([s for s in SIGNALS if s == signal.SIGKILL or victim in LISTENING]))
+        signals = SIGNALS if victim in LISTENING else (signal.SIGKILL,)
+        number = int(random.choice(signals))
         delay = float(random.uniform(0.2, 0.8 * undisturbed))
         code = _interrupt(folder, victim, number, delay)
         fault = _fault(path, before, reference, number, code)
@@ -139,8 +140,8 @@ def _fault(path: Path, before: Columns | None, reference: Columns, number: int, 
             return "a finished row is pending again"
         if now["solve_seconds"][old].tobytes() != before["solve_seconds"][old].tobytes():
             return "a finished row was computed again"
-    orderly = number in {signal.SIGTERM, signal.SIGINT}
-    if orderly and code not in {0, 128 + number, -number, 128 + signal.SIGKILL}:
+    listening = _finished(now) > _finished(before)  # earlier, a signal ends a run as it ends any
+    if listening and number in {signal.SIGTERM, signal.SIGINT} and code not in {0, 128 + number}:
         return f"exit code {code} after {signal.Signals(number).name}"
     return ""
 

@@ -1,0 +1,125 @@
+"""The life of a database on the command line: shares, merging, extension, retries, a full disk."""
+
+import resource
+import subprocess
+
+import h5py
+import numpy as np
+import pytest
+from databases import deterministic_bytes, status
+from launch import command, environment
+
+from gen import cli
+
+SCENE = "samples = {}\nsamples_per_surface = 2\n{}\n[surface]\nnodes = 17\n"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text(SCENE.format(40, ""))
+    (tmp_path / "more.toml").write_text(SCENE.format(70, 'title = "more"'))
+    return tmp_path
+
+
+def run(*arguments):
+    return cli.main(["run", *arguments])
+
+
+def test_shares_merge_into_what_one_run_makes(folder):
+    assert run("scene.toml", "-o", "whole.h5") == 0
+    for number, rows in enumerate(["0:13", "13:30", "29:40"]):
+        assert run("scene.toml", "-o", f"part{number}.h5", "--rows", rows) == 0
+    assert cli.main(["merge", "part0.h5", "part1.h5", "part2.h5", "-o", "merged.h5"]) == 0
+    assert deterministic_bytes(folder / "merged.h5") == deterministic_bytes(folder / "whole.h5")
+
+
+def test_a_share_does_its_rows_and_their_surfaces_only(folder):
+    assert run("scene.toml", "-o", "part.h5", "--rows", "11:15") == 0
+    np.testing.assert_array_equal(np.flatnonzero(status(folder / "part.h5")), range(10, 16))
+
+
+def test_more_samples_extend_and_keep_what_is_done(folder, capsys):
+    assert run("more.toml", "-o", "whole.h5") == 0
+    assert run("scene.toml", "-o", "grown.h5") == 0
+    with h5py.File("grown.h5") as file:
+        times = file["runtime/solve_seconds"][:]
+    assert run("more.toml", "-o", "grown.h5") == 0
+    assert "extended, 70 rows, 30 to do" in capsys.readouterr().err
+    with h5py.File("grown.h5") as file:
+        np.testing.assert_array_equal(file["runtime/solve_seconds"][:40], times)
+    assert deterministic_bytes(folder / "grown.h5") == deterministic_bytes(folder / "whole.h5")
+
+
+def test_retrying_computes_failed_rows_again(folder, capsys):
+    assert run("scene.toml", "-o", "rows.h5") == 0
+    whole = deterministic_bytes(folder / "rows.h5")
+    with h5py.File("rows.h5", "r+") as file:
+        file["status"][5:7] = 2
+        file["reason"][5:7] = 1
+        file["force"][5:7] = np.nan
+    assert run("scene.toml", "-o", "rows.h5") == 0
+    assert status(folder / "rows.h5")[5] == 2, "failed rows stay failed unless asked"
+    capsys.readouterr()
+    assert run("scene.toml", "-o", "rows.h5", "--retry-failed") == 0
+    assert "2 to do, 2 failed ones among them" in capsys.readouterr().err
+    assert deterministic_bytes(folder / "rows.h5") == whole
+
+
+def test_another_scene_is_refused_key_by_key(folder, capsys):
+    assert run("scene.toml", "-o", "rows.h5") == 0
+    (folder / "other.toml").write_text(SCENE.format(40, "seed = 3") + "side = 900.0\n")
+    before = (folder / "rows.h5").read_bytes()
+    capsys.readouterr()
+    assert run("other.toml", "-o", "rows.h5") == 2
+    message = capsys.readouterr().err
+    assert "seed: 2025 in the file, 3 asked for" in message
+    assert "surface.side: 1000.0 in the file, 900.0 asked for" in message
+    assert (folder / "rows.h5").read_bytes() == before
+
+
+def test_another_physics_needs_force(folder, capsys):
+    assert run("scene.toml", "-o", "rows.h5", "--rows", "0:10") == 0
+    with h5py.File("rows.h5", "r+") as file:
+        file.attrs["physics"] = 0
+    assert run("scene.toml", "-o", "rows.h5") == 2
+    assert "--force" in capsys.readouterr().err
+    assert run("scene.toml", "-o", "rows.h5", "--force") == 0
+    assert (status(folder / "rows.h5") == 1).all()
+
+
+def test_a_dry_run_writes_nothing(folder, capsys):
+    before = sorted(folder.iterdir())
+    assert run("paper", "-o", "paper.h5", "--dry-run") == 0
+    assert "15878 samples on 15878 surfaces of 129 x 129 nodes" in capsys.readouterr().out
+    assert sorted(folder.iterdir()) == before
+
+
+def test_an_estimate_measures(folder, capsys):
+    assert cli.main(["estimate", "scene.toml", "--ranks", "5"]) == 0
+    text = capsys.readouterr().out
+    assert "on 4 worker(s)" in text
+    assert "mean of 32 measured" in text
+
+
+def limited(size):
+    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+
+def test_a_file_that_may_not_grow_is_one_line_and_the_next_run_succeeds(folder):
+    """A limit on file size, which the kernel reports as it does a full disk."""
+    full = subprocess.run(
+        command(0, "run", "scene.toml", "-o", "rows.h5"),
+        env=environment() | {"PYTHONDONTWRITEBYTECODE": "1"},
+        preexec_fn=limited(8000),
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert full.returncode == 2
+    assert full.stderr.count("\n") == 1
+    assert "disk is full" in full.stderr
+    assert sorted(path.name for path in folder.iterdir()) == ["more.toml", "scene.toml"]
+    assert run("scene.toml", "-o", "rows.h5") == 0
+    assert (status(folder / "rows.h5") == 1).all()
