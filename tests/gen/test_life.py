@@ -26,6 +26,16 @@ def run(*arguments):
     return cli.main(["run", *arguments])
 
 
+@pytest.mark.parametrize("block_rows", [1, 3, 7, 1000])
+@pytest.mark.parametrize("m", [1, 5])
+def test_the_size_of_blocks_changes_no_byte(folder, monkeypatch, block_rows, m):
+    (folder / "m.toml").write_text(SCENE.replace("surface = 2", f"surface = {m}").format(23, ""))
+    assert run("m.toml", "-o", "usual.h5") == 0
+    monkeypatch.setattr("gen.run.BLOCK_ROWS", block_rows)
+    assert run("m.toml", "-o", "other.h5") == 0
+    assert deterministic_bytes(folder / "other.h5") == deterministic_bytes(folder / "usual.h5")
+
+
 def test_shares_merge_into_what_one_run_makes(folder):
     assert run("scene.toml", "-o", "whole.h5") == 0
     for number, rows in enumerate(["0:13", "13:30", "29:40"]):

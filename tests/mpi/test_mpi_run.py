@@ -21,7 +21,7 @@ def serial(request, tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("ranks", [1, 2, 4])
+@pytest.mark.parametrize("ranks", [1, 2, 3, 4, 5, 8])
 def test_any_number_of_ranks_gives_the_same_bytes(serial, ranks):
     done = launch(ranks, "run", "small.toml", "-o", f"{ranks}.h5", folder=serial)
     assert done.returncode == 0, done.stderr
