@@ -210,6 +210,8 @@ def descend(operators: Operators, interference: Values, iterate: Iterate, steps:
             direction = released
         image = operators.displace_some(everywhere, direction)
         stiffness = _inner(direction, image)
+        if not stiffness > 0:  # nothing is left to descend but rounding
+            return
         step = _inner(iterate.residual, direction) / stiffness
         shrinking = direction < 0
         room = np.min(-iterate.pressure[shrinking] / direction[shrinking], initial=np.inf)
