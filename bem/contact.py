@@ -1,7 +1,7 @@
 """Press a rigid rough surface into an elastic half-space: `solve` and the `Contact` it returns."""
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +12,13 @@ from bem.half_space import HalfSpace
 from bem.influence import Kernel
 from bem.problem import FarField, Field, Problem, pose
 from bem.solver import Iterate, solve_complementarity
+
+# Iterations after which a compliant far field is approached by rigid solves, how near they have to
+# come over what they have approached, how many they may be, and the longest step between two.
+DIRECT_ITERATIONS = 150
+APPROACH_RTOL = 1e-2
+APPROACH_STEPS = 40
+LONGEST_ADVANCE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +177,12 @@ def _solve_rigid(problem: Problem) -> Contact:
     overlap = ((problem.heights[box] - problem.heights.max()) + problem.delta) / problem.delta
     nodes = np.flatnonzero(overlap > 0)
     operators = HalfSpace(overlap.shape, problem.kernel, problem.aspect, nodes)
-    iterate, converged = _iterate(problem, operators, overlap.reshape(-1)[nodes])
+    iterate, converged = solve_complementarity(
+        operators,
+        overlap.reshape(-1)[nodes],
+        rtol=problem.rtol,
+        max_iterations=problem.max_iterations,
+    )
     values = np.zeros(overlap.size)
     values[nodes] = iterate.pressure
     reduced = np.zeros(problem.heights.shape)
@@ -179,24 +191,63 @@ def _solve_rigid(problem: Problem) -> Contact:
 
 
 def _solve_compliant(problem: Problem) -> Contact:
-    """Solve with the far field inside the operator; any node may come to touch."""
+    """Solve with the far field inside the operator; any node may come to touch.
+
+    That operator is nearly singular on contact sets much larger than the solution's, on which the
+    active set can cycle. If it has not arrived soon, rigid solves bring it near from below.
+    """
     critical = critical_delta(problem.heights, problem.kernel, problem.aspect)
     if problem.delta >= critical:
         raise NoSolution(problem.delta, critical)
-    overlap = ((problem.heights - problem.heights.max()) + problem.delta) / problem.delta
-    softening = 1 / float(flat_punch(overlap.shape, problem.kernel, problem.aspect).sum())
-    nodes = np.arange(overlap.size)
-    operators = HalfSpace(overlap.shape, problem.kernel, problem.aspect, nodes, softening)
-    iterate, converged = _iterate(problem, operators, overlap.reshape(-1))
-    reduced = iterate.pressure.reshape(overlap.shape)
+    shape = problem.heights.shape
+    depth = ((problem.heights - problem.heights.max()) / problem.delta).reshape(-1)
+    softening = 1 / float(flat_punch(shape, problem.kernel, problem.aspect).sum())
+    settings = shape, problem.kernel, problem.aspect, np.arange(depth.size)
+    solve_here = partial(
+        solve_complementarity, HalfSpace(*settings, softening), depth + 1, rtol=problem.rtol
+    )
+    soon = min(DIRECT_ITERATIONS, problem.max_iterations)
+    iterate, converged = solve_here(max_iterations=soon)
+    if not converged and soon < problem.max_iterations:
+        left = problem.max_iterations - iterate.iterations
+        near = _approach_from_below(left, HalfSpace(*settings), depth, softening)
+        near.iterations += iterate.iterations
+        near.convolutions += iterate.convolutions
+        iterate, converged = solve_here(max_iterations=problem.max_iterations, start=near)
+    reduced = iterate.pressure.reshape(shape)
     approach = problem.delta * (1 + softening * float(reduced.sum()))
     return _contact(problem, reduced, approach, iterate, converged)
 
 
-def _iterate(problem: Problem, operators: HalfSpace, interference: Field) -> tuple[Iterate, bool]:
-    return solve_complementarity(
-        operators, interference, rtol=problem.rtol, max_iterations=problem.max_iterations
+def _approach_from_below(
+    max_iterations: int, rigid: HalfSpace, depth: Field, softening: float
+) -> Iterate:
+    """A pressure near equilibrium on the compliant far field, with its residual there.
+
+    What is left to approach, 1 + softening sum(p) - approach in units of Delta, falls and is
+    convex in the approach: secants through its values never pass the solution.
+    """
+    solve_rigid = partial(
+        solve_complementarity,
+        rigid,
+        rtol=APPROACH_RTOL / 10,
+        max_iterations=max_iterations,
     )
+    approach, advance, before = 1.0, 0.0, 0.0
+    iterate, converged = solve_rigid(depth + approach)
+    for _ in range(APPROACH_STEPS):
+        left = 1 + softening * float(iterate.pressure.sum()) - approach
+        slope = (left - before) / advance if advance else -1.0
+        # Near Delta* the slope is nearly zero and made of rounding: no step may be trusted far.
+        advance = min(left / min(max(-slope, 1e-3), 1.0), LONGEST_ADVANCE * approach)
+        if abs(advance) <= APPROACH_RTOL * approach or not converged:
+            break
+        before = left
+        approach += advance
+        iterate.residual += advance
+        iterate, converged = solve_rigid(depth + approach, start=iterate)
+    iterate.residual += 1 + softening * float(iterate.pressure.sum()) - approach
+    return iterate
 
 
 def _contact(

@@ -79,7 +79,12 @@ class Iterate:
 
 
 def solve_complementarity(
-    operators: Operators, interference: Values, *, rtol: float, max_iterations: int
+    operators: Operators,
+    interference: Values,
+    *,
+    rtol: float,
+    max_iterations: int,
+    start: Iterate | None = None,
 ) -> tuple[Iterate, bool]:
     """Find p >= 0 with w = H p - u >= 0 and p w = 0.
 
@@ -92,15 +97,17 @@ def solve_complementarity(
     operators : see there; positive definite on every contact set met
     interference : (m,) u, at most 1
     rtol : largest violation accepted
-    max_iterations : bound on the steps of conjugate gradients
+    max_iterations : bound on the steps of conjugate gradients, those of the start included
+    start : a pressure near the solution with its residual; improved in place
 
     Returns
     -------
     (iterate, converged) : the solution, or the best that the bound allowed; its residual has been
         recomputed from the pressure
     """
-    iterate = Iterate(np.zeros_like(interference), interference.copy())
-    _take_first_steps(operators, interference, iterate)
+    iterate = start or Iterate(np.zeros_like(interference), interference.copy())
+    if start is None:
+        _take_first_steps(operators, interference, iterate)
     exact = not iterate.convolutions
     smallest, patience, safe_steps = np.inf, PATIENCE, SAFE_STEPS
     while True:
