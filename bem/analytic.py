@@ -114,5 +114,9 @@ def distances_to_centre(shape: tuple[int, int], side: float | tuple[float, float
     side : one scan length or one per axis [um]; the nodes are side / (nodes - 1) apart
     """
     sides = side if isinstance(side, tuple) else (side, side)
-    axes = [np.linspace(-0.5, 0.5, nodes) * s for nodes, s in zip(shape, sides, strict=True)]
-    return np.hypot(axes[0][:, None], axes[1][None, :])
+    axes = [
+        (np.arange(nodes) - (nodes - 1) / 2) * (length / (nodes - 1))
+        for nodes, length in zip(shape, sides, strict=True)
+    ]
+    distances: Field = np.hypot(axes[0][:, None], axes[1][None, :])
+    return distances

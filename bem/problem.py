@@ -14,6 +14,9 @@ FAR_FIELDS: tuple[FarField, ...] = get_args(FarField)
 Field = NDArray[np.float64]
 Name = TypeVar("Name", bound=str)
 
+LENGTHS = (0.0, math.inf, "above 0 um")
+"""What a length may be: beyond the first number, below the second, in words."""
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -74,11 +77,9 @@ def pose(
         / (1 - _checked_poisson(poisson) ** 2),
         kernel=_checked_choice("kernel", kernel, KERNELS),
         far_field=_checked_choice("far_field", far_field, FAR_FIELDS),
-        rtol=_checked("rtol", rtol, 0, 1, "between 0 and 1"),
-        max_iterations=max_iterations,
+        rtol=_checked("rtol", rtol, 1e-15, 1, "between 1e-15 and 1"),
+        max_iterations=_checked_count("max_iterations", max_iterations),
     )
-    if max_iterations < 1:
-        raise ValueError(f"max_iterations = {max_iterations}: must be at least 1")
     if problem.kernel == "concentrated-force" and problem.aspect != 1:
         raise ValueError(
             f"kernel = 'concentrated-force' needs square cells, spacing is {problem.spacing} um:"
@@ -89,7 +90,12 @@ def pose(
 
 def _checked_heights(heights: ArrayLike) -> Field:
     """(nx, ny) finite floats, or a ValueError that says what is wrong."""
-    given = np.asarray(heights)
+    if np.ma.is_masked(heights):
+        raise ValueError("heights are masked in places: fill or crop them")
+    try:
+        given = np.asarray(heights)
+    except ValueError:
+        raise ValueError("heights have rows of unequal length: a grid (nx, ny) is needed") from None
     if given.dtype.kind not in "fiu":
         raise ValueError(f"heights are of type {given.dtype}: real numbers are needed")
     if given.ndim != 2 or given.size == 0:
@@ -104,25 +110,29 @@ def _checked_heights(heights: ArrayLike) -> Field:
 
 def _checked_spacing(shape: tuple[int, int], side: Any, spacing: Any) -> tuple[float, float]:
     """Spacing per axis from the sides, unless it was given itself."""
-    name, given = ("side", side) if spacing is None else ("spacing", spacing)
-    pair = tuple(given) if isinstance(given, tuple | list | np.ndarray) else (given, given)
-    if len(pair) != 2:
-        raise ValueError(f"{name} = {given!r}: one length or two are needed, in um")
-    first, second = (_checked(name, value, 0, math.inf, "above 0 um") for value in pair)
+    sides = _checked_pair("side", side)
     if spacing is not None:
-        return first, second
+        return _checked_pair("spacing", spacing)
     if min(shape) < 2:
         raise ValueError(
             f"a grid of {shape[0]} x {shape[1]} nodes has no side / (nodes - 1): give the spacing"
         )
-    return first / (shape[0] - 1), second / (shape[1] - 1)
+    return sides[0] / (shape[0] - 1), sides[1] / (shape[1] - 1)
+
+
+def _checked_pair(name: str, given: Any) -> tuple[float, float]:
+    """One length for both axes, or one for each."""
+    pair = (given, given) if np.ndim(given) == 0 else tuple(given)
+    if len(pair) != 2:
+        raise ValueError(f"{name} = {given!r}: one length or two are needed, in um")
+    return _checked(name, pair[0], *LENGTHS), _checked(name, pair[1], *LENGTHS)
 
 
 def _checked(name: str, value: Any, low: float, high: float, allowed: str) -> float:
     """A finite float strictly between low and high."""
     try:
-        number = float(value)
-    except (TypeError, ValueError):
+        number = math.nan if isinstance(value, bool | np.bool_) else float(value)
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} = {value!r}: must be {allowed}") from None
     if not low < number < high:
         raise ValueError(f"{name} = {value!r}: must be {allowed}")
@@ -134,7 +144,14 @@ def _checked_poisson(poisson: Any) -> float:
     return _checked("poisson", poisson, -1, math.nextafter(0.5, 1), allowed)
 
 
+def _checked_count(name: str, value: Any) -> int:
+    """A whole number of one or more."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise ValueError(f"{name} = {value!r}: must be a whole number of at least 1")
+    return int(value)
+
+
 def _checked_choice(name: str, value: Name, choices: tuple[Name, ...]) -> Name:
-    if value not in choices:
+    if not isinstance(value, str) or value not in choices:
         raise ValueError(f"{name} = {value!r}: must be one of {', '.join(choices)}")
     return value

@@ -1,0 +1,162 @@
+"""Time to tabulate, to convolve, to precondition and to solve contacts, with the answers asserted.
+
+    pytest bench --benchmark-only
+
+`test_solve_paper` is the mean over the first rows of the paper's database: 64 solves a round. It
+records convolutions and residual, and the cost of a solve in bare convolutions.
+"""
+
+import time
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pytest_benchmark.fixture import BenchmarkFixture
+
+import bem
+from bem import influence
+from bem.convolution import Filter, circulant_inverse, displacement_filter
+from bem.influence import KERNELS, Kernel
+from gen.plan import parameters, surface_random
+from gen.scene import load
+from gen.surface import generate
+
+SIZES = {"smoke": 33, "paper": 129, "large": 513}
+SIDE = 1000.0
+ROWS = 64
+EXACT = 1e-10  # tolerance of the solutions that answers are held against
+
+# Delta that brings these shares of the first surface's nodes into contact [%: um].
+DELTAS = {
+    33: {1: 6.48, 10: 16.09, 50: 43.35},
+    129: {1: 7.86, 10: 20.05, 50: 60.32},
+    513: {1: 9.56, 10: 24.38, 50: 84.25},
+}
+
+sizes = pytest.mark.parametrize("nodes", SIZES.values(), ids=SIZES)
+kernels = pytest.mark.parametrize("kernel", KERNELS)
+precisions = pytest.mark.parametrize("dtype", ["float64", "float32"])
+
+
+def random_field(nodes: int, seed: int = 7) -> NDArray[np.float64]:
+    return np.random.default_rng(seed).standard_normal((nodes, nodes))
+
+
+def surfaces(nodes: int, count: int) -> list[tuple[NDArray[np.float64], float]]:
+    """Heights and Delta of the paper's first rows [um]."""
+    paper = load("paper")
+    rows = parameters(paper, 0, count)
+    columns = zip(rows.surface, rows.hurst, rows.sigma0, rows.delta, strict=True)
+    return [
+        (
+            generate(paper.surface.generator, nodes, hurst, sigma0, surface_random(paper, surface)),
+            float(delta),
+        )
+        for surface, hurst, sigma0, delta in columns
+    ]
+
+
+def assert_exact(contact: bem.Contact) -> None:
+    """Contact nodes as at a far tighter tolerance, all but one in 100,000, and the same force."""
+    problem = contact.problem
+    exact = bem.solve(problem.heights, SIDE, problem.delta, kernel=problem.kernel, rtol=EXACT)
+    assert abs(contact.contact_nodes - exact.contact_nodes) <= exact.contact_nodes // 100_000
+    assert contact.force == pytest.approx(exact.force, rel=1e-5)
+
+
+def seconds_per_convolution(operator: Filter, repetitions: int = 50) -> float:
+    """Shortest time of one bare convolution [s]."""
+    times = []
+    for _ in range(repetitions):
+        began = time.perf_counter()
+        operator.transform()
+        times.append(time.perf_counter() - began)
+    return min(times)
+
+
+def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> None:
+    """What a solve took: convolutions, residual and, where it was timed, seconds.
+
+    The cost in bare convolutions is that of the fastest round, which other work on the machine
+    disturbs least.
+    """
+    shape, kernel = contacts[0].pressure.shape, contacts[0].problem.kernel
+    benchmark.extra_info["convolutions"] = np.mean([c.convolutions for c in contacts]).item()
+    benchmark.extra_info["residual"] = max(c.residual for c in contacts)
+    if benchmark.stats is not None:
+        bare = seconds_per_convolution(displacement_filter(shape, kernel))
+        benchmark.extra_info["seconds_per_solve"] = benchmark.stats["mean"] / len(contacts)
+        benchmark.extra_info["bare_convolutions_per_solve"] = (
+            benchmark.stats["min"] / len(contacts) / bare
+        )
+
+
+@sizes
+@kernels
+def test_influence_coefficients(benchmark: BenchmarkFixture, kernel: Kernel, nodes: int) -> None:
+    """Cold: every round tabulates anew."""
+
+    def tabulate() -> NDArray[np.float64]:
+        influence._table.cache_clear()
+        return influence.influence_coefficients((nodes, nodes), kernel)
+
+    table = benchmark(tabulate)
+    self_displacement = {
+        "uniform-pressure": 4 * np.log(1 + np.sqrt(2)) / np.pi,
+        "concentrated-force": 2 / np.pi,
+    }
+    assert table.shape == (nodes, nodes)
+    assert np.array_equal(table, table.T)
+    assert table[0, 0] == pytest.approx(self_displacement[kernel], rel=1e-15)
+    assert table[0, -1] == pytest.approx(1 / (np.pi * (nodes - 1)), rel=1e-4)
+
+
+@sizes
+@precisions
+def test_convolution(benchmark: BenchmarkFixture, dtype: str, nodes: int) -> None:
+    pressure = random_field(nodes).astype(dtype)
+    operator = displacement_filter((nodes, nodes), "uniform-pressure", dtype=dtype)
+    displacement = benchmark(operator, pressure)
+    table = influence.influence_coefficients((nodes, nodes))
+    accepted = {"float64": 1e-12, "float32": 1e-5}[dtype]
+    largest = np.abs(displacement).max()
+    for row, column in [(0, 0), (nodes // 2, nodes // 3), (nodes - 1, 1)]:
+        rows, columns = np.abs(np.arange(nodes) - row), np.abs(np.arange(nodes) - column)
+        direct = (table[np.ix_(rows, columns)] * pressure).sum()
+        assert abs(displacement[row, column] - direct) < accepted * largest
+
+
+@sizes
+@precisions
+def test_circulant_inverse(benchmark: BenchmarkFixture, dtype: str, nodes: int) -> None:
+    """It is symmetric and positive definite, so conjugate gradients may use it."""
+    residual, other = random_field(nodes, 1), random_field(nodes, 2)
+    operator = circulant_inverse((nodes, nodes), "uniform-pressure", dtype=dtype)
+    correction = benchmark(operator, residual)
+    products = (other * correction).sum(), (operator(other) * residual).sum()
+    accepted = {"float64": 1e-12, "float32": 1e-5}[dtype] * np.abs(correction * other).sum()
+    assert (residual * correction).sum() > 0
+    assert products[0] == pytest.approx(products[1], rel=0, abs=accepted)
+
+
+def test_solve_paper(benchmark: BenchmarkFixture) -> None:
+    pairs = surfaces(SIZES["paper"], ROWS)
+
+    def solve_all() -> list[bem.Contact]:
+        return [bem.solve(heights, SIDE, delta) for heights, delta in pairs]
+
+    contacts = benchmark(solve_all)
+    record_effort(benchmark, contacts)
+    for contact in contacts[:: ROWS // 8]:
+        assert_exact(contact)
+
+
+@sizes
+@pytest.mark.parametrize("percent", [1, 10, 50])
+def test_solve_at_contact(benchmark: BenchmarkFixture, percent: int, nodes: int) -> None:
+    heights, _ = surfaces(nodes, 1)[0]
+    delta = DELTAS[nodes][percent]
+    contact = benchmark(bem.solve, heights, SIDE, delta)
+    record_effort(benchmark, [contact])
+    assert contact.area_percent == pytest.approx(percent, rel=0.1)
+    assert_exact(contact)

@@ -1,0 +1,318 @@
+"""What `solve` returns, what it refuses, and how it behaves at the ends of its range."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import fftconvolve
+
+import bem
+from bem.influence import Kernel, influence_coefficients
+from bem.problem import FarField
+
+KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
+SIDE = (240.0, 320.0)
+MODULUS, POISSON = 3.0, 0.3
+PLANE_STRAIN = MODULUS / (1 - POISSON**2)
+
+
+def rough(shape: tuple[int, int] = (25, 33), seed: int = 0) -> np.ndarray:
+    """A random walk, smoothed, with a range of heights of 10."""
+    random = np.random.default_rng(seed)
+    walk = np.cumsum(np.cumsum(random.standard_normal(shape), axis=0), axis=1)
+    walk += random.standard_normal(shape)
+    return 10 * walk / np.ptp(walk)
+
+
+HEIGHTS = rough()
+
+
+def displacement(contact: bem.Contact) -> np.ndarray:
+    """Displacement under the contact's pressure by SciPy's convolution [um]."""
+    problem = contact.problem
+    shape = contact.pressure.shape
+    table = influence_coefficients(shape, problem.kernel, problem.aspect)
+    mirrored = table[np.ix_(*(np.abs(np.arange(1 - nodes, nodes)) for nodes in shape))]
+    moved = fftconvolve(mirrored, contact.pressure, mode="valid")
+    return moved * problem.spacing[0] / problem.modulus
+
+
+def gap(contact: bem.Contact) -> np.ndarray:
+    """Distance between the surfaces from the pressure alone [um]."""
+    heights = contact.problem.heights
+    return displacement(contact) - (heights - (heights.max() - contact.approach))
+
+
+CASES = [
+    (kernel, far_field, delta, rtol)
+    for kernel in KERNELS
+    for far_field in ("rigid", "compliant")
+    for delta in (0.3, 2.0)
+    for rtol in (1e-3, 1e-6, 1e-12)
+]
+
+
+@pytest.fixture(params=CASES, ids=str)
+def contact(request: pytest.FixtureRequest) -> bem.Contact:
+    kernel, far_field, delta, rtol = request.param
+    return bem.solve(
+        rough((33, 33)),
+        240.0,
+        delta,
+        modulus=MODULUS,
+        poisson=POISSON,
+        kernel=kernel,
+        far_field=far_field,
+        rtol=rtol,
+    )
+
+
+def test_residual_is_that_of_the_pressure(contact: bem.Contact) -> None:
+    distance = gap(contact)
+    wrong = np.where(contact.pressure > 0, np.abs(distance), -distance)
+    assert contact.residual == pytest.approx(wrong.max() / contact.problem.delta, rel=0, abs=1e-12)
+    assert contact.residual <= contact.problem.rtol
+
+
+def test_pressure_and_gap_complement_each_other(contact: bem.Contact) -> None:
+    accepted = contact.problem.rtol * contact.problem.delta
+    rounding = 1e-13 * contact.problem.delta
+    assert contact.pressure.min() >= 0
+    assert contact.gap.min() >= -accepted - rounding
+    assert np.abs(contact.gap[contact.pressure > 0]).max() <= accepted + rounding
+
+
+def test_fields_and_numbers_follow_from_the_pressure(contact: bem.Contact) -> None:
+    problem = contact.problem
+    rounding = {"rel": 0, "abs": 1e-12 * problem.delta}
+    touching = contact.pressure > 0
+    assert problem.spacing == (7.5, 7.5)
+    assert problem.modulus == pytest.approx(PLANE_STRAIN, rel=1e-15)
+    assert contact.displacement == pytest.approx(displacement(contact), **rounding)
+    assert contact.gap == pytest.approx(gap(contact), **rounding)
+    assert contact.mean_gap == pytest.approx(gap(contact).mean(), **rounding)
+    assert contact.force == pytest.approx(contact.pressure.sum() * 7.5**2, rel=1e-13)
+    assert contact.largest_pressure == contact.pressure.max()
+    assert contact.contact_nodes == touching.sum()
+    assert contact.area_percent == pytest.approx(100 * touching.mean(), rel=1e-15)
+    assert contact.convolutions >= contact.iterations > 0
+    assert problem.far_field == "compliant" or contact.approach == problem.delta
+
+
+def test_perimeter_is_the_length_of_edges_between_contact_and_gap() -> None:
+    contact = bem.solve(HEIGHTS, SIDE, 2.0, spacing=(3.0, 5.0))
+    touching = contact.pressure > 0
+    length = 0.0
+    for i, j in np.ndindex(touching.shape):
+        if i and touching[i, j] != touching[i - 1, j]:
+            length += 5.0  # an edge across the first axis has the length of the second spacing
+        if j and touching[i, j] != touching[i, j - 1]:
+            length += 3.0
+    assert length > 0
+    assert contact.perimeter == pytest.approx(length, rel=1e-14)
+
+
+def test_results_cannot_be_rewritten() -> None:
+    contact = bem.solve(HEIGHTS, SIDE, 2.0)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        contact.force = 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        contact.problem.heights[0, 0] = 0.0
+
+
+def test_results_read_in_one_line() -> None:
+    text = repr(bem.solve(HEIGHTS, SIDE, 2.0))
+    assert len(text.splitlines()) == 1
+    assert "force=" in text
+    assert "pressure" not in text
+
+
+@pytest.mark.parametrize("delta", [0.0, -0.0, -1.0, -1e300, 0])
+@pytest.mark.parametrize("far_field", ["rigid", "compliant"])
+def test_nothing_touches_up_to_delta_zero(delta: float, far_field: FarField) -> None:
+    contact = bem.solve(HEIGHTS, SIDE, delta, far_field=far_field)
+    assert not contact.pressure.any()
+    assert contact.force == contact.area_percent == contact.contact_nodes == 0
+    assert contact.iterations == contact.convolutions == contact.residual == 0
+    assert contact.perimeter == contact.largest_pressure == 0
+    assert contact.mean_gap == pytest.approx((HEIGHTS.max() - HEIGHTS).mean() - delta, rel=1e-14)
+    assert contact.gap.min() == -delta
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("delta", [np.spacing(HEIGHTS.max()), 1e-300])
+def test_first_touch_is_one_cell_under_load(delta: float, kernel: Kernel) -> None:
+    contact = bem.solve(HEIGHTS, 1.0, delta, spacing=0.25, kernel=kernel)
+    stiffness = 0.25 / influence_coefficients((1, 1), kernel)[0, 0]
+    assert contact.contact_nodes == 1
+    assert contact.pressure.argmax() == HEIGHTS.argmax()
+    assert contact.force == pytest.approx(stiffness * delta, rel=1e-6)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_one_spike_is_one_cell_under_load(kernel: Kernel) -> None:
+    heights = np.zeros((20, 31))
+    heights[3, 30] = 1e3
+    contact = bem.solve(heights, 1.0, 10.0, spacing=0.25, kernel=kernel)
+    stiffness = 0.25 / influence_coefficients((1, 1), kernel)[0, 0]
+    assert contact.contact_nodes == 1
+    assert contact.force == pytest.approx(10 * stiffness, rel=1e-6)
+    assert contact.perimeter == 0.75  # the patch's border is no edge
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("delta", [1e-9, 1.0, 1e9])
+def test_flat_surfaces_touch_everywhere(delta: float, kernel: Kernel) -> None:
+    contact = bem.solve(np.full((20, 31), 7.0), 1.0, delta, spacing=0.5, kernel=kernel)
+    unit = bem.solve(np.zeros((20, 31)), 1.0, 1.0, spacing=0.5, kernel=kernel)
+    assert contact.area_percent == 100.0
+    assert contact.perimeter == 0.0
+    assert contact.force == pytest.approx(delta * unit.force, rel=1e-12)
+    assert contact.pressure[0, 0] > contact.pressure[10, 15]  # as under any flat punch
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("delta", [1e4, 1e8, 1e12])
+def test_full_contact_is_all_of_the_area(delta: float, kernel: Kernel) -> None:
+    """Far beyond, the range of heights no longer counts."""
+    contact = bem.solve(HEIGHTS, SIDE[0], delta, spacing=10.0, kernel=kernel, rtol=1e-12)
+    punch = bem.solve(np.zeros(HEIGHTS.shape), SIDE[0], 1.0, spacing=10.0, kernel=kernel)
+    assert contact.area_percent == 100.0
+    assert contact.contact_nodes == HEIGHTS.size
+    assert contact.force == pytest.approx(delta * punch.force, rel=2e-5 if delta > 1e5 else 1e-2)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (2, 2)])
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_small_grids(shape: tuple[int, int], kernel: Kernel) -> None:
+    contact = bem.solve(np.zeros(shape), 1.0, 1.0, spacing=1.0, kernel=kernel)
+    assert contact.area_percent == 100.0
+    assert contact.pressure == pytest.approx(contact.pressure[::-1, ::-1], rel=1e-6)
+
+
+def test_one_side_of_one_cell_needs_its_spacing() -> None:
+    contact = bem.solve([[0.0, 1.0, 0.5]], 1.0, 0.2, spacing=(2.0, 4.0))
+    assert contact.problem.spacing == (2.0, 4.0)
+    assert contact.contact_nodes == 1
+
+
+@pytest.mark.parametrize("side", [(3.0, 6.0), [3.0, 6.0], np.array([3.0, 6.0])])
+def test_pairs_of_sides(side: Any) -> None:
+    assert bem.solve(np.zeros((4, 7)), side, 1.0).problem.spacing == (1.0, 1.0)
+
+
+def test_bound_on_iterations_raises_with_the_numbers_reached() -> None:
+    with pytest.raises(bem.NotConverged) as stopped:
+        bem.solve(HEIGHTS, SIDE, 5.0, rtol=1e-9, max_iterations=2)
+    contact, message = stopped.value.contact, str(stopped.value)
+    assert contact.iterations == 2
+    assert contact.residual > 1e-9
+    assert contact.pressure.min() >= 0
+    assert contact.force > 0
+    distance = gap(contact)
+    wrong = np.where(contact.pressure > 0, np.abs(distance), -distance)
+    assert contact.residual == pytest.approx(wrong.max() / 5.0, rel=0, abs=1e-12)
+    assert len(message.splitlines()) == 1
+    for part in (f"residual {contact.residual:.1e}", "after 2", "1.0e-09", "max_iterations (2)"):
+        assert part in message
+
+
+@pytest.mark.parametrize("far_field", ["rigid", "compliant"])
+@pytest.mark.parametrize("bound", [1, 3, 7, 11])
+def test_the_bound_on_iterations_is_never_passed(bound: int, far_field: FarField) -> None:
+    heights = rough((33, 33))
+    with pytest.raises(bem.NotConverged) as stopped:
+        bem.solve(heights, 1.0, 2.0, rtol=1e-14, max_iterations=bound, far_field=far_field)
+    assert stopped.value.contact.iterations == bound
+
+
+NAN, INF = math.nan, math.inf
+SQUARE = np.zeros((4, 4))
+HOLES = np.array([[0.0, NAN], [INF, -INF]])
+
+BAD_HEIGHTS = [
+    (HOLES, ["3 values", "not finite"]),
+    (np.full((2, 2), NAN), ["4 values", "not finite"]),
+    (SQUARE + 1j, ["complex128", "real numbers"]),
+    (np.empty((0, 4)), ["(0, 4)", "(nx, ny)"]),
+    (np.zeros(4), ["(4,)", "(nx, ny)"]),
+    (np.zeros((2, 2, 2)), ["(2, 2, 2)", "(nx, ny)"]),
+    (3.0, ["()", "(nx, ny)"]),
+    ("surface.npy", ["<U11", "real numbers"]),
+    ([["a", "b"], ["c", "d"]], ["<U1", "real numbers"]),
+    (None, ["object", "real numbers"]),
+    (SQUARE.astype(object), ["object", "real numbers"]),
+    (SQUARE > 0, ["bool", "real numbers"]),
+    (SQUARE.astype("datetime64[s]"), ["datetime64[s]", "real numbers"]),
+]
+
+BAD_ARGUMENTS: list[tuple[dict[str, Any], list[str]]] = [
+    ({"side": 0}, ["side = 0", "above 0 um"]),
+    ({"side": -1.5}, ["side = -1.5", "above 0 um"]),
+    ({"side": NAN}, ["side = nan", "above 0 um"]),
+    ({"side": INF}, ["side = inf", "above 0 um"]),
+    ({"side": None}, ["side = None", "above 0 um"]),
+    ({"side": "long"}, ["side = 'long'", "above 0 um"]),
+    ({"side": (1.0, 2.0, 3.0)}, ["side = (1.0, 2.0, 3.0)", "one length or two"]),
+    ({"side": (1.0,)}, ["side = (1.0,)", "one length or two"]),
+    ({"side": (1.0, 0.0)}, ["side = 0.0", "above 0 um"]),
+    ({"spacing": 0}, ["spacing = 0", "above 0 um"]),
+    ({"spacing": -0.5}, ["spacing = -0.5", "above 0 um"]),
+    ({"spacing": (1.0, 2.0, 3.0)}, ["spacing = (1.0, 2.0, 3.0)", "one length or two"]),
+    ({"heights": SQUARE[:1]}, ["1 x 4", "give the spacing"]),
+    ({"heights": SQUARE[:, :1]}, ["4 x 1", "give the spacing"]),
+    ({"delta": NAN}, ["delta = nan", "finite"]),
+    ({"delta": INF}, ["delta = inf", "finite"]),
+    ({"delta": -INF}, ["delta = -inf", "finite"]),
+    ({"delta": None}, ["delta = None", "finite"]),
+    ({"delta": [1.0]}, ["delta = [1.0]", "finite"]),
+    ({"delta": 1 + 1j}, ["delta = (1+1j)", "finite"]),
+    ({"modulus": 0}, ["modulus = 0", "above 0 MPa"]),
+    ({"modulus": -1}, ["modulus = -1", "above 0 MPa"]),
+    ({"modulus": INF}, ["modulus = inf", "above 0 MPa"]),
+    ({"modulus": NAN}, ["modulus = nan", "above 0 MPa"]),
+    ({"poisson": 0.6}, ["poisson = 0.6", "above -1 and at most 0.5"]),
+    ({"poisson": np.nextafter(0.5, 1)}, ["0.5", "above -1 and at most 0.5"]),
+    ({"poisson": -1}, ["poisson = -1", "above -1 and at most 0.5"]),
+    ({"poisson": NAN}, ["poisson = nan", "above -1 and at most 0.5"]),
+    ({"rtol": 0}, ["rtol = 0", "between 1e-15 and 1"]),
+    ({"rtol": -1e-6}, ["rtol = -1e-06", "between 1e-15 and 1"]),
+    ({"rtol": 1}, ["rtol = 1", "between 1e-15 and 1"]),
+    ({"rtol": NAN}, ["rtol = nan", "between 1e-15 and 1"]),
+    ({"kernel": "gaussian"}, ["kernel = 'gaussian'", "uniform-pressure, concentrated-force"]),
+    ({"kernel": None}, ["kernel = None", "uniform-pressure, concentrated-force"]),
+    ({"far_field": "soft"}, ["far_field = 'soft'", "rigid, compliant"]),
+    ({"max_iterations": 0}, ["max_iterations = 0", "at least 1"]),
+    ({"max_iterations": -5}, ["max_iterations = -5", "at least 1"]),
+    ({"max_iterations": 1.5}, ["max_iterations = 1.5", "at least 1"]),
+    ({"max_iterations": True}, ["max_iterations = True", "at least 1"]),
+    ({"rtol": 1e-300}, ["rtol = 1e-300", "between 1e-15 and 1"]),
+    ({"delta": True}, ["delta = True", "finite"]),
+    ({"delta": 10**400}, ["delta = 1000", "finite"]),
+    ({"side": -5.0, "spacing": 1.0}, ["side = -5.0", "above 0"]),
+    ({"kernel": np.array(["uniform-pressure"])}, ["kernel", "must be one of"]),
+    ({"heights": [[1.0, 2.0], [3.0]]}, ["unequal length"]),
+    ({"heights": np.ma.masked_equal(np.eye(3), 1)}, ["masked"]),
+    (
+        {"kernel": "concentrated-force", "side": (1.0, 2.0)},
+        ["concentrated-force", "square cells", "uniform-pressure"],
+    ),
+    (
+        {"kernel": "concentrated-force", "heights": np.zeros((4, 5))},
+        ["concentrated-force", "square cells", "uniform-pressure"],
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [*[({"heights": bad}, parts) for bad, parts in BAD_HEIGHTS], *BAD_ARGUMENTS],
+)
+def test_input_is_refused_in_one_line(arguments: dict[str, Any], parts: list[str]) -> None:
+    usable = {"heights": SQUARE, "side": 1.0, "delta": 1.0}
+    with pytest.raises(ValueError, match=r"\A.*\Z") as refused:  # . is never the end of a line
+        bem.solve(**usable | arguments)
+    for part in parts:
+        assert part in str(refused.value)

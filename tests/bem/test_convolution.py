@@ -1,0 +1,162 @@
+"""The pruned convolution and its circulant inverse against the matrices that they stand for."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from bem.convolution import Filter, Selection, circulant_inverse, displacement_filter, fast_period
+from bem.half_space import HalfSpace
+from bem.influence import Kernel, influence_coefficients
+from tests.bem import dense
+
+KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
+SHAPES = [(1, 1), (1, 2), (2, 1), (1, 17), (23, 1), (2, 3), (8, 8), (9, 9), (16, 33), (37, 10)]
+
+
+def random_field(shape: tuple[int, int]) -> np.ndarray:
+    return np.random.default_rng(shape).standard_normal(shape)
+
+
+def relative_error(found: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("shape", [*SHAPES, (65, 65), (128, 65)])
+def test_displacement_is_the_dense_product(shape: tuple[int, int], kernel: Kernel) -> None:
+    pressure = random_field(shape)
+    expected = dense.displace(pressure, kernel)
+    assert relative_error(displacement_filter(shape, kernel)(pressure), expected) < 1e-12
+    single = displacement_filter(shape, kernel, dtype="float32")(pressure)
+    assert single.dtype == np.float32
+    assert relative_error(single, expected) < 1e-6
+
+
+@pytest.mark.parametrize("aspect", [2.0, 0.5, 7.3, 1 / 64])
+@pytest.mark.parametrize("shape", [(1, 17), (16, 33), (65, 20)])
+def test_displacement_on_oblong_cells(shape: tuple[int, int], aspect: float) -> None:
+    pressure = random_field(shape)
+    expected = dense.displace(pressure, "uniform-pressure", aspect)
+    found = displacement_filter(shape, "uniform-pressure", aspect)(pressure)
+    assert relative_error(found, expected) < 1e-12
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_unit_pressures_give_back_the_coefficients(kernel: Kernel) -> None:
+    """A load in a corner sees every offset once, and nothing comes round from the other side."""
+    pressure = np.zeros((20, 33))
+    pressure[0, -1] = 1
+    found = displacement_filter(pressure.shape, kernel)(pressure)
+    np.testing.assert_allclose(
+        found[:, ::-1], influence_coefficients(pressure.shape, kernel), rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize("k", [1, 4, 7, 10])
+def test_grids_of_a_power_of_two_and_one_have_that_period(k: int) -> None:
+    assert fast_period(2**k + 1) == 2 ** (k + 1)
+
+
+def test_periods_are_even_and_hold_every_offset() -> None:
+    for nodes in range(1, 600):
+        period = fast_period(nodes)
+        assert period % 2 == 0
+        assert period >= max(2 * nodes - 2, 2)
+
+
+def test_a_kept_filter_forgets_its_last_field() -> None:
+    operator = displacement_filter((9, 12), "uniform-pressure")
+    assert displacement_filter((9, 12), "uniform-pressure") is operator
+    field = random_field((9, 12))
+    first = operator(field)
+    operator(1e6 * np.ones((9, 12)))
+    np.testing.assert_array_equal(operator(field), first)
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_selections_share_a_filter_and_agree_with_it(dtype: str) -> None:
+    shape = (12, 17)
+    operator = displacement_filter(shape, "uniform-pressure", dtype=dtype)
+    random = np.random.default_rng(3)
+    nodes = np.flatnonzero(random.random(shape) < 0.4)
+    some = np.flatnonzero(random.random(nodes.size) < 0.5)
+    other = Selection(operator, np.arange(shape[0] * shape[1]))
+    selection = Selection(operator, nodes)
+    values = random.standard_normal(nodes.size).astype(dtype)
+
+    def reference(indices: np.ndarray, given: np.ndarray) -> np.ndarray:
+        field = np.zeros(shape, dtype)
+        field.flat[indices] = given
+        return operator(field).reshape(-1)
+
+    other(np.ones(shape[0] * shape[1], dtype))  # leaves pressure everywhere
+    np.testing.assert_array_equal(selection(values), reference(nodes, values)[nodes])
+    spread = selection.spread(some, values[some])
+    np.testing.assert_array_equal(spread, reference(nodes[some], values[some])[nodes])
+    within = selection.within(some, values[some])
+    np.testing.assert_array_equal(within, spread[some])
+
+
+def test_half_space_gives_way_by_its_softening() -> None:
+    shape, softening = (6, 7), 0.01
+    nodes = np.flatnonzero(np.random.default_rng(4).random(shape) < 0.6)
+    operators = HalfSpace(shape, "uniform-pressure", 1.0, nodes, softening)
+    matrix = dense.influence_matrix(shape, "uniform-pressure").reshape(42, 42)[nodes][:, nodes]
+    pressure = np.random.default_rng(5).random(nodes.size)
+    expected = (matrix - softening) @ pressure
+    assert relative_error(operators.displace(pressure), expected) < 1e-12
+    everywhere = np.arange(nodes.size)
+    assert relative_error(operators.displace_some(everywhere, pressure), expected) < 1e-6
+    assert operators.norm >= np.linalg.eigvalsh(matrix)[-1]
+
+
+def matrix_of(operator: Filter) -> np.ndarray:
+    """The matrix that a filter stands for, column by column."""
+    nodes = operator.shape[0] * operator.shape[1]
+    columns = [operator(unit.reshape(operator.shape)).reshape(-1) for unit in np.eye(nodes)]
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("shape", [(1, 9), (2, 3), (8, 8), (9, 9), (10, 16)])
+def test_circulant_inverse_is_positive_definite_on_any_nodes(
+    shape: tuple[int, int], kernel: Kernel
+) -> None:
+    """Largest and smallest eigenvalue of a part lie between those of the whole."""
+    matrix = matrix_of(circulant_inverse(shape, kernel))
+    assert relative_error(matrix, matrix.T) < 1e-14
+    assert np.linalg.eigvalsh(matrix)[0] > 0
+    single = matrix_of(circulant_inverse(shape, kernel, dtype="float32"))
+    assert relative_error(single, matrix) < 1e-6
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize(
+    ("shape", "periods"), [((1, 12), (2, 12)), ((8, 10), (8, 10)), ((9, 7), (10, 8))]
+)
+def test_circulant_inverse_belongs_to_the_nearest_circulant(
+    shape: tuple[int, int], periods: tuple[int, int], kernel: Kernel
+) -> None:
+    """In the Frobenius norm that is the mean over each wrapped diagonal (T. Chan 1988)."""
+    matrix = dense.influence_matrix(periods, kernel)
+    i, j = np.ogrid[: periods[0], : periods[1]]
+    nearest = np.empty((*periods, *periods))
+    for k, m in np.ndindex(periods):
+        wrapped = (i + k) % periods[0], (j + m) % periods[1], i, j
+        nearest[wrapped] = matrix[wrapped].mean()
+    nodes = periods[0] * periods[1]
+    inverse = np.linalg.inv(nearest.reshape(nodes, nodes)).reshape(*periods, *periods)
+    part = inverse[: shape[0], : shape[1], : shape[0], : shape[1]]
+    found = matrix_of(circulant_inverse(shape, kernel))
+    assert relative_error(found, part.reshape(found.shape)) < 1e-12
+
+
+def test_threads_have_filters_of_their_own() -> None:
+    found = []
+    work = threading.Thread(
+        target=lambda: found.append(displacement_filter((9, 9), "uniform-pressure"))
+    )
+    work.start()
+    work.join()
+    assert found[0] is not displacement_filter((9, 9), "uniform-pressure")

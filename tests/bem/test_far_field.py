@@ -1,0 +1,195 @@
+"""The compliant far field: MIRCO's published results, the exact limit of its loop, and Delta*."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bem
+from bem.far_field import critical_delta, flat_punch, shape_factor
+from bem.influence import Kernel
+from tests.bem import dense
+
+KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
+SIDE = 1000.0  # um
+MODULUS = 1 / (2 * (1 - 0.3**2))  # two bodies with E = 1 and nu = 0.3 [MPa]
+
+MIRCO = Path(__file__).parents[3] / "shared" / "mirco"
+RESULTS = [
+    # file, Delta [um], mean pressure [MPa], share of the area, shape factor
+    ("sup2.dat", 15.0, 0.006069099831252897, 0.16, 0.8055133886663758),
+    ("sup5.dat", 10.0, 0.0008690895874828513, 0.008264462809917357, 0.8517330207256517),
+]
+
+
+def topography(name: str) -> np.ndarray:
+    path = MIRCO / name
+    if not path.is_file():
+        pytest.skip(f"MIRCO's regression input {path} is not on this machine")
+    lines = path.read_text(encoding="ascii").splitlines()
+    return np.array([[float(field) for field in line.strip(" ;").split(";")] for line in lines])
+
+
+def rigid(
+    heights: np.ndarray, delta: float, kernel: Kernel = "concentrated-force", rtol: float = 1e-12
+) -> bem.Contact:
+    spacing = SIDE / len(heights)
+    return bem.solve(
+        heights, SIDE, delta, spacing=spacing, modulus=MODULUS, kernel=kernel, rtol=rtol
+    )
+
+
+def compliant(
+    heights: np.ndarray, delta: float, kernel: Kernel = "concentrated-force", rtol: float = 1e-12
+) -> bem.Contact:
+    spacing = SIDE / len(heights)
+    return bem.solve(
+        heights,
+        SIDE,
+        delta,
+        spacing=spacing,
+        modulus=MODULUS,
+        kernel=kernel,
+        rtol=rtol,
+        far_field="compliant",
+    )
+
+
+def mircos_loop(
+    heights: np.ndarray, delta: float, tolerance: float, kernel: Kernel = "concentrated-force"
+) -> bem.Contact:
+    """Add F / K of the last solution to Delta until the force changes by less than tolerance."""
+    stiffness = SIDE * MODULUS / shape_factor(heights.shape, kernel)
+    force = 0.0
+    while True:
+        contact = rigid(heights, delta + force / stiffness, kernel)
+        if abs(contact.force - force) < tolerance * contact.force:
+            return contact
+        force = contact.force
+
+
+@pytest.mark.parametrize(("name", "delta", "mean_pressure", "area", "_factor"), RESULTS)
+def test_mircos_own_results(
+    name: str, delta: float, mean_pressure: float, area: float, _factor: float
+) -> None:
+    """Of a loop that was stopped at a change of 1 %."""
+    contact = mircos_loop(topography(name), delta, tolerance=0.01)
+    assert contact.force / SIDE**2 == pytest.approx(mean_pressure, rel=1e-8)
+    assert contact.area_percent / 100 == pytest.approx(area, rel=1e-8)
+
+
+@pytest.mark.parametrize(("name", "delta", "_pressure", "_area", "factor"), RESULTS)
+def test_shape_factors_of_mirco(
+    name: str, delta: float, _pressure: float, _area: float, factor: float
+) -> None:
+    nodes = len(topography(name))
+    assert shape_factor((nodes, nodes), "concentrated-force") == pytest.approx(factor, rel=1e-12)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize(("name", "delta"), [(row[0], row[1]) for row in RESULTS])
+def test_compliant_solves_the_limit_of_mircos_loop(name: str, delta: float, kernel: Kernel) -> None:
+    heights = topography(name)
+    limit, contact = mircos_loop(heights, delta, 1e-13, kernel), compliant(heights, delta, kernel)
+    stiffness = SIDE * MODULUS / shape_factor(heights.shape, kernel)
+    assert contact.force == pytest.approx(limit.force, rel=1e-10)
+    assert contact.approach == pytest.approx(delta + contact.force / stiffness, rel=1e-12)
+    np.testing.assert_array_equal(contact.pressure > 0, limit.pressure > 0)
+
+
+def rough(shape: tuple[int, int], seed: int) -> np.ndarray:
+    """A random walk with some noise, range of heights 10."""
+    random = np.random.default_rng(seed)
+    walk = np.cumsum(np.cumsum(random.standard_normal(shape), axis=0), axis=1)
+    walk += random.standard_normal(shape)
+    return 10 * walk / np.ptp(walk)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("share", [0.3, 0.9, 0.99])
+def test_equilibrium_exists_up_to_the_critical_delta(share: float, kernel: Kernel) -> None:
+    heights = rough((33, 33), 1)
+    critical = critical_delta(heights, kernel)
+    contact = compliant(heights, share * critical, kernel)
+    assert contact.residual <= 1e-12
+    approached = rigid(heights, contact.approach, kernel)
+    assert contact.force == pytest.approx(approached.force, rel=1e-9)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("excess", [1.0, 1 + 1e-12, 1.5, 1e6])
+def test_no_equilibrium_from_the_critical_delta_on(excess: float, kernel: Kernel) -> None:
+    heights = rough((17, 17), 2)
+    critical = critical_delta(heights, kernel)
+    with pytest.raises(bem.NoSolution) as refused:
+        compliant(heights, excess * critical, kernel)
+    assert refused.value.critical_delta == critical
+    assert refused.value.delta == excess * critical
+    assert f"Delta* = {critical:.10g} um" in str(refused.value)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_flat_surfaces_have_no_equilibrium_on_a_compliant_far_field() -> None:
+    with pytest.raises(bem.NoSolution, match="Delta"):
+        compliant(np.zeros((9, 9)), 1e-9)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_the_last_node_comes_to_touch_at_the_critical_delta(kernel: Kernel) -> None:
+    """With all of them in contact the patch follows its own far field: nothing holds it back."""
+    heights = rough((17, 17), 3)
+    critical = critical_delta(heights, kernel)
+    contacts = [compliant(heights, (1 - short) * critical, kernel) for short in (0.1, 1e-3, 1e-6)]
+    nodes = [contact.contact_nodes for contact in contacts]
+    assert nodes == sorted(nodes)
+    assert nodes[-1] == heights.size - 1
+
+
+@pytest.mark.parametrize("aspect", [1.0, 2.0, 1 / 7.3])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 12), (7, 20), (16, 16)])
+def test_flat_punch_is_the_dense_solution(shape: tuple[int, int], aspect: float) -> None:
+    nodes = shape[0] * shape[1]
+    matrix = dense.influence_matrix(shape, "uniform-pressure", aspect).reshape(nodes, nodes)
+    expected = np.linalg.solve(matrix, np.ones(nodes)).reshape(shape)
+    np.testing.assert_allclose(flat_punch(shape, "uniform-pressure", aspect), expected, rtol=1e-11)
+
+
+def test_flat_punch_is_kept_and_cannot_be_written() -> None:
+    pressure = flat_punch((9, 9), "uniform-pressure")
+    assert flat_punch((9, 9), "uniform-pressure") is pressure
+    with pytest.raises(ValueError, match="read-only"):
+        pressure[0, 0] = 0.0
+
+
+def test_shape_factor_tends_to_the_rigid_square_punch() -> None:
+    """K = 1.15 E* L, as finite elements and boundary elements have it elsewhere."""
+    factors = [shape_factor((nodes, nodes), "uniform-pressure") for nodes in (9, 33, 129)]
+    assert factors == sorted(factors, reverse=True)
+    assert 1 / factors[-1] == pytest.approx(1.15, rel=2e-3)
+
+
+@settings(max_examples=60)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.tuples(st.integers(2, 21), st.integers(2, 21)),
+    kernel=st.sampled_from(KERNELS),
+    noise=st.booleans(),
+    share=st.floats(0.01, 0.999),
+)
+def test_any_equilibrium_is_that_of_its_own_approach(
+    seed: int, shape: tuple[int, int], kernel: Kernel, noise: bool, share: float
+) -> None:
+    """Pressed rigidly by Delta + F / K the dense reference finds the same force and nodes."""
+    heights = np.random.default_rng(seed).standard_normal(shape) if noise else rough(shape, seed)
+    delta = share * critical_delta(heights, kernel)
+    contact = bem.solve(
+        heights, 1.0, delta, spacing=1.0, kernel=kernel, far_field="compliant", rtol=1e-11
+    )
+    softening = 1 / flat_punch(shape, kernel).sum()
+    assert contact.approach == pytest.approx(delta + softening * contact.force, rel=1e-12)
+    pressure, gap = dense.press(heights, contact.approach, kernel)
+    decided = (pressure > 1e-8) | (gap > 1e-8)
+    np.testing.assert_array_equal((contact.pressure > 0)[decided], (pressure > 1e-8)[decided])
+    assert contact.force == pytest.approx(pressure.sum() * contact.approach, rel=1e-8)

@@ -1,0 +1,121 @@
+"""Influence coefficients against their closed forms in 40 digits."""
+
+import mpmath
+import numpy as np
+import pytest
+
+from bem.influence import influence_coefficients
+
+FARTHEST = 2049  # cells
+
+NEAR = [(i, j) for i in range(5) for j in range(5)]
+"""All offsets where the closed form is used, and the first ones beyond."""
+
+FAR = [
+    *[(2, 2), (2, 3), (15, 5), (15, 6), (16, 0), (127, 11), (127, 16), (128, 0), (90, 91)],
+    *[(512, 0), (512, 1), (1024, 1024), (2048, 64), (FARTHEST, 0), (0, FARTHEST), (1448, 1449)],
+]
+"""Offsets on either side of the distances at which the rule of integration changes, and beyond."""
+
+
+@pytest.fixture(scope="module")
+def largest_table() -> np.ndarray:
+    return influence_coefficients((FARTHEST + 1, FARTHEST + 1))
+
+
+def random_offsets(count: int, farthest: int) -> list[tuple[int, int]]:
+    """Offsets in every direction, as many at each order of magnitude of the distance."""
+    random = np.random.default_rng(2025)
+    distance = np.maximum(farthest ** random.random(count), 2)
+    angle = random.uniform(0, np.pi / 2, count)
+    along, across = distance * np.cos(angle), distance * np.sin(angle)
+    return [(int(i), int(j)) for i, j in zip(along, across, strict=True)]
+
+
+def love(i: int, j: int, aspect: float = 1.0) -> mpmath.mpf:
+    """Displacement at (i, aspect j) under unit pressure on a cell of sides 1 and aspect."""
+    with mpmath.workdps(40):
+        half = mpmath.mpf(1) / 2
+        total = mpmath.mpf(0)
+        for sign_x in (1, -1):
+            for sign_y in (1, -1):
+                x, y = i + sign_x * half, aspect * (j + sign_y * half)
+                corner = x * mpmath.asinh(y / abs(x)) + y * mpmath.asinh(x / abs(y))
+                total += sign_x * sign_y * corner
+        return total / mpmath.pi
+
+
+@pytest.mark.parametrize("offsets", [NEAR, FAR, random_offsets(500, FARTHEST)])
+def test_uniform_pressure_is_loves_closed_form(
+    largest_table: np.ndarray, offsets: list[tuple[int, int]]
+) -> None:
+    for i, j in offsets:
+        assert float(abs(largest_table[i, j] / love(i, j) - 1)) < 1e-13, (i, j)
+
+
+@pytest.mark.parametrize("aspect", [2.0, 0.5, 7.3, 1 / 64])
+def test_oblong_cells_follow_loves_closed_form(aspect: float) -> None:
+    table = influence_coefficients((257, 257), aspect=aspect)
+    strips = [pair for i in range(0, 257, 8) for pair in [(i, 0), (0, i), (i, 2), (2, i)]]
+    for i, j in [*NEAR, *strips, *random_offsets(200, 256)]:
+        assert float(abs(table[i, j] / love(i, j, aspect) - 1)) < 1e-12, (i, j)
+
+
+def test_square_cells_are_symmetric_to_the_last_bit(largest_table: np.ndarray) -> None:
+    np.testing.assert_array_equal(largest_table, largest_table.T)
+
+
+@pytest.mark.parametrize("kernel", ["uniform-pressure", "concentrated-force"])
+@pytest.mark.parametrize("shape", [(1, 9), (33, 70), (300, 7)])
+def test_oblong_grids_transpose_and_nest(kernel: str, shape: tuple[int, int]) -> None:
+    """A coefficient depends on its offset, not on the grid it was tabulated for."""
+    table = influence_coefficients(shape, kernel)
+    np.testing.assert_array_equal(table, influence_coefficients(shape[::-1], kernel).T)
+    square = influence_coefficients((300, 300), kernel)
+    np.testing.assert_array_equal(table, square[: shape[0], : shape[1]])
+
+
+@pytest.mark.parametrize("aspect", [2.0, 7.3, 1 / 64])
+def test_turned_cells_give_the_same_displacement(aspect: float) -> None:
+    """The other side of a cell may come first; the unit of the displacement changes with it."""
+    table = influence_coefficients((60, 40), aspect=aspect)
+    turned = influence_coefficients((40, 60), aspect=1 / aspect)
+    np.testing.assert_allclose(table, aspect * turned.T, rtol=1e-12)
+
+
+def test_known_values_under_the_load() -> None:
+    """Uniform square: 4 ln(1 + sqrt 2) / pi; MIRCO's concentrated force: 2 / pi."""
+    uniform = influence_coefficients((1, 1))[0, 0]
+    concentrated = influence_coefficients((1, 1), "concentrated-force")[0, 0]
+    assert uniform == pytest.approx(4 * np.log(1 + np.sqrt(2)) / np.pi, rel=1e-15)
+    assert concentrated == pytest.approx(2 / np.pi, rel=1e-15)
+
+
+def test_concentrated_force_is_mircos_formula() -> None:
+    """u = F / (pi E* a) asin(a / r) with F = p g^2 and a = g / 2, here with g = E* = p = 1."""
+    table = influence_coefficients((600, 600), "concentrated-force")
+    np.testing.assert_array_equal(table, table.T)
+    with mpmath.workdps(40):
+        radius = mpmath.mpf(1) / 2
+        for i, j in [*NEAR[1:], *random_offsets(200, 599)]:
+            exact = mpmath.asin(radius / mpmath.hypot(i, j)) / (mpmath.pi * radius)
+            assert float(abs(table[i, j] / exact - 1)) < 1e-13, (i, j)
+
+
+@pytest.mark.parametrize("kernel", ["uniform-pressure", "concentrated-force"])
+def test_far_away_only_the_force_counts(kernel: str) -> None:
+    """Saint-Venant: u -> F / (pi E* r)."""
+    table = influence_coefficients((1, 2001), kernel)
+    assert table[0, 2000] == pytest.approx(1 / (np.pi * 2000), rel=1e-7)
+
+
+def test_tables_are_shared_and_cannot_be_written() -> None:
+    table = influence_coefficients((9, 9))
+    assert np.shares_memory(table, influence_coefficients((9, 9)))
+    with pytest.raises(ValueError, match="read-only"):
+        table[0, 0] = 0.0
+
+
+def test_unknown_kernel_is_refused() -> None:
+    with pytest.raises(ValueError, match="'gaussian' is unknown: choose one of uniform-pressure, "):
+        influence_coefficients((3, 3), "gaussian")

@@ -1,0 +1,333 @@
+"""The solver against a dense reference, and the symmetries and scalings of the problem."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import nnls
+
+import bem
+from bem.influence import Kernel
+from bem.solver import Iterate, descend, solve_complementarity
+from tests.bem import dense
+
+KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
+RTOL = 1e-10
+UNDECIDED = 1e-8  # reduced pressure and gap below which a node may count as in contact or not
+
+Random = np.random.Generator
+Shape = tuple[int, int]
+
+
+def random_walk(random: Random, shape: Shape) -> np.ndarray:
+    steps = random.standard_normal(shape)
+    return np.cumsum(np.cumsum(steps, axis=0), axis=1)
+
+
+def self_affine(random: Random, shape: Shape) -> np.ndarray:
+    """Random phases under a power law, Hurst exponent 0.7; periodic, so cut from a larger one."""
+    periods = 2 * shape[0], 2 * shape[1]
+    frequency = np.hypot(np.fft.fftfreq(periods[0])[:, None], np.fft.rfftfreq(periods[1]))
+    frequency[0, 0] = np.inf
+    noise = np.fft.rfft2(random.standard_normal(periods))
+    return np.fft.irfft2(noise * frequency ** -(1 + 0.7), s=periods)[: shape[0], : shape[1]]
+
+
+def paraboloid(random: Random, shape: Shape) -> np.ndarray:
+    x, y = np.ogrid[: shape[0], : shape[1]]
+    tip = random.uniform(0, shape)
+    return -((x - tip[0]) ** 2) - (y - tip[1]) ** 2
+
+
+SURFACES: dict[str, Callable[[Random, Shape], np.ndarray]] = {
+    "white noise": Random.standard_normal,
+    "integer ties": lambda random, shape: random.integers(0, 4, shape).astype(float),
+    "one height": lambda random, shape: np.full(shape, random.standard_normal()),
+    "random walk": random_walk,
+    "self-affine": self_affine,
+    "paraboloid": paraboloid,
+}
+
+
+def surface(kind: str, shape: Shape, seed: int = 0) -> np.ndarray:
+    return SURFACES[kind](np.random.default_rng(seed), shape)
+
+
+def reduced(contact: bem.Contact) -> np.ndarray:
+    """Pressure in the units of the dense reference."""
+    problem = contact.problem
+    return contact.pressure * problem.spacing[0] / (problem.delta * problem.modulus)
+
+
+def assert_is_the_solution(contact: bem.Contact) -> None:
+    """Same nodes in contact, same force; nodes with neither pressure nor gap may be either."""
+    problem = contact.problem
+    pressure, gap = dense.press(problem.heights, problem.delta, problem.kernel, problem.aspect)
+    decided = (pressure > UNDECIDED) | (gap > UNDECIDED)
+    np.testing.assert_array_equal((contact.pressure > 0)[decided], (pressure > UNDECIDED)[decided])
+    assert reduced(contact).sum() == pytest.approx(pressure.sum(), rel=1e-8)
+
+
+@settings(max_examples=40)
+@given(kind=st.sampled_from(list(SURFACES)), seed=st.integers(0, 2**32 - 1), data=st.data())
+def test_dense_reference_is_least_squares(kind: str, seed: int, data: st.DataObject) -> None:
+    """The same problem as nonnegative least squares on the Cholesky factor, by SciPy's solver."""
+    shape = data.draw(st.tuples(st.integers(1, 8), st.integers(1, 8)))
+    kernel = data.draw(st.sampled_from(KERNELS))
+    heights = surface(kind, shape, seed)
+    nodes = heights.size
+    matrix = dense.influence_matrix(shape, kernel).reshape(nodes, nodes)
+    interference = (heights - heights.max()).reshape(-1) + data.draw(st.floats(0.01, 3))
+    factor = np.linalg.cholesky(matrix)
+    expected, _ = nnls(factor.T, np.linalg.solve(factor, interference), maxiter=100 * nodes)
+    found = dense.solve(matrix, interference)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * expected.max())
+
+
+@settings(max_examples=150)
+@given(
+    kind=st.sampled_from(list(SURFACES)),
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.tuples(st.integers(1, 33), st.integers(1, 33)),
+    kernel=st.sampled_from(KERNELS),
+    depth=st.one_of(st.floats(-0.1, 1), st.floats(1, 100)),
+)
+def test_any_surface_is_solved_as_the_dense_reference_does(
+    kind: str, seed: int, shape: Shape, kernel: Kernel, depth: float
+) -> None:
+    """From no contact to full contact and beyond: depth is Delta over the range of heights."""
+    heights = surface(kind, shape, seed)
+    delta = depth * (np.ptp(heights) or 1.0)
+    contact = bem.solve(heights, 1.0, delta, spacing=0.5, kernel=kernel, rtol=RTOL)
+    if delta <= 0:
+        assert contact.contact_nodes == contact.force == 0
+    else:
+        assert_is_the_solution(contact)
+
+
+@settings(max_examples=40)
+@given(
+    kind=st.sampled_from(list(SURFACES)),
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.tuples(st.integers(1, 25), st.integers(1, 25)),
+    aspect=st.sampled_from([2.0, 0.5, 7.3, 1 / 64]),
+    depth=st.floats(0.01, 3),
+)
+def test_oblong_cells_are_solved_as_the_dense_reference_does(
+    kind: str, seed: int, shape: Shape, aspect: float, depth: float
+) -> None:
+    heights = surface(kind, shape, seed)
+    delta = depth * (np.ptp(heights) or 1.0)
+    contact = bem.solve(heights, 1.0, delta, spacing=(0.5, 0.5 * aspect), rtol=RTOL)
+    assert_is_the_solution(contact)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("depth", [0.05, 0.3, 0.7])
+@pytest.mark.parametrize("kind", ["random walk", "self-affine", "paraboloid"])
+def test_65_nodes_a_side(kind: str, depth: float, kernel: Kernel) -> None:
+    heights = surface(kind, (65, 65), seed=7)
+    delta = depth * np.ptp(heights)
+    assert_is_the_solution(bem.solve(heights, 1000.0, delta, kernel=kernel, rtol=RTOL))
+
+
+@pytest.mark.parametrize("side", [(3.0, 1.0), (1.0, 1.0), (1.0, 20.0)])
+@pytest.mark.parametrize("shape", [(32, 20), (16, 33), (2, 3)])
+def test_patches_with_two_sides(shape: Shape, side: tuple[float, float]) -> None:
+    heights = surface("self-affine", shape)
+    contact = bem.solve(heights, side, 0.4 * np.ptp(heights), rtol=RTOL)
+    assert contact.problem.spacing == (side[0] / (shape[0] - 1), side[1] / (shape[1] - 1))
+    assert_is_the_solution(contact)
+
+
+class Dense:
+    """Operators with every entry written out, and a preconditioner that knows the diagonal only."""
+
+    def __init__(self, matrix: np.ndarray) -> None:
+        self._matrix = matrix
+        self.norm = float(np.abs(matrix).sum(axis=1).max())
+
+    def displace(self, pressure: np.ndarray) -> np.ndarray:
+        return self._matrix @ pressure
+
+    def displace_some(self, nodes: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        return self._matrix[:, nodes] @ pressure
+
+    def precondition_some(self, nodes: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        return residual / self._matrix.diagonal()[nodes]
+
+
+@settings(max_examples=30)
+@given(kind=st.sampled_from(list(SURFACES)), seed=st.integers(0, 2**32 - 1), data=st.data())
+def test_other_operators_have_the_same_solution(kind: str, seed: int, data: st.DataObject) -> None:
+    """By the active set, and by the projected gradients that break its cycles."""
+    shape = data.draw(st.tuples(st.integers(1, 12), st.integers(1, 12)))
+    kernel = data.draw(st.sampled_from(KERNELS))
+    heights = surface(kind, shape, seed).reshape(-1)
+    matrix = dense.influence_matrix(shape, kernel).reshape(heights.size, heights.size)
+    delta = data.draw(st.floats(0.01, 3)) * (np.ptp(heights) or 1.0)
+    interference = (heights - heights.max()) / delta + 1
+    expected = dense.solve(matrix, interference)
+    operators = Dense(matrix)
+    found, converged = solve_complementarity(
+        operators, interference, rtol=1e-12, max_iterations=2000
+    )
+    assert converged
+    np.testing.assert_allclose(found.pressure, expected, rtol=0, atol=1e-9)
+    slow = Iterate(np.zeros_like(interference), interference.copy())
+    while slow.violation() > 1e-12:
+        descend(operators, interference, slow, steps=8)
+    np.testing.assert_allclose(slow.pressure, expected, rtol=0, atol=1e-9)
+
+
+def test_default_tolerance_finds_the_nodes_in_contact() -> None:
+    """Force to 1e-5 and the area to the last node, which is what databases are made with."""
+    for seed in range(5):
+        heights = surface("self-affine", (33, 33), seed)
+        delta = 0.4 * np.ptp(heights)
+        loose = bem.solve(heights, 1.0, delta)
+        tight = bem.solve(heights, 1.0, delta, rtol=RTOL)
+        assert loose.contact_nodes == tight.contact_nodes
+        assert loose.force == pytest.approx(tight.force, rel=1e-5)
+
+
+ROUGH = surface("self-affine", (24, 33), seed=1)
+DELTA = 0.4 * np.ptp(ROUGH)
+SIDE = (230.0, 320.0)
+
+
+def solved(
+    heights: np.ndarray = ROUGH,
+    side: tuple[float, float] = SIDE,
+    delta: float = DELTA,
+    **settings: float,
+) -> bem.Contact:
+    return bem.solve(heights, side, delta, rtol=RTOL, **settings)
+
+
+@pytest.mark.parametrize("modulus", [1e-6, 3.0, 2.1e5])
+@pytest.mark.parametrize("poisson", [-0.5, 0.0, 0.3, 0.5])
+def test_area_ignores_the_material_and_force_follows_it(modulus: float, poisson: float) -> None:
+    contact, unit = solved(modulus=modulus, poisson=poisson), solved()
+    plane_strain = modulus / (1 - poisson**2)
+    np.testing.assert_array_equal(contact.pressure > 0, unit.pressure > 0)
+    assert contact.area_percent == unit.area_percent
+    assert contact.force == pytest.approx(plane_strain * unit.force, rel=1e-14)
+    assert contact.pressure == pytest.approx(plane_strain * unit.pressure, rel=1e-14)
+    assert contact.gap == pytest.approx(unit.gap, rel=0, abs=1e-14 * DELTA)
+
+
+@pytest.mark.parametrize("scale", [2.0**-7, 1e-3, 3.0, 1e5])
+def test_taller_asperities_scale_force_and_leave_area(scale: float) -> None:
+    contact = solved(heights=scale * ROUGH, delta=scale * DELTA)
+    unit = solved()
+    np.testing.assert_array_equal(contact.pressure > 0, unit.pressure > 0)
+    assert contact.force == pytest.approx(scale * unit.force, rel=1e-9)
+    if scale == 2.0**-7:  # exact: every step is the same to the last bit
+        np.testing.assert_array_equal(contact.pressure, scale * unit.pressure)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1 / 3, 10.0, 1e6])
+def test_force_scales_with_the_side(scale: float) -> None:
+    """Heights stay: pressure falls with the slopes, the area that carries it grows twice."""
+    contact = solved(side=(scale * SIDE[0], scale * SIDE[1]))
+    np.testing.assert_array_equal(contact.pressure > 0, solved().pressure > 0)
+    assert contact.force == pytest.approx(scale * solved().force, rel=1e-9)
+    assert contact.largest_pressure == pytest.approx(solved().largest_pressure / scale, rel=1e-9)
+
+
+@pytest.mark.parametrize("offset", [-3.0, 1.0, 4096.0])
+def test_only_differences_of_height_count(offset: float) -> None:
+    heights = np.round(ROUGH * 2**20) / 2**20  # so that adding the offset is exact
+    contact, level = solved(heights=heights + offset), solved(heights=heights)
+    np.testing.assert_array_equal(contact.pressure, level.pressure)
+    np.testing.assert_array_equal(contact.gap, level.gap)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("transposed", [False, True])
+@pytest.mark.parametrize("turns", [0, 1, 2, 3])
+def test_the_8_symmetries_of_the_square(turns: int, transposed: bool, kernel: Kernel) -> None:
+    def turned(field: np.ndarray) -> np.ndarray:
+        return np.rot90(field.T if transposed else field, turns)
+
+    heights = surface("self-affine", (26, 26))
+    delta = 0.3 * np.ptp(heights)
+    contact = bem.solve(turned(heights), 1.0, delta, kernel=kernel, rtol=RTOL)
+    still = bem.solve(heights, 1.0, delta, kernel=kernel, rtol=RTOL)
+    np.testing.assert_array_equal(contact.pressure > 0, turned(still.pressure > 0))
+    assert contact.force == pytest.approx(still.force, rel=1e-8)
+    assert contact.perimeter == pytest.approx(still.perimeter, rel=1e-14)
+
+
+def test_turning_a_patch_turns_its_sides() -> None:
+    contact = solved(heights=ROUGH.T, side=SIDE[::-1])
+    np.testing.assert_array_equal(contact.pressure.T > 0, solved().pressure > 0)
+    assert contact.force == pytest.approx(solved().force, rel=1e-8)
+
+
+INTEGERS = np.random.default_rng(2).integers(0, 50, (20, 31))
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        INTEGERS,
+        INTEGERS.astype(np.uint8),
+        INTEGERS.astype(np.float16),
+        INTEGERS.astype(np.float32),
+        INTEGERS.astype(np.longdouble),
+        INTEGERS.astype(">f8"),
+        np.asfortranarray(INTEGERS, dtype=float),
+        np.repeat(INTEGERS, 2, axis=1)[:, ::2],
+        INTEGERS[::-1, ::-1].copy()[::-1, ::-1],
+        np.broadcast_to(INTEGERS, INTEGERS.shape),
+        INTEGERS.tolist(),
+    ],
+    ids=lambda given: getattr(given, "dtype", "list"),
+)
+def test_any_array_of_real_numbers_will_do(given: np.ndarray | list[list[int]]) -> None:
+    expected = bem.solve(INTEGERS.astype(float), 1.0, 5.0)
+    np.testing.assert_array_equal(bem.solve(given, 1.0, 5.0).pressure, expected.pressure)
+
+
+def test_surfaces_are_neither_changed_nor_kept() -> None:
+    heights = ROUGH.copy()
+    heights.setflags(write=False)
+    bem.solve(heights, SIDE, DELTA)
+    np.testing.assert_array_equal(heights, ROUGH)
+    heights = ROUGH.copy()
+    contact = bem.solve(heights, SIDE, DELTA)
+    heights[:] = 0
+    np.testing.assert_array_equal(contact.problem.heights, ROUGH)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_two_far_spikes_carry_twice_the_load_of_one(kernel: Kernel) -> None:
+    """But for the displacement 1 / (pi r) per unit of force that each gives the other."""
+    one = np.zeros((9, 257))
+    one[4, 4] = 100.0
+    two = one.copy()
+    two[4, -5] = 100.0
+    alone, both = (
+        bem.solve(z, 1.0, 1.0, spacing=1.0, kernel=kernel, rtol=RTOL) for z in (one, two)
+    )
+    assert (alone.contact_nodes, both.contact_nodes) == (1, 2)
+    compliance = 1 / alone.force
+    assert both.force == pytest.approx(2 / (compliance + 1 / (np.pi * 248)), rel=1e-6)
+
+
+def test_threads_do_not_disturb_one_another() -> None:
+    """Filters are scratch space too, so each thread has its own."""
+    surfaces = [surface("self-affine", (33, 33), seed) for seed in range(12)]
+
+    def force(heights: np.ndarray) -> float:
+        return bem.solve(heights, 1.0, 0.4 * np.ptp(heights)).force
+
+    alone = [force(heights) for heights in surfaces]
+    with ThreadPoolExecutor(2) as pool:
+        for _ in range(5):
+            assert list(pool.map(force, surfaces)) == alone
