@@ -35,6 +35,43 @@ def hertz(output: Folder) -> None:
         typer.echo(path)
 
 
+@app.command()
+def outputs(
+    scene: Annotated[str, typer.Argument(help="Scene whose first rows are computed.")] = "paper",
+    rounds: Annotated[int, typer.Option(min=1, help="Repetitions; medians count.")] = 7,
+) -> None:
+    """Measure what each optional output of a database costs, and print it as a table."""
+    from bench.outputs import markdown_table, measure
+
+    typer.echo(markdown_table(measure(scene, rounds=rounds)))
+
+
+@app.command()
+def faults(
+    rounds: Annotated[int, typer.Option(min=1, help="Runs to interrupt.")] = 30,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of victims and moments.")] = 0,
+) -> int:
+    """Kill runs at random moments and see whether anything is lost, wrong or done twice.
+
+    Exit code 0 if nothing was, 1 otherwise.
+    """
+    import tempfile
+
+    from bench.faults import campaign
+
+    with tempfile.TemporaryDirectory() as folder:
+        faulty = 0
+        for number, result in enumerate(campaign(Path(folder), rounds, seed), start=1):
+            verdict = result.fault or "ok"
+            typer.echo(
+                f"{number:3} {result.signal:8} to {result.victim:8} after {result.delay:4.1f} s:"
+                f" {result.before:5} -> {result.after:5} rows, exit code {result.code:4}: {verdict}"
+            )
+            faulty += bool(result.fault)
+    typer.echo(f"{rounds} interrupted runs, {faulty} with a fault")
+    return 1 if faulty else 0
+
+
 def main(arguments: Sequence[str]) -> int:
     """Run one command line; return its exit code."""
     return command_line.call(app, "bench", arguments)
