@@ -7,7 +7,7 @@ import bem
 import gen.sample
 from gen.plan import parameters
 from gen.sample import compute_rows, surface_of
-from gen.scene import Scene
+from gen.scene import Scene, load
 from gen.schema import Reason, Status, columns_for
 from gen.statistics import describe
 
@@ -107,3 +107,11 @@ def test_a_bug_is_not_a_row(monkeypatch):
 def test_a_force_beyond_all_numbers_is_a_reason():
     made = scene("[contact]\nmodulus = 1e308\n[delta]\npieces = [{share=1.0, range=[9e9, 9e9]}]")
     assert set(compute_rows(made, 0, 2)["reason"]) == {Reason.NOT_FINITE}
+
+
+@pytest.mark.parametrize("row", [9, 10, 16, 31])
+def test_rows_close_to_the_critical_displacement_converge(row):
+    """The active set alone cycled on these, with a compliant far field and MIRCO's kernel."""
+    rows = compute_rows(load("paper-mirco"), row, row + 1)
+    assert rows["reason"][0] == Reason.NONE
+    assert rows["residual"][0] <= 1e-6
