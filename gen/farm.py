@@ -122,7 +122,10 @@ def run(
 
     with MPICommExecutor(world.communicator, root=0) as executor:
         if executor is not None:
-            _supervise(executor, work, tasks, on_result, world, stopping)
+            try:
+                _supervise(executor, work, tasks, on_result, world, stopping)
+            except KeyboardInterrupt:  # the user does not want to wait for what is in flight
+                world.communicator.Abort(130)
 
 
 def _supervise(
