@@ -9,9 +9,11 @@ def main() -> int:
     # One thread a rank: more would fight for cores, and sums could depend on their number.
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):
         os.environ[f"{library}_NUM_THREADS"] = "1"
-    from gen import cli
+    from gen import cli, farm
 
-    return cli.main(sys.argv[1:])
+    code = cli.main(sys.argv[1:])
+    farm.leave()
+    return code
 
 
 if __name__ == "__main__":

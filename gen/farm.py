@@ -87,6 +87,19 @@ def this_world() -> World:
     return World(communicator.rank, communicator.size, communicator)
 
 
+def leave() -> None:
+    """Finalise MPI if this process has joined it: the last thing before its exit code.
+
+    `python -m mpi4py` aborts all ranks for a code other than 0 unless MPI is finalised by then,
+    and the launcher would report the abort instead of the code.
+    """
+    if "mpi4py.MPI" in sys.modules:
+        from mpi4py import MPI
+
+        if MPI.Is_initialized() and not MPI.Is_finalized():
+            MPI.Finalize()
+
+
 def run(
     work: Callable[[Task], Result],
     tasks: Iterator[Task],
