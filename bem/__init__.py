@@ -1,6 +1,7 @@
 """Contact of a rigid rough surface with an elastic half-space: arrays in, arrays out."""
 
-from bem.contact import Contact, NoSolution, NotConverged, solve
+from bem.contact import Contact, NotConverged, solve
+from bem.equilibrium import NoSolution
 from bem.problem import Problem
 
 __all__ = ["Contact", "NoSolution", "NotConverged", "Problem", "solve"]

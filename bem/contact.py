@@ -1,24 +1,15 @@
 """Press a rigid rough surface into an elastic half-space: `solve` and the `Contact` it returns."""
 
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bem.convolution import displacement_filter
-from bem.far_field import critical_delta, flat_punch
-from bem.half_space import HalfSpace
+from bem.equilibrium import Equilibrium, on_compliant_far_field, on_rigid_far_field
 from bem.influence import Kernel
 from bem.problem import FarField, Field, Problem, pose
-from bem.solver import Iterate, solve_complementarity
-
-# Iterations after which a compliant far field is approached by rigid solves, how near they have to
-# come over what they have approached, how many they may be, and the longest step between two.
-DIRECT_ITERATIONS = 150
-APPROACH_RTOL = 1e-2
-APPROACH_STEPS = 40
-LONGEST_ADVANCE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,18 +85,6 @@ class NotConverged(ArithmeticError):
         )
 
 
-class NoSolution(ValueError):
-    """A compliant far field at or beyond Delta*, where the force has no bound."""
-
-    def __init__(self, delta: float, critical: float) -> None:
-        self.delta = delta
-        self.critical_delta = critical
-        super().__init__(
-            f"delta = {delta:g} um has no equilibrium on a compliant far field: on this surface"
-            f" it must stay below Delta* = {critical:.10g} um"
-        )
-
-
 def solve(
     heights: ArrayLike,
     side: float | tuple[float, float],
@@ -168,107 +147,27 @@ def solve(
     )
     if problem.delta <= 0:
         return _untouched(problem)
-    return _solve_compliant(problem) if far_field == "compliant" else _solve_rigid(problem)
+    if problem.far_field == "compliant":
+        return _contact(problem, on_compliant_far_field(problem))
+    return _contact(problem, on_rigid_far_field(problem))
 
 
-def _solve_rigid(problem: Problem) -> Contact:
-    """Solve on the smallest box that holds every node which the undeformed bodies overlap."""
-    box = _bounding_box((problem.heights - problem.heights.max()) + problem.delta > 0)
-    overlap = ((problem.heights[box] - problem.heights.max()) + problem.delta) / problem.delta
-    nodes = np.flatnonzero(overlap > 0)
-    operators = HalfSpace(overlap.shape, problem.kernel, problem.aspect, nodes)
-    iterate, converged = solve_complementarity(
-        operators,
-        overlap.reshape(-1)[nodes],
-        rtol=problem.rtol,
-        max_iterations=problem.max_iterations,
-    )
-    values = np.zeros(overlap.size)
-    values[nodes] = iterate.pressure
-    reduced = np.zeros(problem.heights.shape)
-    reduced[box] = values.reshape(overlap.shape)
-    return _contact(problem, reduced, problem.delta, iterate, converged)
-
-
-def _solve_compliant(problem: Problem) -> Contact:
-    """Solve with the far field inside the operator; any node may come to touch.
-
-    That operator is nearly singular on contact sets much larger than the solution's, on which the
-    active set can cycle. If it has not arrived soon, rigid solves bring it near from below.
-    """
-    critical = critical_delta(problem.heights, problem.kernel, problem.aspect)
-    if problem.delta >= critical:
-        raise NoSolution(problem.delta, critical)
-    shape = problem.heights.shape
-    depth = ((problem.heights - problem.heights.max()) / problem.delta).reshape(-1)
-    softening = 1 / float(flat_punch(shape, problem.kernel, problem.aspect).sum())
-    settings = shape, problem.kernel, problem.aspect, np.arange(depth.size)
-    solve_here = partial(
-        solve_complementarity, HalfSpace(*settings, softening), depth + 1, rtol=problem.rtol
-    )
-    soon = min(DIRECT_ITERATIONS, problem.max_iterations)
-    iterate, converged = solve_here(max_iterations=soon)
-    if not converged and soon < problem.max_iterations:
-        left = problem.max_iterations - iterate.iterations
-        near = _approach_from_below(left, HalfSpace(*settings), depth, softening)
-        near.iterations += iterate.iterations
-        near.convolutions += iterate.convolutions
-        iterate, converged = solve_here(max_iterations=problem.max_iterations, start=near)
-    reduced = iterate.pressure.reshape(shape)
-    approach = problem.delta * (1 + softening * float(reduced.sum()))
-    return _contact(problem, reduced, approach, iterate, converged)
-
-
-def _approach_from_below(
-    max_iterations: int, rigid: HalfSpace, depth: Field, softening: float
-) -> Iterate:
-    """A pressure near equilibrium on the compliant far field, with its residual there.
-
-    What is left to approach, 1 + softening sum(p) - approach in units of Delta, falls and is
-    convex in the approach: secants through its values never pass the solution.
-    """
-    solve_rigid = partial(
-        solve_complementarity,
-        rigid,
-        rtol=APPROACH_RTOL / 10,
-        max_iterations=max_iterations,
-    )
-    approach, advance, before = 1.0, 0.0, 0.0
-    iterate, converged = solve_rigid(depth + approach)
-    for _ in range(APPROACH_STEPS):
-        left = 1 + softening * float(iterate.pressure.sum()) - approach
-        slope = (left - before) / advance if advance else -1.0
-        # Near Delta* the slope is nearly zero and made of rounding: no step may be trusted far.
-        advance = min(left / min(max(-slope, 1e-3), 1.0), LONGEST_ADVANCE * approach)
-        if abs(advance) <= APPROACH_RTOL * approach or not converged:
-            break
-        before = left
-        approach += advance
-        iterate.residual += advance
-        iterate, converged = solve_rigid(depth + approach, start=iterate)
-    iterate.residual += 1 + softening * float(iterate.pressure.sum()) - approach
-    return iterate
-
-
-def _contact(
-    problem: Problem, reduced: Field, approach: float, iterate: Iterate, converged: bool
-) -> Contact:
+def _contact(problem: Problem, found: Equilibrium) -> Contact:
     """Give a reduced pressure its units back; refuse to pass an unconverged one as a result."""
-    cell = problem.spacing[0] * problem.spacing[1]
-    pressure = reduced * (problem.delta / problem.spacing[0] * problem.modulus)
-    touching = int(np.count_nonzero(reduced > 0))
+    unit = problem.delta / problem.spacing[0] * problem.modulus
+    touching = int(np.count_nonzero(found.pressure > 0))
     contact = Contact(
         problem=problem,
-        pressure=pressure,
-        force=float(reduced.sum()) * (problem.delta / problem.spacing[0] * problem.modulus) * cell,
-        area_percent=100.0 * touching / reduced.size,
+        pressure=found.pressure * unit,
+        force=float(found.pressure.sum()) * unit * (problem.spacing[0] * problem.spacing[1]),
+        area_percent=100.0 * touching / found.pressure.size,
         contact_nodes=touching,
-        approach=approach,
-        residual=iterate.violation(),
-        iterations=iterate.iterations,
-        convolutions=iterate.convolutions,
+        approach=found.approach,
+        residual=found.iterate.violation(),
+        iterations=found.iterate.iterations,
+        convolutions=found.iterate.convolutions,
     )
-    if not converged:
+    if not found.converged:
         raise NotConverged(contact)
     return contact
 
@@ -286,20 +185,3 @@ def _untouched(problem: Problem) -> Contact:
         iterations=0,
         convolutions=0,
     )
-
-
-def _bounding_box(touching: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """The smallest box round the true nodes whose sides are on a ladder, so that plans recur."""
-    rows, columns = np.nonzero(touching)
-    return _span(rows, touching.shape[0]), _span(columns, touching.shape[1])
-
-
-def _span(indices: NDArray[np.intp], size: int) -> slice:
-    """The range of the indices, widened to 1 + (4, 5, 6, 7) 2^j nodes inside the grid."""
-    first, last = int(indices.min()), int(indices.max())
-    unit = 2 ** max((last - first).bit_length() - 3, 0)
-    nodes = -(-(last - first) // unit) * unit + 1
-    if nodes >= size:
-        return slice(0, size)
-    start = min(first, size - nodes)
-    return slice(start, start + nodes)

@@ -1,0 +1,145 @@
+"""Equilibrium of a checked problem, in reduced units, on a rigid or on a compliant far field."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bem.far_field import critical_delta, flat_punch
+from bem.half_space import HalfSpace
+from bem.problem import Field, Problem
+from bem.solver import Iterate, solve_complementarity
+
+# Iterations after which a compliant far field is approached by rigid solves, how near they have to
+# come over what they have approached, how many they may be, and the longest step between two.
+DIRECT_ITERATIONS = 150
+APPROACH_RTOL = 1e-2
+APPROACH_STEPS = 40
+LONGEST_ADVANCE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """What the solver found.
+
+    Attributes
+    ----------
+    pressure : (nx, ny) [Delta E* / first side of a cell]
+    approach : displacement of the far field in all [um]
+    iterate : the solver's last state
+    converged : whether that is the solution
+    """
+
+    pressure: Field
+    approach: float
+    iterate: Iterate
+    converged: bool
+
+
+class NoSolution(ValueError):
+    """A compliant far field at or beyond Delta*, where the force has no bound."""
+
+    def __init__(self, delta: float, critical: float) -> None:
+        self.delta = delta
+        self.critical_delta = critical
+        super().__init__(
+            f"delta = {delta:g} um has no equilibrium on a compliant far field: on this surface"
+            f" it must stay below Delta* = {critical:.10g} um"
+        )
+
+
+def on_rigid_far_field(problem: Problem) -> Equilibrium:
+    """Solve on the smallest box that holds every node which the undeformed bodies overlap."""
+    box = _bounding_box((problem.heights - problem.heights.max()) + problem.delta > 0)
+    overlap = ((problem.heights[box] - problem.heights.max()) + problem.delta) / problem.delta
+    nodes = np.flatnonzero(overlap > 0)
+    operators = HalfSpace(overlap.shape, problem.kernel, problem.aspect, nodes)
+    iterate, converged = solve_complementarity(
+        operators,
+        overlap.reshape(-1)[nodes],
+        rtol=problem.rtol,
+        max_iterations=problem.max_iterations,
+    )
+    values = np.zeros(overlap.size)
+    values[nodes] = iterate.pressure
+    reduced = np.zeros(problem.heights.shape)
+    reduced[box] = values.reshape(overlap.shape)
+    return Equilibrium(reduced, problem.delta, iterate, converged)
+
+
+def on_compliant_far_field(problem: Problem) -> Equilibrium:
+    """Solve with the far field inside the operator; any node may come to touch.
+
+    That operator is nearly singular on contact sets much larger than the solution's, on which the
+    active set can cycle. If it has not arrived soon, rigid solves bring it near from below.
+    """
+    critical = critical_delta(problem.heights, problem.kernel, problem.aspect)
+    if problem.delta >= critical:
+        raise NoSolution(problem.delta, critical)
+    shape = problem.heights.shape
+    depth = ((problem.heights - problem.heights.max()) / problem.delta).reshape(-1)
+    softening = 1 / float(flat_punch(shape, problem.kernel, problem.aspect).sum())
+    settings = shape, problem.kernel, problem.aspect, np.arange(depth.size)
+    solve_here = partial(
+        solve_complementarity, HalfSpace(*settings, softening), depth + 1, rtol=problem.rtol
+    )
+    soon = min(DIRECT_ITERATIONS, problem.max_iterations)
+    iterate, converged = solve_here(max_iterations=soon)
+    if not converged and soon < problem.max_iterations:
+        left = problem.max_iterations - iterate.iterations
+        near = _approach_from_below(left, HalfSpace(*settings), depth, softening)
+        near.iterations += iterate.iterations
+        near.convolutions += iterate.convolutions
+        iterate, converged = solve_here(max_iterations=problem.max_iterations, start=near)
+    reduced = iterate.pressure.reshape(shape)
+    approach = problem.delta * (1 + softening * float(reduced.sum()))
+    return Equilibrium(reduced, approach, iterate, converged)
+
+
+def _approach_from_below(
+    max_iterations: int, rigid: HalfSpace, depth: Field, softening: float
+) -> Iterate:
+    """A pressure near equilibrium on the compliant far field, with its residual there.
+
+    What is left to approach, 1 + softening sum(p) - approach in units of Delta, falls and is
+    convex in the approach: secants through its values never pass the solution.
+    """
+    solve_rigid = partial(
+        solve_complementarity,
+        rigid,
+        rtol=APPROACH_RTOL / 10,
+        max_iterations=max_iterations,
+    )
+    approach, advance, before = 1.0, 0.0, 0.0
+    iterate, converged = solve_rigid(depth + approach)
+    for _ in range(APPROACH_STEPS):
+        left = 1 + softening * float(iterate.pressure.sum()) - approach
+        slope = (left - before) / advance if advance else -1.0
+        # Near Delta* the slope is nearly zero and made of rounding: no step may be trusted far.
+        advance = min(left / min(max(-slope, 1e-3), 1.0), LONGEST_ADVANCE * approach)
+        if abs(advance) <= APPROACH_RTOL * approach or not converged:
+            break
+        before = left
+        approach += advance
+        iterate.residual += advance
+        iterate, converged = solve_rigid(depth + approach, start=iterate)
+    iterate.residual += 1 + softening * float(iterate.pressure.sum()) - approach
+    return iterate
+
+
+def _bounding_box(touching: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """The smallest box round the true nodes whose sides are on a ladder, so that plans recur."""
+    rows, columns = np.nonzero(touching)
+    return _span(rows, touching.shape[0]), _span(columns, touching.shape[1])
+
+
+def _span(indices: NDArray[np.intp], size: int) -> slice:
+    """The range of the indices, widened to 1 + (4, 5, 6, 7) 2^j nodes inside the grid."""
+    first, last = int(indices.min()), int(indices.max())
+    unit = 2 ** max((last - first).bit_length() - 3, 0)
+    nodes = -(-(last - first) // unit) * unit + 1
+    if nodes >= size:
+        return slice(0, size)
+    start = min(first, size - nodes)
+    return slice(start, start + nodes)
