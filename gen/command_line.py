@@ -29,7 +29,10 @@ def call(app: typer.Typer, name: str, arguments: Sequence[str], *, speaking: boo
     try:
         code = app(list(arguments), prog_name=name, standalone_mode=False)
     except CommandLineError as error:
-        _complain(f"{name}: {error.format_message()} (see {name} --help)", speaking=speaking)
+        context = getattr(error, "ctx", None)
+        path = context.command_path if context else name
+        message = f"{name}: {error.format_message()} (see python -m {path} --help)"
+        _complain(message, speaking=speaking)
         return 2
     except InputError as error:
         _complain(f"{name}: {error}", speaking=speaking)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -61,9 +61,8 @@ def print_database(reader: Reader) -> None:
     for code, number in reader.reasons().items():
         console.print(f"            {number} failed: {REASONS.get(code, f'reason {code}')}")
     console.print(f"  times     {_times(reader)}")
-    for name, value in json.loads(reader.scene.text()).items():
-        if name != "title":
-            console.print(f"  scene     {name} = {json.dumps(value)}")
+    for line in _scene_lines(json.loads(reader.scene.text())):
+        console.print(f"  scene     {line}")
     versions = json.loads(str(attributes["versions"]))
     console.print("  versions  " + ", ".join(f"{name} {value}" for name, value in versions.items()))
     console.print(
@@ -72,6 +71,9 @@ def print_database(reader: Reader) -> None:
     )
     if counts.done:
         console.print(_ranges_table(reader))
+        console.print(
+            "paper: its Table 1, whose bandwidth is defined otherwise and areas end early"
+        )
 
 
 def print_plan(plan: Plan, path: Path | None = None) -> None:
@@ -105,7 +107,7 @@ def print_estimate(plan: Plan, estimate: Estimate) -> None:
     console = _console()
     hours, rest = divmod(round(estimate.seconds), 3600)
     console.print(
-        f"  time      {hours}:{rest // 60:02}:{rest % 60:02} h on {estimate.workers} worker(s):"
+        f"  time      {hours}:{rest // 60:02}:{rest % 60:02} h on {estimate.workers} workers:"
         f" {estimate.milliseconds:.2f} ms a sample, mean of {estimate.measured} measured here"
     )
     console.print(f"  memory    {estimate.memory_bytes / 1e6:.0f} MB on all ranks")
@@ -122,14 +124,22 @@ def print_contact(contact: Contact, seconds: float) -> None:
     problem = contact.problem
     nodes = contact.pressure.shape
     cell = problem.spacing[0] * problem.spacing[1]
-    # The patch is as long as its nodes' cells: the share A_e of nodes is a share of this.
+    # The patch is as large as its nodes' cells: the share A_e of nodes is a share of this.
     nominal = contact.pressure.size * cell
+    touching = contact.contact_nodes * cell
     table = Table(box=None, show_header=False, pad_edge=False)
     for name, value, unit in (
         ("effective contact area", f"{contact.area_percent:.6g}", "%"),
         ("contact nodes", f"{contact.contact_nodes}", f"of {nodes[0]} x {nodes[1]}"),
+        ("spacing", f"{problem.spacing[0]:.6g} x {problem.spacing[1]:.6g}", "um"),
+        ("modulus E*", f"{problem.modulus:.6g}", "MPa"),
         ("force", f"{contact.force:.8g}", "uN"),
-        ("mean pressure", f"{contact.force / nominal:.6g}", "MPa"),
+        ("nominal pressure", f"{contact.force / nominal:.6g}", "MPa, force over the whole patch"),
+        (
+            "contact pressure",
+            f"{contact.force / (touching or 1):.6g}",
+            "MPa, mean where in contact",
+        ),
         ("largest pressure", f"{contact.largest_pressure:.6g}", "MPa"),
         ("mean gap", f"{contact.mean_gap:.6g}", "um"),
         ("contact perimeter", f"{contact.perimeter:.6g}", "um"),
@@ -173,6 +183,17 @@ def _console() -> Console:
     """Plain text on standard output, unbroken where it goes on into a file or a pipe."""
     width = None if sys.stdout.isatty() else 1000
     return Console(markup=False, highlight=False, width=width)
+
+
+def _scene_lines(scene: dict[str, Any]) -> list[str]:
+    """A scene as a few lines: single keys, then a line for each table."""
+    tables = {name: value for name, value in scene.items() if isinstance(value, dict)}
+    single = {name: value for name, value in scene.items() if name not in {"title", *tables}}
+    lines = [", ".join(f"{name} = {json.dumps(value)}" for name, value in single.items())]
+    for table, keys in tables.items():
+        settings = ", ".join(f"{name} = {json.dumps(value)}" for name, value in keys.items())
+        lines.append(f"[{table}] {settings}")
+    return lines
 
 
 def _times(reader: Reader) -> str:

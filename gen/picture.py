@@ -49,6 +49,8 @@ def draw_database(file: Path, picture: Path) -> None:
     _draw_sample(figure, axes[0], scene, int(done[typical]))
     _draw_areas(figure, axes[1][0], columns)
     _draw_times(axes[1][1], columns)
+    if picture.is_dir() or not picture.suffix:
+        raise InputError(f"{picture}: give the name of a picture, ending in .png, .svg or .pdf")
     try:
         figure.savefig(picture, dpi=110)
     except (OSError, ValueError) as error:
@@ -65,7 +67,8 @@ def _draw_sample(figure: Any, axes: NDArray[Any], scene: Scene, row: int) -> Non
         f"surface of row {row}: H = {plan.hurst[0]:.2f}, σ₀ = {plan.sigma0[0]:.1f} µm",
         f"contact at Δ = {plan.delta[0]:.1f} µm: {contact.area_percent:.1f} % of the nodes",
     )
-    units = ("height [µm]", "pressure [MPa]")
+    modulus = contact.problem.modulus
+    units = ("height [µm]", f"pressure [MPa], E* = {modulus:g} MPa")
     extent = (0.0, scene.surface.side, 0.0, scene.surface.side)
     for axis, field, text, unit, colours in zip(
         axes, (heights, pressure), texts, units, ("viridis", "inferno_r"), strict=True

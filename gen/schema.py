@@ -150,7 +150,7 @@ COLUMNS: tuple[Column, ...] = (
     Column("delta", "f8", "um", "far-field displacement Delta", paper_range=(5.0, 45.0)),
     *_STATISTICS,
     Column("area_percent", "f8", "%", "effective contact area", paper_range=(0.01, 16.56)),
-    Column("force", "f8", "uN", "normal force (1 uN = 1 MPa um2)"),
+    Column("force", "f8", "uN", "normal force at the scene's modulus (1 uN = 1 MPa um2)"),
     Column("contact_nodes", "i4", "1", "nodes under pressure"),
     Column("iterations", "i4", "1", "iterations of the solver"),
     Column("convolutions", "i4", "1", "applications of the influence operator"),

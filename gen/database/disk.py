@@ -32,7 +32,7 @@ def new_file(path: Path, scene: Scene, *, replace: bool = False) -> Iterator[Pat
     """
     temporary = beside(path, ".part")
     if not replace and os.path.lexists(path):
-        raise InputError(f"{path} exists; give another name or remove it")
+        raise InputError(f"{path} exists; give another name")
     if not temporary.parent.is_dir():
         raise InputError(f"{path}: the folder {temporary.parent} does not exist; create it first")
     try:

@@ -108,7 +108,7 @@ def test_a_dry_run_writes_nothing(folder, capsys):
 def test_an_estimate_measures(folder, capsys):
     assert cli.main(["estimate", "scene.toml", "--ranks", "5"]) == 0
     text = capsys.readouterr().out
-    assert "on 4 worker(s)" in text
+    assert "on 4 workers" in text
     assert "mean of 32 measured" in text
 
 
