@@ -125,7 +125,8 @@ def solve_complementarity(
         patience = PATIENCE if iterate.violation() < smallest else patience - 1
         smallest = min(smallest, iterate.violation())
         if patience == 0:
-            descend(operators, interference, iterate, min(safe_steps, max_iterations))
+            steps = min(safe_steps, max_iterations - iterate.iterations)
+            descend(operators, interference, iterate, steps)
             smallest, patience, safe_steps = np.inf, PATIENCE, 2 * safe_steps
 
 

@@ -1,6 +1,7 @@
 """`python -m gen`: generate, inspect and try out contact problems."""
 
 import os
+import signal
 import sys
 
 
@@ -9,6 +10,9 @@ def main() -> int:
     # One thread a rank: more would fight for cores, and sums could depend on their number.
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):
         os.environ[f"{library}_NUM_THREADS"] = "1"
+    # Until a run listens, Ctrl-C ends the process: a KeyboardInterrupt on one rank alone would
+    # leave the others waiting for it.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     from gen import cli, farm
 
     code = cli.main(sys.argv[1:])

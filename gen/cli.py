@@ -70,6 +70,7 @@ def run(
     same command goes on.
     """
     world = farm.this_world()
+    share = _range(rows)
     if dry_run:
         if world.is_master:
             from gen import display
@@ -80,7 +81,7 @@ def run(
         return 0
     from gen.run import Request, generate_database
 
-    request = Request(scene, output, _range(rows), retry_failed, force)
+    request = Request(scene, output, share, retry_failed, force)
     outcome = generate_database(request, world)
     if world.is_master:
         from gen import display

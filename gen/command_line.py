@@ -43,6 +43,9 @@ def call(app: typer.Typer, name: str, arguments: Sequence[str], *, speaking: boo
     except BrokenPipeError:  # the reader of our output, `head` say, has had enough
         sys.stderr.close()
         return 141
+    except OSError as error:  # a name too long, a full device, a folder without rights
+        _complain(f"{name}: {error}", speaking=speaking)
+        return 2
     return code if isinstance(code, int) else 0
 
 

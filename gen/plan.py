@@ -91,21 +91,20 @@ def blocks(
     """Cut pending rows into tasks, large at first and shrinking to the end.
 
     Guided self-scheduling (Polychronopoulos and Kuck, 1987): a block is a third of one worker's
-    share of what remains, so that a slow block at the end keeps nobody waiting for long. Borders
-    never split a surface: a range that starts or ends inside one is extended to all its rows,
-    done ones among them, which come out as they were.
+    share of what remains, so that a slow block at the end keeps nobody waiting for long. A block
+    ends with a surface where it can, so that few surfaces are generated twice.
 
     Parameters
     ----------
     pending : ranges (start, stop) of rows, ascending, without overlap
     samples : number of planned rows; no block goes beyond
-    samples_per_surface : rows of one surface; a block has no fewer, but for the plan's last surface
+    samples_per_surface : rows of one surface
     workers : number of workers that the blocks are for
-    largest : number of rows that a block may have, where one surface does not have more
+    largest : number of rows that a block may have
 
     Yields
     ------
-    Ranges (start, stop) of rows, ascending, without overlap, that hold every pending row once.
+    Ranges (start, stop) of rows, ascending, that hold every pending row once and no other.
 
     Raises
     ------
@@ -114,41 +113,38 @@ def blocks(
     """
     if min(samples_per_surface, workers, largest) < 1:
         raise ValueError(f"{samples_per_surface=}, {workers=}, {largest=}: wanted 1 or more")
-    ranges = list(_whole_surfaces(pending, samples, samples_per_surface))
+    ranges = _ascending(list(pending), samples)
     remaining = sum(stop - start for start, stop in ranges)
     for start, stop in ranges:
         position = start
         while position < stop:
-            rows = min(remaining // (3 * workers), largest)
-            rows = max(rows // samples_per_surface, 1) * samples_per_surface
-            border = min(position + rows, stop)
+            rows = max(1, min(remaining // (3 * workers), largest))
+            border = _border(position, rows, samples_per_surface, largest)
+            border = min(border, stop)
             yield position, border
             remaining -= border - position
             position = border
 
 
-def _whole_surfaces(
-    pending: Iterable[tuple[int, int]], samples: int, samples_per_surface: int
-) -> Iterator[tuple[int, int]]:
-    """Ranges of rows extended outward to the borders of surfaces, merged where they then meet."""
+def _border(position: int, rows: int, samples_per_surface: int, largest: int) -> int:
+    """Where a block of some rows ends: with a surface, unless one alone is more than `largest`."""
+    aligned = (position + rows) // samples_per_surface * samples_per_surface
+    if aligned > position:
+        return aligned
+    following = aligned + samples_per_surface
+    return following if following - position <= largest else position + rows
+
+
+def _ascending(ranges: list[tuple[int, int]], samples: int) -> list[tuple[int, int]]:
+    """The ranges, if they ascend within the plan."""
     previous = 0
-    merged = (0, 0)
-    for start, stop in pending:
+    for start, stop in ranges:
         if not previous <= start <= stop <= samples:
             raise ValueError(
                 f"pending rows {start} to {stop}: wanted ascending ranges in {previous}..{samples}"
             )
         previous = stop
-        if start == stop:
-            continue
-        low = start // samples_per_surface * samples_per_surface
-        high = min(-(-stop // samples_per_surface) * samples_per_surface, samples)
-        if low <= merged[1]:
-            merged = (merged[0], high)
-        else:
-            yield merged
-            merged = (low, high)
-    yield merged
+    return ranges
 
 
 def _stream(seed: int, *key: int) -> np.random.PCG64:

@@ -19,6 +19,9 @@ from gen.schema import Status, row_bytes
 BLOCK_ROWS = 64
 """Rows of a block at most: half a second of the paper's solves, 36,500 rows/s to write."""
 
+BLOCK_NODES = 64 * 129**2
+"""Nodes of a block at most, unless one row has more: a stop waits for what is in flight."""
+
 BLOCK_BYTES = 8 * 2**20
 """Bytes of a block at most, unless one row has more: fields make blocks small."""
 
@@ -73,6 +76,8 @@ def generate_database(request: Request, world: farm.World) -> Outcome:
         On every process alike, for a scene or a file that cannot be used, or a full disk.
     """
     with ExitStack() as stack:
+        # From here on a signal is noted; it takes effect between two blocks, not in a broadcast.
+        interruption = stack.enter_context(Interruption(listening=world.is_master))
         job: _Job | None = None
         scene: Scene | None = None
         refusal = ""
@@ -85,7 +90,7 @@ def generate_database(request: Request, world: farm.World) -> Outcome:
         scene, refusal = world.broadcast((scene, refusal))
         if scene is None:
             raise InputError(refusal)
-        outcome = _work_off(job, scene, world)
+        outcome = _work_off(job, scene, world, interruption)
     if outcome.message:
         raise InputError(outcome.message)
     return outcome
@@ -109,8 +114,8 @@ class _Job:
                 database.Writer(request.path, asked_for, force=request.force)
             )
             self.scene = self.writer.scene
-            self.retried = self.writer.retry_failed() if request.retry_failed else 0
-            self._rows = (first, last if request.rows else self.scene.samples)
+            self._rows = (first, last)
+            self.retried = self.writer.retry_failed(first, last) if request.retry_failed else 0
             self._stack = stack.pop_all()
 
     def __enter__(self) -> "_Job":
@@ -125,24 +130,26 @@ class _Job:
 
     def blocks(self, workers: int) -> Iterator[tuple[int, int]]:
         """Ranges of rows to compute, for the farm."""
-        block_rows = BLOCK_BYTES // row_bytes(self.scene.store, self.scene.surface.nodes)
+        nodes = self.scene.surface.nodes
+        block_rows = BLOCK_BYTES // row_bytes(self.scene.store, nodes)
         return plan.blocks(
             self.pending(),
             samples=self.scene.samples,
             samples_per_surface=self.scene.samples_per_surface,
             workers=workers,
-            largest=max(1, min(BLOCK_ROWS, block_rows)),
+            largest=max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes**2, block_rows)),
         )
 
 
-def _work_off(job: _Job | None, scene: Scene, world: farm.World) -> Outcome:
+def _work_off(
+    job: _Job | None, scene: Scene, world: farm.World, interruption: Interruption
+) -> Outcome:
     """Run the farm; the outcome of the master is everybody's."""
     work = partial(_compute_block, scene)
-    with Interruption(listening=world.is_master) as interruption:
-        if job is None:
-            farm.run(work, iter(()), _ignore, world)
-        ended = None if job is None else _supervise(job, work, world, interruption)
-        outcome: Outcome = world.broadcast(ended)
+    if job is None:
+        farm.run(work, iter(()), _ignore, world)
+    ended = None if job is None else _supervise(job, work, world, interruption)
+    outcome: Outcome = world.broadcast(ended)
     return outcome
 
 

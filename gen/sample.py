@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
+from gen.errors import InputError
 from gen.plan import Parameters, parameters, surface_random
 from gen.scene import Scene
 from gen.schema import Reason, Status, columns_for
@@ -88,8 +89,13 @@ def _empty_rows(scene: Scene, count: int) -> Rows:
 def _compute_surface(scene: Scene, plan: Parameters, rows: Rows, first: int, last: int) -> None:
     """Fill in the rows first..last of a block, which share one surface."""
     began = time.perf_counter()
-    heights = surface_of(scene, plan, first)
-    description = describe(heights, scene.spacing)
+    try:
+        heights = surface_of(scene, plan, first)
+        description = describe(heights, scene.spacing)
+    except (ArithmeticError, InputError):  # heights or spacings beyond what numbers can hold
+        rows["reason"][first:last] = Reason.ARITHMETIC
+        rows["status"][first:last] = Status.FAILED
+        return
     for name, value in description.values.items():
         rows[name][first:last] = value
     if scene.store.heights:
@@ -114,7 +120,7 @@ def _solve(scene: Scene, heights: Heights, delta: float, rows: Rows, row: int) -
         return Reason.NOT_CONVERGED
     except bem.NoSolution:
         return Reason.NO_SOLUTION
-    except (ArithmeticError, ValueError):
+    except (ArithmeticError, np.linalg.LinAlgError):
         return Reason.ARITHMETIC
     _record_effort(contact, rows, row)
     if not np.isfinite(contact.force):

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gen.schema import markdown_table
 from gen.scene import Scene
+from gen.schema import markdown_table
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

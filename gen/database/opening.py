@@ -120,6 +120,8 @@ def _scene_of(file: h5py.File, path: Path) -> Scene:
             f"use the version that made it ({attributes.get('versions', 'unknown')})"
         )
     scene = Scene.from_text(str(attributes["scene"]), str(path))
+    if attributes.get("scene_hash") != scene.fingerprint():
+        raise InputError(f"{path} is damaged: its scene is not the one that it was made with")
     for column in columns_for(scene.store):
         shape = column.shape(scene.samples, scene.surface.nodes)
         dataset = file.get(column.path)

@@ -132,10 +132,11 @@ class Writer(OpenDatabase):
             runs += found
         return runs
 
-    def retry_failed(self) -> int:
-        """Make the failed rows pending again, and return how many they were."""
+    def retry_failed(self, first: int = 0, last: int | None = None) -> int:
+        """Make the failed rows first..last pending again, and return how many they were."""
         retried = 0
-        for start, stop in chunks(self.scene.samples, 1):
+        rows = self.scene.samples
+        for start, stop in chunks(rows if last is None else min(last, rows), 1, first):
             chunk = self._status[start:stop]
             failed = chunk == Status.FAILED
             if failed.any():

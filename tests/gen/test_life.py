@@ -44,9 +44,40 @@ def test_shares_merge_into_what_one_run_makes(folder):
     assert deterministic_bytes(folder / "merged.h5") == deterministic_bytes(folder / "whole.h5")
 
 
-def test_a_share_does_its_rows_and_their_surfaces_only(folder):
+def test_a_share_does_its_rows_only(folder):
     assert run("scene.toml", "-o", "part.h5", "--rows", "11:15") == 0
-    np.testing.assert_array_equal(np.flatnonzero(status(folder / "part.h5")), range(10, 16))
+    np.testing.assert_array_equal(np.flatnonzero(status(folder / "part.h5")), range(11, 15))
+
+
+def test_extending_inside_a_surface_does_no_finished_row_again(folder, capsys):
+    for samples in (11, 20):
+        text = SCENE.replace("surface = 2", "surface = 5").format(samples, "")
+        (folder / f"{samples}.toml").write_text(text)
+    assert run("20.toml", "-o", "whole.h5") == 0
+    assert run("11.toml", "-o", "grown.h5") == 0
+    with h5py.File("grown.h5") as file:
+        times = file["runtime/solve_seconds"][:]
+    assert run("20.toml", "-o", "grown.h5") == 0
+    assert "9 to do" in capsys.readouterr().err
+    with h5py.File("grown.h5") as file:
+        np.testing.assert_array_equal(file["runtime/solve_seconds"][:11], times)
+    assert deterministic_bytes(folder / "grown.h5") == deterministic_bytes(folder / "whole.h5")
+
+
+def test_a_smaller_scene_stops_at_its_own_rows(folder, capsys):
+    assert run("more.toml", "-o", "rows.h5", "--rows", "0:5") == 0
+    assert run("scene.toml", "-o", "rows.h5") == 0
+    np.testing.assert_array_equal(np.flatnonzero(status(folder / "rows.h5")), range(40))
+
+
+def test_retrying_a_share_leaves_other_failures(folder):
+    assert run("scene.toml", "-o", "rows.h5") == 0
+    with h5py.File("rows.h5", "r+") as file:
+        file["status"][[5, 30]] = 2
+        file["reason"][[5, 30]] = 1
+    assert run("scene.toml", "-o", "rows.h5", "--retry-failed", "--rows", "0:10") == 0
+    assert status(folder / "rows.h5")[5] == 1
+    assert status(folder / "rows.h5")[30] == 2
 
 
 def test_more_samples_extend_and_keep_what_is_done(folder, capsys):

@@ -86,7 +86,7 @@ def test_a_flat_surface_has_an_area_but_no_statistics():
     assert np.isnan(rows["peak_mean"]).all()
 
 
-@pytest.mark.parametrize("error", [ZeroDivisionError, ValueError, np.linalg.LinAlgError])
+@pytest.mark.parametrize("error", [ZeroDivisionError, OverflowError, np.linalg.LinAlgError])
 def test_numerical_errors_are_rows(monkeypatch, error):
     def fail(*_, **__):
         raise error("no")
@@ -95,13 +95,19 @@ def test_numerical_errors_are_rows(monkeypatch, error):
     assert set(compute_rows(scene(), 0, 2)["reason"]) == {Reason.ARITHMETIC}
 
 
-def test_a_bug_is_not_a_row(monkeypatch):
+@pytest.mark.parametrize("error", [TypeError, ValueError, IndexError])
+def test_a_bug_is_not_a_row(monkeypatch, error):
     def fail(*_, **__):
-        raise TypeError("bug")
+        raise error("bug")
 
     monkeypatch.setattr(bem, "solve", fail)
-    with pytest.raises(TypeError):
+    with pytest.raises(error):
         compute_rows(scene(), 0, 2)
+
+
+def test_a_spacing_beyond_all_statistics_is_a_reason():
+    made = Scene.parse("samples = 2\n[surface]\nnodes = 9\nside = 1e300", "test")
+    assert set(compute_rows(made, 0, 2)["reason"]) == {Reason.ARITHMETIC}
 
 
 def test_a_force_beyond_all_numbers_is_a_reason():

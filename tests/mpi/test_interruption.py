@@ -84,3 +84,23 @@ def test_the_lock_does_not_outlive_a_killed_run(folder):
     again = launch(0, "run", "scene.toml", "-o", "killed.h5", folder=folder)
     assert again.returncode == 0, again.stderr
     assert deterministic_bytes(folder / "killed.h5") == deterministic_bytes(folder / "whole.h5")
+
+
+@pytest.mark.parametrize("delay", [0.1, 0.5, 0.9, 1.3])
+def test_an_early_signal_leaves_no_rank_waiting(folder, delay):
+    run = subprocess.Popen(
+        command(3, "run", "scene.toml", "-o", f"early-{delay}.h5"),
+        cwd=folder,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(delay)
+    run.send_signal(signal.SIGINT)
+    try:
+        run.communicate(timeout=30)
+    finally:
+        run.kill()
+    again = launch(3, "run", "scene.toml", "-o", f"early-{delay}.h5", folder=folder)
+    assert again.returncode == 0, again.stderr

@@ -38,6 +38,18 @@ def test_every_worker_worked(serial):
         assert set(file["runtime/rank"][:]) == {1, 2, 3}
 
 
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [(["run", "quik", "-o", "x.h5"], "quik"), (["run", "small.toml", "-o", "no/x.h5"], "no")],
+)
+def test_bad_input_ends_the_launcher_with_code_2_and_one_line(tmp_path, arguments, word):
+    (tmp_path / "small.toml").write_text(SMALL.format(""))
+    done = launch(3, *arguments, folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert word in done.stderr
+
+
 def test_a_bug_in_a_worker_ends_all_ranks(tmp_path):
     (tmp_path / "small.toml").write_text(SMALL.format(""))
     (tmp_path / "buggy.py").write_text(
