@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.database import Reader
-from gen.schema import Status
+from gen.schema import COLUMNS, Status
 
 SCENE = """samples = {samples}
 samples_per_surface = 2
@@ -34,6 +34,9 @@ SAMPLES = 3000
 VICTIMS = ("serial", "worker", "master", "mpiexec")
 LISTENING = ("serial", "master", "mpiexec")
 """Victims that heed SIGTERM and SIGINT: workers leave that to the master."""
+
+RANKS = ("PMI_RANK", "OMPI_COMM_WORLD_RANK")
+"""Variables in which MPICH and Open MPI tell a process its rank."""
 
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 TIMEOUT = 120.0
@@ -130,6 +133,11 @@ def _fault(path: Path, before: Columns | None, reference: Columns, number: int, 
     if not path.exists():
         return "" if before is None else "the database has vanished"
     now = _columns(path)
+    return _row_fault(now, before, reference) or _code_fault(now, before, number, code)
+
+
+def _row_fault(now: Columns, before: Columns | None, reference: Columns) -> str:
+    """What is wrong with the finished rows."""
     done = now["status"] != Status.PENDING
     for name in _deterministic(now):
         if now[name][done].tobytes() != reference[name][done].tobytes():
@@ -140,6 +148,13 @@ def _fault(path: Path, before: Columns | None, reference: Columns, number: int, 
             return "a finished row is pending again"
         if now["solve_seconds"][old].tobytes() != before["solve_seconds"][old].tobytes():
             return "a finished row was computed again"
+    return ""
+
+
+def _code_fault(now: Columns, before: Columns | None, number: int, code: int) -> str:
+    """What is wrong with the way the run ended."""
+    if code in {1, 2}:
+        return f"the run ended by itself with exit code {code}"
     listening = _finished(now) > _finished(before)  # earlier, a signal ends a run as it ends any
     if listening and number in {signal.SIGTERM, signal.SIGINT} and code not in {0, 128 + number}:
         return f"exit code {code} after {signal.Signals(number).name}"
@@ -153,7 +168,8 @@ def _columns(path: Path) -> Columns:
 
 
 def _deterministic(columns: Columns) -> list[str]:
-    return [n for n in columns if n not in {"surface_seconds", "solve_seconds", "rank", "host"}]
+    deterministic = {column.name for column in COLUMNS if column.deterministic}
+    return [name for name in columns if name in deterministic]
 
 
 def _finished(columns: Columns | None) -> int:
@@ -185,6 +201,9 @@ def _interrupt(folder: Path, victim: str, number: int, delay: float) -> int:
     ) as run:
         time.sleep(delay)
         target = _process(run.pid, victim)
+        while target is None and run.poll() is None:  # ranks take a moment to start
+            time.sleep(0.02)
+            target = _process(run.pid, victim)
         if target is not None and run.poll() is None:
             os.kill(target, number)
         return run.wait(timeout=TIMEOUT)
@@ -200,7 +219,7 @@ def _process(launched: int, victim: str) -> int | None:
             environment = Path(f"/proc/{process}/environ").read_bytes().split(b"\0")
         except OSError:
             continue
-        if f"PMI_RANK={rank}".encode() in environment:
+        if {f"{name}={rank}".encode() for name in RANKS} & set(environment):
             return process
     return None
 

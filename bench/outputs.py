@@ -19,7 +19,7 @@ class Cost:
     Attributes
     ----------
     name : flag in the scene's table [store]
-    milliseconds : additional time per sample, computed and written, median of the rounds [ms]
+    milliseconds : additional CPU time per sample, computed and written, median of the rounds [ms]
     ratios : smallest, median and largest time with it over time without it [1]
     size : additional bytes per sample [bytes]
     """
@@ -78,6 +78,6 @@ def _seconds(scene: Scene, samples: int) -> float:
         path = Path(folder) / "outputs.h5"
         database.create(path, scene.model_copy(update={"samples": samples}))
         with database.Writer(path, scene) as writer:
-            began = time.perf_counter()
+            began = time.process_time()
             writer.write_block(0, samples, compute_rows(scene, 0, samples))
-            return time.perf_counter() - began
+            return time.process_time() - began

@@ -20,6 +20,11 @@ def test_the_table_of_columns_is_made_from_the_schema():
     assert between("columns") == markdown_table()
 
 
+@pytest.mark.parametrize("marker", re.findall(r"<!-- (\w+) -->", README))
+def test_no_table_was_left_empty(marker):
+    assert between(marker).count("|") > 10
+
+
 @pytest.mark.parametrize("target", re.findall(r"\]\(([^)#]+)\)", README))
 def test_links_lead_somewhere(target):
     assert (ROOT / target).exists()
