@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.database import Reader
+from gen.errors import InputError
+from gen.lock import lock
 from gen.schema import COLUMNS, Status
 
 SCENE = """samples = {samples}
@@ -206,7 +208,22 @@ def _interrupt(folder: Path, victim: str, number: int, delay: float) -> int:
             target = _process(run.pid, victim)
         if target is not None and run.poll() is None:
             os.kill(target, number)
-        return run.wait(timeout=TIMEOUT)
+        code = run.wait(timeout=TIMEOUT)
+    _await_lock(folder / "disturbed.h5")
+    return code
+
+
+def _await_lock(path: Path) -> None:
+    """Wait for ranks that outlive their killed launcher for a moment, and rightly keep the lock."""
+    limit = time.monotonic() + TIMEOUT
+    while True:
+        try:
+            with lock(path):
+                return
+        except InputError:
+            if time.monotonic() > limit:
+                raise
+            time.sleep(0.05)
 
 
 def _process(launched: int, victim: str) -> int | None:
