@@ -14,6 +14,9 @@ from gen.schema import row_bytes
 MEASURED_SURFACES = 16
 """Surfaces computed for an estimate, spread evenly over the plan."""
 
+MEASURED_LOADS = 4
+"""Samples computed on each of them, at most."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -85,10 +88,10 @@ def estimate(scene: Scene, ranks: int) -> Estimate:
     """
     m = scene.samples_per_surface
     surfaces = np.unique(np.linspace(0, scene.surfaces - 1, MEASURED_SURFACES).astype(int)).tolist()
-    compute_rows(scene, 0, min(m, scene.samples))  # plans are made once a run, not once a sample
+    compute_rows(scene, 0, 1)  # plans are made once a run, not once a sample
     began, measured = time.perf_counter(), 0
     for surface in surfaces:
-        stop = min((surface + 1) * m, scene.samples)
+        stop = min(surface * m + min(m, MEASURED_LOADS), scene.samples)
         compute_rows(scene, surface * m, stop)
         measured += stop - surface * m
     mean = (time.perf_counter() - began) / measured
