@@ -155,7 +155,7 @@ def _row_fault(now: Columns, before: Columns | None, reference: Columns) -> str:
 
 def _code_fault(now: Columns, before: Columns | None, number: int, code: int) -> str:
     """What is wrong with the way the run ended."""
-    if code in {1, 2}:
+    if code in {1, 2} and code != number:  # a launcher reports a signal by its number
         return f"the run ended by itself with exit code {code}"
     listening = _finished(now) > _finished(before)  # earlier, a signal ends a run as it ends any
     if listening and number in {signal.SIGTERM, signal.SIGINT} and code not in {0, 128 + number}:

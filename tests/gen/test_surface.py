@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as hnp
 from gen.errors import InputError
 from gen.surface import GENERATORS, generate, load
 
-MIRCO = Path("/work/shared/mirco")
+MIRCO = Path(__file__).parents[3] / "shared" / "mirco"
 names = pytest.mark.parametrize("generator", sorted(GENERATORS))
 
 
