@@ -21,8 +21,8 @@ Nodes = NDArray[np.intp]
 # Residual reduction asked of conjugate gradients before the active set is looked at again.
 INNER_REDUCTION = 0.2
 
-# Projected steps before the first contact set is taken: none, one, two and three cost 33.3, 33.3,
-# 29.4 and 32.1 convolutions a solve on the paper's distribution.
+# Projected steps before the first contact set is taken: of none to five, two cost the fewest
+# convolutions a solve on the paper's distribution (`pytest bench -k solve_paper` records them).
 FIRST_STEPS = 2
 
 # Contact sets in a row without a new smallest violation that count as cycling, and the projected

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from gen.scene import Piece, Scene
 
 CHUNK = 65_536
-"""Surfaces that share a stream. One stream per row would cost 84 s for 10 million rows."""
+"""Surfaces that share a stream. One stream per row would take minutes for millions of rows."""
 
 
 @dataclass(frozen=True, eq=False)

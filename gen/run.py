@@ -17,7 +17,7 @@ from gen.scene import Scene, load
 from gen.schema import Status, row_bytes
 
 BLOCK_ROWS = 64
-"""Rows of a block at most: half a second of the paper's solves, 36,500 rows/s to write."""
+"""Rows of a block at most: contiguous rows are written together, and a stop waits for them."""
 
 BLOCK_NODES = 64 * 129**2
 """Nodes of a block at most, unless one row has more: a stop waits for what is in flight."""
