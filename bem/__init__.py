@@ -2,6 +2,7 @@
 
 from bem.contact import Contact, NotConverged, solve
 from bem.equilibrium import NoSolution
+from bem.ladder import ladder
 from bem.problem import Problem
 
-__all__ = ["Contact", "NoSolution", "NotConverged", "Problem", "solve"]
+__all__ = ["Contact", "NoSolution", "NotConverged", "Problem", "ladder", "solve"]

@@ -1,4 +1,4 @@
-"""The half-space convolution and its circulant inverse by FFTW: the only home of pyfftw.
+"""The half-space convolution by FFTW: the only home of pyfftw.
 
 Every plan is made with FFTW_ESTIMATE: FFTW_MEASURE chooses by timing, so that two processes
 could differ in the last bits of a result.
@@ -18,6 +18,8 @@ from bem.influence import Kernel, influence_coefficients
 
 Real = NDArray[Any]  # of float64 or float32, as the filter is
 KEPT_BYTES = 256 * 2**20  # what filters kept for the next solve may occupy
+BATCH_BYTES = 256 * 2**10  # of the columns that are filtered at a time
+COLUMN_GAP = 8  # entries left unused after a column
 
 
 class Filter:
@@ -25,6 +27,10 @@ class Filter:
 
     Rows that are zero on the way in are not transformed, rows that nobody reads on the way out
     are not either: the padding costs a half of the second axis and nothing of the first.
+
+    Waves along the second axis are kept column by column, with a few unused entries between one
+    column and the next: columns a power of two apart would all fall into the same sets of the
+    processor's cache. They are filtered a batch at a time, in a buffer that the cache holds.
 
     Parameters
     ----------
@@ -42,43 +48,51 @@ class Filter:
     def __init__(
         self, shape: tuple[int, int], spectrum: NDArray[np.float64], dtype: str = "float64"
     ) -> None:
-        periods = spectrum.shape[0], 2 * (spectrum.shape[1] - 1)
+        period, columns = spectrum.shape[0], spectrum.shape[1]
+        across = 2 * (columns - 1)
         # Every coefficient twice, so that a real product serves real and imaginary parts.
-        self._factors = np.repeat(spectrum / (periods[0] * periods[1]), 2, axis=1).astype(dtype)
+        self._factors = np.repeat(spectrum.T / (period * across), 2, axis=1).astype(dtype)
         self.shape = shape
         self.largest = float(spectrum.max())
-        self.source = pyfftw.zeros_aligned((shape[0], periods[1]), dtype)
-        self.result = pyfftw.zeros_aligned((shape[0], periods[1]), dtype)
+        self.source = pyfftw.zeros_aligned((shape[0], across), dtype)
+        self.result = pyfftw.zeros_aligned((shape[0], across), dtype)
         waves = "complex64" if dtype == "float32" else "complex128"
-        self._waves = pyfftw.zeros_aligned(spectrum.shape, waves)
-        self._padded = pyfftw.zeros_aligned(spectrum.shape, waves)
-        self._parts = self._waves.view(dtype)
-        self._plans = self._make_plans()
-        self.bytes = sum(
-            a.nbytes for a in (self._factors, self.source, self.result, self._padded, self._waves)
-        )
+        self._waves = pyfftw.zeros_aligned((columns, period + COLUMN_GAP), waves)[:, :period]
+        rows = self._waves[:, : shape[0]].T
+        self._rows_in = _plan(self.source, rows, 1)
+        self._rows_out = _plan(rows, self.result, 1, backward=True)
+        self._batches = self._plan_columns()
+        self.bytes = sum(a.nbytes for a in (self._factors, self.source, self.result, self._waves))
 
-    def _make_plans(self) -> tuple[Callable[[], None], ...]:
-        # The rows beyond nx of `_padded` stay zero for ever: nothing has to clear them.
-        rows_in, rows_out = self._padded[: self.shape[0]], self._waves[: self.shape[0]]
-        estimate, consume = "FFTW_ESTIMATE", "FFTW_DESTROY_INPUT"
-        back = {"direction": "FFTW_BACKWARD"}
-        plans = (
-            pyfftw.FFTW(self.source, rows_in, axes=(1,), flags=(estimate,)),
-            pyfftw.FFTW(self._padded, self._waves, axes=(0,), flags=(estimate,)),
-            pyfftw.FFTW(self._waves, self._waves, axes=(0,), flags=(estimate,), **back),
-            pyfftw.FFTW(rows_out, self.result, axes=(1,), flags=(estimate, consume), **back),
-        )
-        return tuple(plan.execute for plan in plans)
+    def _plan_columns(self) -> list[tuple[Callable[[], None], Real, Real, Callable[[], None], Any]]:
+        """Per batch of columns: forward, its waves and factors, backward, what to clear."""
+        columns, period = self._waves.shape
+        size = min(max(BATCH_BYTES // (period * self._waves.itemsize), 1), columns)
+        buffer = pyfftw.empty_aligned((size, period), self._waves.dtype)
+        batches = []
+        for first in range(0, columns, size):
+            here = self._waves[first : first + size]
+            there = buffer[: len(here)]
+            batches.append(
+                (
+                    _plan(here, there, 1),
+                    there.view(self.source.dtype),
+                    self._factors[first : first + size],
+                    _plan(there, here, 1, backward=True),
+                    here[:, self.shape[0] :],
+                )
+            )
+        return batches
 
     def transform(self) -> None:
         """Filter `source` [:, :ny], zero beyond, into `result` [:, :ny]."""
-        rows_in, columns_in, columns_out, rows_out = self._plans
-        rows_in()
-        columns_in()
-        np.multiply(self._parts, self._factors, out=self._parts)
-        columns_out()
-        rows_out()
+        self._rows_in()
+        for forward, waves, factors, backward, beyond in self._batches:
+            forward()
+            np.multiply(waves, factors, out=waves)
+            backward()
+            beyond.fill(0)  # rows beyond nx are zero on the way in
+        self._rows_out()
 
     def __call__(self, field: Real) -> Real:
         """Filter a whole (nx, ny) field."""
@@ -130,6 +144,15 @@ class Selection:
         return result
 
 
+def _plan(source: Real, target: Real, axis: int, *, backward: bool = False) -> Callable[[], None]:
+    """A transform along one axis; a backward one may destroy what it transforms."""
+    direction = "FFTW_BACKWARD" if backward else "FFTW_FORWARD"
+    flags = ("FFTW_ESTIMATE", "FFTW_DESTROY_INPUT") if backward else ("FFTW_ESTIMATE",)
+    plan = pyfftw.FFTW(source, target, axes=(axis,), direction=direction, flags=flags)
+    execute: Callable[[], None] = plan.execute
+    return execute
+
+
 def displacement_filter(
     shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0, dtype: str = "float64"
 ) -> Filter:
@@ -147,17 +170,12 @@ def displacement_filter(
     Filter of (nx, ny) pressure into (nx, ny) displacement [first side of a cell / E*]; shared
     between its callers on one thread: use it and leave it
     """
-    return _FILTERS.get(("displacement", shape, kernel, aspect, dtype), _make_displacement_filter)
+    return kept_filter(_make_displacement_filter, shape, kernel, aspect, dtype)
 
 
-def circulant_inverse(
-    shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0, dtype: str = "float64"
-) -> Filter:
-    """Inverse of the circulant matrix next to H in the Frobenius norm (T. Chan 1988).
-
-    Takes what `displacement_filter` takes; works on the unpadded grid, a quarter of its cost.
-    """
-    return _FILTERS.get(("circulant", shape, kernel, aspect, dtype), _make_circulant_inverse)
+def kept_filter(make: Callable[..., Filter], *arguments: Any) -> Filter:
+    """The filter that `make` makes from these arguments, kept on this thread for the next call."""
+    return _FILTERS.get(make, arguments)
 
 
 def fast_period(nodes: int) -> int:
@@ -180,30 +198,17 @@ def _make_displacement_filter(
     return Filter(shape, fft.rfft2(table[np.ix_(*offsets)]).real, dtype)
 
 
-def _make_circulant_inverse(
-    shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str
-) -> Filter:
-    rows, columns = (2 * int(fft.next_fast_len((nodes + 1) // 2, real=True)) for nodes in shape)
-    periods = rows, columns
-    table = influence_coefficients(periods, kernel, aspect)
-    for axis, period in enumerate(periods):
-        # Per axis c_k = ((m - k) t_k + k t_(m - k)) / m: the mean over each wrapped diagonal.
-        steps = np.arange(period)
-        share = (steps / period).reshape([-1 if a == axis else 1 for a in (0, 1)])
-        table = (1 - share) * table + share * np.take(table, -steps % period, axis=axis)
-    return Filter(shape, 1 / fft.rfft2(table).real, dtype)
-
-
 class _Filters(threading.local):
     """The filters used last on this thread, as many as fit into `KEPT_BYTES`."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[tuple[Any, ...], Filter] = OrderedDict()
 
-    def get(self, key: tuple[Any, ...], make: Callable[..., Filter]) -> Filter:
+    def get(self, make: Callable[..., Filter], arguments: tuple[Any, ...]) -> Filter:
+        key = make, *arguments
         found = self._kept.pop(key, None)
-        self._kept[key] = found or make(*key[1:])
-        while len(self._kept) > 2 and sum(kept.bytes for kept in self._kept.values()) > KEPT_BYTES:
+        self._kept[key] = found or make(*arguments)
+        while len(self._kept) > 4 and sum(kept.bytes for kept in self._kept.values()) > KEPT_BYTES:
             self._kept.popitem(last=False)
         return self._kept[key]
 

@@ -6,10 +6,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from bem.direct import FEW_NODES, influence_matrix, solve_directly
 from bem.far_field import critical_delta, flat_punch
 from bem.half_space import HalfSpace
 from bem.problem import Field, Problem
-from bem.solver import Iterate, solve_complementarity
+from bem.solver import FIRST_STEPS, Iterate, solve_complementarity
 
 # Iterations after which a compliant far field is approached by rigid solves, how near they have to
 # come over what they have approached, how many they may be, and the longest step between two.
@@ -18,6 +19,8 @@ APPROACH_RTOL = 1e-2
 APPROACH_STEPS = 40
 LONGEST_ADVANCE = 0.5
 
+Nodes = NDArray[np.intp]
+
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
@@ -25,13 +28,17 @@ class Equilibrium:
 
     Attributes
     ----------
-    pressure : (nx, ny) [Delta E* / first side of a cell]
+    pressure : (nx, ny) [length E* / first side of a cell]
+    length : unit of reduced displacements [um]
+    delta : far-field displacement Delta [um]
     approach : displacement of the far field in all [um]
-    iterate : the solver's last state
+    iterate : the solver's last state, in units of `length`
     converged : whether that is the solution
     """
 
     pressure: Field
+    length: float
+    delta: float
     approach: float
     iterate: Iterate
     converged: bool
@@ -49,36 +56,83 @@ class NoSolution(ValueError):
         )
 
 
-def on_rigid_far_field(problem: Problem) -> Equilibrium:
-    """Solve on the smallest box that holds every node which the undeformed bodies overlap."""
-    box = _bounding_box((problem.heights - problem.heights.max()) + problem.delta > 0)
-    overlap = ((problem.heights[box] - problem.heights.max()) + problem.delta) / problem.delta
-    nodes = np.flatnonzero(overlap > 0)
-    operators = HalfSpace(overlap.shape, problem.kernel, problem.aspect, nodes)
+def on_rigid_far_field(problem: Problem, delta: float, near: Field | None = None) -> Equilibrium:
+    """Solve on the smallest box that holds every node which the undeformed bodies overlap.
+
+    Parameters
+    ----------
+    problem : its displacement or force is left aside
+    delta : above 0 [um]
+    near : (nx, ny) pressure near the solution to start from [E*]
+    """
+    box, nodes, interference = overlap(problem, delta)
+    shape = box[0].stop - box[0].start, box[1].stop - box[1].start
+    if len(nodes) <= FEW_NODES:
+        matrix = influence_matrix(nodes, shape, problem.kernel, problem.aspect)
+        iterate, converged = solve_directly(
+            matrix, interference, rtol=problem.rtol, max_iterations=problem.max_iterations
+        )
+        if converged:
+            return unfold(problem, delta, box, nodes, iterate)
+    operators = HalfSpace(shape, problem.kernel, problem.aspect, nodes)
+    start = None
+    if near is not None:
+        pressure = near[box].reshape(-1)[nodes] * (problem.spacing[0] / delta)
+        start = started(operators, interference, pressure)
     iterate, converged = solve_complementarity(
         operators,
-        overlap.reshape(-1)[nodes],
+        interference,
         rtol=problem.rtol,
         max_iterations=problem.max_iterations,
+        start=start,
+        first_steps=FIRST_STEPS if start is None else 0,
     )
-    values = np.zeros(overlap.size)
-    values[nodes] = iterate.pressure
+    return unfold(problem, delta, box, nodes, iterate, converged)
+
+
+def overlap(problem: Problem, delta: float) -> tuple[tuple[slice, slice], Nodes, Field]:
+    """The box of all nodes that may touch, these nodes in it, their interference over Delta."""
+    below = problem.heights - problem.heights.max()
+    box = _bounding_box(below + delta > 0)
+    interference = ((below[box] + delta) / delta).reshape(-1)
+    nodes = np.flatnonzero(interference > 0)
+    return box, nodes, interference[nodes]
+
+
+def started(operators: HalfSpace, interference: Field, pressure: Field) -> Iterate:
+    """A pressure to start from, with its residual."""
+    everywhere = np.arange(len(pressure))
+    residual = interference - operators.displace_some(everywhere, pressure)
+    return Iterate(pressure, residual, convolutions=1)
+
+
+def unfold(
+    problem: Problem,
+    delta: float,
+    box: tuple[slice, slice],
+    nodes: Nodes,
+    iterate: Iterate,
+    converged: bool = True,
+) -> Equilibrium:
+    """Put the pressure on some nodes of a box back on the grid."""
     reduced = np.zeros(problem.heights.shape)
-    reduced[box] = values.reshape(overlap.shape)
-    return Equilibrium(reduced, problem.delta, iterate, converged)
+    values = np.zeros(reduced[box].shape)
+    values.reshape(-1)[nodes] = iterate.pressure
+    reduced[box] = values
+    return Equilibrium(reduced, delta, delta, delta, iterate, converged)
 
 
-def on_compliant_far_field(problem: Problem) -> Equilibrium:
+def on_compliant_far_field(problem: Problem, delta: float) -> Equilibrium:
     """Solve with the far field inside the operator; any node may come to touch.
 
     That operator is nearly singular on contact sets much larger than the solution's, on which the
     active set can cycle. If it has not arrived soon, rigid solves bring it near from below.
     """
     critical = critical_delta(problem.heights, problem.kernel, problem.aspect)
-    if problem.delta >= critical:
-        raise NoSolution(problem.delta, critical)
+    if delta >= critical:
+        raise NoSolution(delta, critical)
     shape = problem.heights.shape
-    depth = ((problem.heights - problem.heights.max()) / problem.delta).reshape(-1)
+    depth = ((problem.heights - problem.heights.max()) / delta).reshape(-1)
     softening = 1 / float(flat_punch(shape, problem.kernel, problem.aspect).sum())
     settings = shape, problem.kernel, problem.aspect, np.arange(depth.size)
     solve_here = partial(
@@ -91,10 +145,12 @@ def on_compliant_far_field(problem: Problem) -> Equilibrium:
         near = _approach_from_below(left, HalfSpace(*settings), depth, softening)
         near.iterations += iterate.iterations
         near.convolutions += iterate.convolutions
-        iterate, converged = solve_here(max_iterations=problem.max_iterations, start=near)
+        iterate, converged = solve_here(
+            max_iterations=problem.max_iterations, start=near, first_steps=0
+        )
     reduced = iterate.pressure.reshape(shape)
-    approach = problem.delta * (1 + softening * float(reduced.sum()))
-    return Equilibrium(reduced, approach, iterate, converged)
+    approach = delta * (1 + softening * float(reduced.sum()))
+    return Equilibrium(reduced, delta, delta, approach, iterate, converged)
 
 
 def _approach_from_below(
@@ -123,7 +179,7 @@ def _approach_from_below(
         before = left
         approach += advance
         iterate.residual += advance
-        iterate, converged = solve_rigid(depth + approach, start=iterate)
+        iterate, converged = solve_rigid(depth + approach, start=iterate, first_steps=0)
     iterate.residual += 1 + softening * float(iterate.pressure.sum()) - approach
     return iterate
 

@@ -1,10 +1,13 @@
 """The influence matrix of the nodes that may touch: what the solver iterates with."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
-from bem.convolution import Selection, circulant_inverse, displacement_filter
+from bem.convolution import Selection, displacement_filter
 from bem.influence import Kernel
+from bem.preconditioner import Preconditioner
 
 Values = NDArray[np.float64]
 Nodes = NDArray[np.intp]
@@ -21,11 +24,14 @@ class HalfSpace:
     shape : (nx, ny) nodes of the grid
     kernel, aspect : see `bem.influence.influence_coefficients`
     nodes : (m,) flat indices of the nodes
-    softening : 1 / s of a compliant far field, H - 1 1^T / s; 0 for a rigid one
+    softening : 1 / s of a compliant far field, H - 1 1^T / s; 0 for a rigid one; negative for a
+        far field that is pushed through a soft spring
+    working : precision of search directions, "float32", or "float64" to see what that saves
 
     Attributes
     ----------
     norm : upper bound of the largest eigenvalue
+    load_given : whether a spring all but fixes the load
     """
 
     def __init__(
@@ -35,24 +41,40 @@ class HalfSpace:
         aspect: float,
         nodes: Nodes,
         softening: float = 0.0,
+        working: str = "float32",
     ) -> None:
         self._softening = softening
+        self.load_given = softening < 0
         self.norm = displacement_filter(shape, kernel, aspect).largest
         self._double = Selection(displacement_filter(shape, kernel, aspect), nodes)
-        self._single = Selection(displacement_filter(shape, kernel, aspect, "float32"), nodes)
-        self._inverse = Selection(circulant_inverse(shape, kernel, aspect, "float32"), nodes)
+        self._working = Selection(displacement_filter(shape, kernel, aspect, working), nodes)
+        self._preconditioner = Preconditioner(shape, kernel, aspect, nodes, working)
 
     def displace(self, pressure: Values) -> Values:
         """(m,) -> (m,) displacement in double precision."""
         return self._give_way(self._double(pressure), pressure)
 
     def displace_some(self, nodes: Nodes, pressure: Values) -> Values:
-        """(a,) pressure on some of the nodes -> (m,) displacement in single precision."""
-        return self._give_way(self._single.spread(nodes, pressure).astype(np.float64), pressure)
+        """(a,) pressure on some of the nodes -> (m,) displacement in working precision."""
+        return self._give_way(self._working.spread(nodes, pressure).astype(np.float64), pressure)
 
-    def precondition_some(self, nodes: Nodes, residual: Values) -> Values:
-        """(a,) -> (a,), the circulant inverse restricted to some of the nodes."""
-        return self._inverse.within(nodes, residual).astype(np.float64)
+    def approximate_inverse(self, nodes: Nodes) -> Callable[[Values], Values]:
+        """(a,) -> (a,) on some of the nodes, in working precision.
+
+        The compliance of a spring is added to the approximate inverse by the formula of Sherman
+        and Morrison; what a compliant far field takes away would spoil its definiteness.
+        """
+        precondition = self._preconditioner.restricted_to(nodes)
+        if self._softening >= 0:
+            return precondition
+        uniform = precondition(np.ones(len(nodes)))
+        stiffness = float(uniform.sum()) - 1 / self._softening
+
+        def precondition_with_spring(residual: Values) -> Values:
+            correction = precondition(residual)
+            return correction - uniform * (float(correction.sum()) / stiffness)
+
+        return precondition_with_spring
 
     def _give_way(self, moved: Values, pressure: Values) -> Values:
         if self._softening:

@@ -17,6 +17,12 @@ Name = TypeVar("Name", bound=str)
 LENGTHS = (0.0, math.inf, "above 0 um")
 """What a length may be: beyond the first number, below the second, in words."""
 
+RTOL = 3e-7
+MAX_ITERATIONS = 1000
+
+BELOW_ZERO = math.nextafter(0, -1)
+NUMBERS = (1e-305, 1e305)
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -25,7 +31,8 @@ class Problem:
     Attributes
     ----------
     heights : (nx, ny) surface, the material above pressing down into the half-space [um]
-    delta : far-field displacement from first touch on [um]
+    delta : far-field displacement from first touch on [um], or None where the force is given
+    force : normal force [uN], or None where the displacement is given
     spacing : of the nodes along the first and the second axis [um]
     modulus : plane-strain modulus E* = E / (1 - nu^2) [MPa]
     kernel, far_field : see `solve`
@@ -34,7 +41,8 @@ class Problem:
     """
 
     heights: Field = field(repr=False)
-    delta: float
+    delta: float | None
+    force: float | None
     spacing: tuple[float, float]
     modulus: float
     kernel: Kernel
@@ -48,18 +56,24 @@ class Problem:
         return self.spacing[1] / self.spacing[0]
 
 
+class OutOfRange(ValueError, ArithmeticError):
+    """Numbers, each allowed, whose products double precision cannot hold."""
+
+
 def pose(
     heights: ArrayLike,
     side: float | tuple[float, float],
-    delta: float,
+    delta: float | None = None,
     *,
-    spacing: float | tuple[float, float] | None,
-    modulus: float,
-    poisson: float,
-    kernel: Kernel,
-    far_field: FarField,
-    rtol: float,
-    max_iterations: int,
+    force: float | None = None,
+    pressure: float | None = None,
+    spacing: float | tuple[float, float] | None = None,
+    modulus: float = 1.0,
+    poisson: float = 0.0,
+    kernel: Kernel = "uniform-pressure",
+    far_field: FarField = "rigid",
+    rtol: float = RTOL,
+    max_iterations: int = MAX_ITERATIONS,
 ) -> Problem:
     """Check the arguments of `bem.solve`, which says what they are.
 
@@ -69,23 +83,71 @@ def pose(
         one line: what was given and what is allowed
     """
     surface = _checked_heights(heights)
+    cells = _checked_spacing(surface.shape, side, spacing)
+    patch = surface.size * cells[0] * cells[1]
+    delta, force = _checked_load(delta, force, pressure, patch)
     problem = Problem(
         heights=surface,
-        delta=_checked("delta", delta, -math.inf, math.inf, "a finite number of um"),
-        spacing=_checked_spacing(surface.shape, side, spacing),
+        delta=delta,
+        force=force,
+        spacing=cells,
         modulus=_checked("modulus", modulus, 0, math.inf, "above 0 MPa")
         / (1 - _checked_poisson(poisson) ** 2),
         kernel=_checked_choice("kernel", kernel, KERNELS),
         far_field=_checked_choice("far_field", far_field, FAR_FIELDS),
-        rtol=_checked("rtol", rtol, 1e-15, 1, "between 1e-15 and 1"),
+        rtol=_checked("rtol", rtol, 1e-15, 1, "between 1e-15 and 1, both excluded"),
         max_iterations=_checked_count("max_iterations", max_iterations),
     )
+    _check_range(problem)
     if problem.kernel == "concentrated-force" and problem.aspect != 1:
         raise ValueError(
             f"kernel = 'concentrated-force' needs square cells, spacing is {problem.spacing} um:"
             " use kernel = 'uniform-pressure'"
         )
     return problem
+
+
+def _checked_load(
+    delta: Any, force: Any, pressure: Any, patch: float
+) -> tuple[float | None, float | None]:
+    """The displacement or the force, whichever was given; a mean pressure on the patch is one."""
+    loads = {"delta": delta, "force": force, "pressure": pressure}
+    given = [name for name, load in loads.items() if load is not None]
+    if len(given) != 1:
+        raise ValueError(
+            f"{' and '.join(given) or 'no load'} given: give one of delta [um], force [uN] and"
+            " pressure [MPa]"
+        )
+    if delta is not None:
+        return _checked("delta", delta, -math.inf, math.inf, "a finite number of um"), None
+    if force is not None:
+        return None, _checked("force", force, BELOW_ZERO, math.inf, "at least 0 uN")
+    return None, patch * _checked("pressure", pressure, BELOW_ZERO, math.inf, "at least 0 MPa")
+
+
+def _check_range(problem: Problem) -> None:
+    """Refuse what would overflow or vanish on its way from reduced units to um, MPa and uN."""
+    if problem.delta is not None and problem.delta <= 0:
+        return
+    heights, (along, across) = problem.heights, problem.spacing
+    depth = along if problem.delta is None else problem.delta
+    load = problem.force if problem.force else depth * problem.modulus * along
+    numbers = {
+        "spacing [um]": min(along, across),
+        "cell aspect ratio": across / max(along, NUMBERS[0]),
+        "cell area [um2]": along * across,
+        "pressure scale [MPa]": depth / max(along, NUMBERS[0]) * problem.modulus,
+        "force scale [uN]": depth * across * problem.modulus,
+        "reduced force [um2]": load / problem.modulus,
+        "height range [um]": float(heights.max() / 2 - heights.min() / 2),
+    }
+    for name, number in numbers.items():
+        low = NUMBERS[0] if name != "height range [um]" else -1.0
+        if not low < number < NUMBERS[1]:
+            raise OutOfRange(
+                f"{name} = {number:g}: sides, heights, load and modulus must keep it between"
+                f" {NUMBERS[0]:g} and {NUMBERS[1]:g}, within double precision"
+            )
 
 
 def _checked_heights(heights: ArrayLike) -> Field:
@@ -100,7 +162,8 @@ def _checked_heights(heights: ArrayLike) -> Field:
         raise ValueError(f"heights are of type {given.dtype}: real numbers are needed")
     if given.ndim != 2 or given.size == 0:
         raise ValueError(f"heights have shape {given.shape}: a grid of nodes (nx, ny) is needed")
-    surface: Field = np.array(given, dtype=np.float64, order="C")
+    with np.errstate(over="ignore"):  # long doubles beyond the range become infinite: see below
+        surface: Field = np.array(given, dtype=np.float64, order="C")
     holes = surface.size - int(np.count_nonzero(np.isfinite(surface)))
     if holes:
         raise ValueError(f"heights hold {holes} values that are not finite: fill or crop them")

@@ -9,6 +9,7 @@ Delta, pressures such that H maps a pressure to a displacement. Nodes off the li
 pressure.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -19,11 +20,21 @@ Values = NDArray[np.float64]
 Nodes = NDArray[np.intp]
 
 # Residual reduction asked of conjugate gradients before the active set is looked at again.
-INNER_REDUCTION = 0.2
+INNER_REDUCTION = 0.4
 
 # Projected steps before the first contact set is taken: of none to five, two cost the fewest
 # convolutions a solve on the paper's distribution (`pytest bench -k solve_paper` records them).
-FIRST_STEPS = 2
+FIRST_STEPS = 4
+
+# What that reduction is multiplied with whenever contact sets taken so soon raise the energy.
+TIGHTENING = 0.5
+
+# Share of its last exact value below which a residual kept up in working precision is not believed.
+ROUNDING = 1e-6
+
+# Share of the preconditioned residual taken when tension is cut off: about the mean step of the
+# conjugate gradients, the preconditioner being too large rather than too small.
+ADVANCE = 0.3
 
 # Contact sets in a row without a new smallest violation that count as cycling, and the projected
 # gradients that follow the first time.
@@ -37,9 +48,11 @@ class Operators(Protocol):
     Attributes
     ----------
     norm : upper bound of the matrix's largest eigenvalue
+    load_given : whether the load is all but given, and the displacement follows
     """
 
     norm: float
+    load_given: bool
 
     def displace(self, pressure: Values) -> Values:
         """(m,) -> (m,) displacement to the last digits: decides what is converged."""
@@ -47,7 +60,7 @@ class Operators(Protocol):
     def displace_some(self, nodes: Nodes, pressure: Values) -> Values:
         """(a,) pressure on some of the nodes -> (m,) displacement; may be rounded to 1e-7."""
 
-    def precondition_some(self, nodes: Nodes, residual: Values) -> Values:
+    def approximate_inverse(self, nodes: Nodes) -> Callable[[Values], Values]:
         """(a,) -> (a,), symmetric and near the inverse of the matrix on these nodes."""
 
 
@@ -72,6 +85,10 @@ class Iterate:
         """Nodes under pressure, and nodes that would penetrate."""
         return np.flatnonzero((self.pressure > 0) | (self.residual > 0))
 
+    def energy(self, interference: Values) -> float:
+        """Half p H p less p u, in reduced units: least for the solution among all p >= 0."""
+        return -_inner(self.pressure, interference + self.residual) / 2
+
     def violation(self) -> float:
         """Largest |w| in contact or -w outside, in units of Delta; zero for the exact solution."""
         wrong = np.where(self.pressure > 0, np.abs(self.residual), self.residual)
@@ -85,6 +102,7 @@ def solve_complementarity(
     rtol: float,
     max_iterations: int,
     start: Iterate | None = None,
+    first_steps: int = FIRST_STEPS,
 ) -> tuple[Iterate, bool]:
     """Find p >= 0 with w = H p - u >= 0 and p w = 0.
 
@@ -98,7 +116,8 @@ def solve_complementarity(
     interference : (m,) u, at most 1
     rtol : largest violation accepted
     max_iterations : bound on the steps of conjugate gradients, those of the start included
-    start : a pressure near the solution with its residual; improved in place
+    start : a pressure to start from with its residual; improved in place
+    first_steps : projected steps before the first contact set is taken: fewer near the solution
 
     Returns
     -------
@@ -106,21 +125,25 @@ def solve_complementarity(
         recomputed from the pressure
     """
     iterate = start or Iterate(np.zeros_like(interference), interference.copy())
-    if start is None:
-        _take_first_steps(operators, interference, iterate)
-    exact = not iterate.convolutions
+    _take_first_steps(operators, interference, iterate, first_steps)
+    exact, trusted = not iterate.convolutions, 1.0
     smallest, patience, safe_steps = np.inf, PATIENCE, SAFE_STEPS
+    energy, reduction, following = np.inf, INNER_REDUCTION, None
     while True:
-        if iterate.violation() <= rtol or iterate.iterations >= max_iterations:
+        floor = max(rtol, ROUNDING * trusted)
+        if iterate.violation() <= floor or iterate.iterations >= max_iterations:
             if exact:
                 return iterate, iterate.violation() <= rtol
             iterate.residual = interference - operators.displace(iterate.pressure)
             iterate.convolutions += 1
-            exact = True
+            exact, trusted = True, iterate.violation()
             continue
-        contact = iterate.contact()
-        _solve_in_contact(operators, contact, iterate, rtol / 2, max_iterations)
-        _cut_off_tension(operators, contact, iterate)
+        contact = iterate.contact() if following is None else following
+        _solve_in_contact(operators, contact, iterate, (reduction, floor / 2), max_iterations)
+        following = _cut_off_tension(operators, interference, contact, iterate)
+        energy, last = iterate.energy(interference), energy
+        if energy > last:
+            reduction *= TIGHTENING
         exact = False
         patience = PATIENCE if iterate.violation() < smallest else patience - 1
         smallest = min(smallest, iterate.violation())
@@ -130,31 +153,12 @@ def solve_complementarity(
             smallest, patience, safe_steps = np.inf, PATIENCE, 2 * safe_steps
 
 
-def _take_first_steps(operators: Operators, interference: Values, iterate: Iterate) -> None:
-    """Preconditioned steps cut off at zero, each scaled to the least energy on its ray.
-
-    They find most of what is out of contact for one convolution each.
-    """
-    for _ in range(FIRST_STEPS):
-        contact = iterate.contact()
-        pressure = iterate.pressure.copy()
-        pressure[contact] += operators.precondition_some(contact, iterate.residual[contact])
-        loaded = np.flatnonzero(pressure > 0)
-        if not loaded.size:
-            return
-        values = pressure[loaded]
-        image = operators.displace_some(loaded, values)
-        scale = _inner(interference[loaded], values) / _inner(values, image[loaded])
-        iterate.convolutions += 1
-        if not scale > 0:
-            return
-        iterate.pressure[:] = 0
-        iterate.pressure[loaded] = scale * values
-        iterate.residual = interference - scale * image
-
-
 def _solve_in_contact(
-    operators: Operators, contact: Nodes, iterate: Iterate, floor: float, max_iterations: int
+    operators: Operators,
+    contact: Nodes,
+    iterate: Iterate,
+    goals: tuple[float, float],
+    max_iterations: int,
 ) -> None:
     """Conjugate gradients on the nodes in contact until their set has to change.
 
@@ -165,10 +169,12 @@ def _solve_in_contact(
     outside = np.ones(iterate.pressure.size, dtype=bool)
     outside[contact] = False
     residual = iterate.residual[contact]
-    goal = max(INNER_REDUCTION * float(np.abs(residual).max()), floor)
+    reduction, floor = goals
+    goal = max(reduction * float(np.abs(residual).max()), floor)
+    precondition = operators.approximate_inverse(contact)
     direction, previous = np.zeros_like(pressure), np.inf
     while iterate.iterations < max_iterations:
-        correction = operators.precondition_some(contact, residual)
+        correction = precondition(residual)
         product = _inner(residual, correction)
         direction = correction + (product / previous) * direction
         previous = product
@@ -185,17 +191,62 @@ def _solve_in_contact(
         stands = pressure.min() >= 0 and not np.any(iterate.residual[outside] > floor)
         if not stands or largest <= floor:
             break
-        goal = max(INNER_REDUCTION * goal, floor)
+        goal = max(reduction * goal, floor)
     iterate.pressure[contact] = pressure
 
 
-def _cut_off_tension(operators: Operators, contact: Nodes, iterate: Iterate) -> None:
-    """Set negative pressures to zero and take their displacement out of the residual."""
-    tension = contact[iterate.pressure[contact] < 0]
-    if tension.size:
-        iterate.residual += operators.displace_some(tension, iterate.pressure[tension])
-        iterate.pressure[tension] = 0
+def _take_first_steps(
+    operators: Operators, interference: Values, iterate: Iterate, steps: int
+) -> None:
+    """Preconditioned steps cut off at zero, each scaled to the least energy on its ray.
+
+    They find most of what is out of contact for one convolution each.
+    """
+    for _ in range(steps):
+        contact = iterate.contact()
+        pressure = iterate.pressure.copy()
+        precondition = operators.approximate_inverse(contact)
+        pressure[contact] += precondition(iterate.residual[contact])
+        loaded = np.flatnonzero(pressure > 0)
+        if not loaded.size:
+            return
+        values = pressure[loaded]
+        image = operators.displace_some(loaded, values)
+        scale = _inner(interference[loaded], values) / _inner(values, image[loaded])
         iterate.convolutions += 1
+        if not scale > 0:
+            return
+        iterate.pressure[:] = 0
+        iterate.pressure[loaded] = scale * values
+        iterate.residual = interference - scale * image
+
+
+def _cut_off_tension(
+    operators: Operators, interference: Values, contact: Nodes, iterate: Iterate
+) -> Nodes | None:
+    """Set negative pressures to zero, and step ahead on the next contact set.
+
+    Both for one convolution.
+    """
+    tension = contact[iterate.pressure[contact] < 0]
+    if not tension.size:
+        return None
+    before = iterate.pressure.copy()
+    iterate.pressure[tension] = 0
+    following = np.flatnonzero((iterate.pressure > 0) | ((iterate.residual > 0) & (before == 0)))
+    step = ADVANCE * operators.approximate_inverse(following)(iterate.residual[following])
+    iterate.pressure[following] = np.maximum(iterate.pressure[following] + step, 0)
+    change = iterate.pressure - before
+    changed = np.flatnonzero(change)
+    iterate.residual -= operators.displace_some(changed, change[changed])
+    iterate.convolutions += 1
+    if operators.load_given:  # else the displacement would answer to what was cut off, too much
+        image = interference - iterate.residual
+        scale = _inner(iterate.pressure, interference) / _inner(iterate.pressure, image)
+        iterate.pressure *= scale
+        iterate.residual = interference - scale * image
+        return following
+    return None
 
 
 def descend(operators: Operators, interference: Values, iterate: Iterate, steps: int) -> None:

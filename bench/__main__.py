@@ -4,11 +4,14 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import typer
 
 from gen import command_line
+from gen.errors import InputError
+
+Number = TypeVar("Number", int, float)
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
@@ -70,6 +73,96 @@ def faults(
             faulty += bool(result.fault)
     typer.echo(f"{rounds} interrupted runs, {faulty} with a fault")
     return 1 if faulty else 0
+
+
+@app.command()
+def stability(
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
+    ] = None,
+    full: Annotated[bool, typer.Option("--full", help="The slow cases too.")] = False,
+) -> int:
+    """Press stiff and extreme cases and check every answer independently of the solver.
+
+    Prints a table and writes DIR/stability.csv if asked to. Exit code 0 if all cases passed, 1
+    otherwise.
+    """
+    from bench.stability.report import report
+
+    return 0 if report(output, full=full) else 1
+
+
+@app.command()
+def solver(
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Small grids: a look in seconds.")] = False,
+    default_tolerance: Annotated[
+        bool, typer.Option("--default-tolerance", help="Print what the default's choice rests on.")
+    ] = False,
+    samples: Annotated[
+        int, typer.Option(min=1, help="Rows of the paper preset for --default-tolerance.")
+    ] = 1000,
+) -> None:
+    """Measure the solver's error against its cost.
+
+    Force, area and pressure over wall time and over applications of the influence matrix, for the
+    tolerance, the grid, both kernels, both precisions and other solvers where they are installed:
+    DIR/solver.csv, DIR/solver.png, and DIR/solver.json for where and with what.
+    """
+    if default_tolerance:
+        from bench.default_tolerance import markdown_table, right_counts
+
+        typer.echo(markdown_table(right_counts(samples=samples)))
+    elif output is None:
+        raise InputError("solver: give -o DIR to write into, or --default-tolerance")
+    else:
+        from bench.work_precision.report import write_report
+        from bench.work_precision.studies import FULL, QUICK
+
+        for path in write_report(output, QUICK if quick else FULL, _remark):
+            typer.echo(path)
+
+
+@app.command()
+def peers(
+    output: Folder,
+    nodes: Annotated[
+        str, typer.Option(metavar="N,...", help="Nodes a side of the grids, each 2^k + 1.")
+    ] = "129,257",
+    deltas: Annotated[
+        str, typer.Option(metavar="UM,...", help="Displacements of the far field.")
+    ] = "5,25,45",
+    rounds: Annotated[int, typer.Option(min=1, help="Turns; medians count.")] = 4,
+) -> None:
+    """Compare with other solvers, and with the paper's algorithm, at equal accuracy.
+
+    ContactMechanics, Tamaas and ASPHER where they are installed, on surfaces with H = 0.65 and
+    sigma0 = 20 um: each at the loosest tolerance that gives force and contact well enough, timed
+    in turn. Minutes at 129 and 257 nodes, much longer beyond. Prints tables, writes
+    DIR/peers.csv and, where matplotlib is installed, DIR/peers.png.
+    """
+    from bench.peers.report import write_report
+
+    sizes, loads = _numbers("nodes", nodes, int), _numbers("deltas", deltas, float)
+    for path in write_report(output, sizes, loads, rounds, typer.echo):
+        typer.echo(path)
+
+
+def _numbers(name: str, text: str, kind: type[Number]) -> list[Number]:
+    """Numbers with commas between them."""
+    try:
+        return [kind(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(f"{name} {text!r}: give numbers with commas between them") from None
+
+
+def _remark(line: str) -> None:
+    """Tell how far a report is, beside its output."""
+    typer.echo(line, err=True)
 
 
 def main(arguments: Sequence[str]) -> int:

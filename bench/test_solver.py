@@ -6,7 +6,10 @@
 records convolutions and residual, and the cost of a solve in bare convolutions.
 """
 
+import statistics
 import time
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +18,10 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 import bem
 from bem import influence
-from bem.convolution import Filter, circulant_inverse, displacement_filter
+from bem.convolution import Filter, displacement_filter
 from bem.influence import KERNELS, Kernel
+from bem.preconditioner import circulant_inverse
+from bem.problem import RTOL
 from gen.plan import parameters, surface_random
 from gen.scene import load
 from gen.surface import generate
@@ -72,6 +77,16 @@ def seconds_per_convolution(operator: Filter, repetitions: int = 50) -> float:
         operator.transform()
         times.append(time.perf_counter() - began)
     return min(times)
+
+
+def seconds_of(work: Callable[[], object], rounds: int = 5) -> float:
+    """The median of several times [s]."""
+    seconds = []
+    for _ in range(rounds):
+        began = time.perf_counter()
+        work()
+        seconds.append(time.perf_counter() - began)
+    return statistics.median(seconds)
 
 
 def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> None:
@@ -139,11 +154,13 @@ def test_circulant_inverse(benchmark: BenchmarkFixture, dtype: str, nodes: int) 
     assert products[0] == pytest.approx(products[1], rel=0, abs=accepted)
 
 
-def test_solve_paper(benchmark: BenchmarkFixture) -> None:
+@pytest.mark.parametrize("rtol", [1e-6, RTOL])
+def test_solve_paper(benchmark: BenchmarkFixture, rtol: float) -> None:
+    """At the tolerance that marks are stated for, and at the default one."""
     pairs = surfaces(SIZES["paper"], ROWS)
 
     def solve_all() -> list[bem.Contact]:
-        return [bem.solve(heights, SIDE, delta) for heights, delta in pairs]
+        return [bem.solve(heights, SIDE, delta, rtol=rtol) for heights, delta in pairs]
 
     contacts = benchmark(solve_all)
     record_effort(benchmark, contacts)
@@ -160,3 +177,58 @@ def test_solve_at_contact(benchmark: BenchmarkFixture, percent: int, nodes: int)
     record_effort(benchmark, [contact])
     assert contact.area_percent == pytest.approx(percent, rel=0.1)
     assert_exact(contact)
+
+
+def test_solve_few_candidates(benchmark: BenchmarkFixture) -> None:
+    """Delta for 0.2 % of the nodes: solved densely, beside a full solve's time."""
+    heights, delta = surfaces(SIZES["paper"], 1)[0]
+    height = np.sort(heights.reshape(-1))[-round(0.002 * heights.size)]
+    few = float(heights.max() - height)
+    contact = benchmark(bem.solve, heights, SIDE, few)
+    assert_exact(contact)
+    full = seconds_of(lambda: bem.solve(heights, SIDE, delta))
+    benchmark.extra_info["share_of_a_full_solve"] = (
+        seconds_of(lambda: bem.solve(heights, SIDE, few)) / full
+    )
+
+
+@pytest.mark.parametrize("control", ["force", "pressure"])
+def test_solve_given_force(benchmark: BenchmarkFixture, control: str) -> None:
+    """The same contacts by their force or mean pressure; their cost over that of a given Delta."""
+    pairs = surfaces(SIZES["paper"], ROWS // 4)
+    expected = [bem.solve(heights, SIDE, delta) for heights, delta in pairs]
+    loads: list[dict[str, Any]] = [
+        {control: contact.force if control == "force" else float(contact.pressure.mean())}
+        for contact in expected
+    ]
+
+    def solve_all() -> list[bem.Contact]:
+        return [
+            bem.solve(heights, SIDE, **load)
+            for (heights, _), load in zip(pairs, loads, strict=True)
+        ]
+
+    contacts = benchmark(solve_all)
+    for found, asked in zip(contacts, expected, strict=True):
+        assert found.delta == pytest.approx(asked.delta, rel=1e-5)
+        assert found.force == pytest.approx(asked.force, rel=1e-5)
+    given_delta = seconds_of(lambda: [bem.solve(heights, SIDE, delta) for heights, delta in pairs])
+    benchmark.extra_info["convolutions_over_given_delta"] = sum(
+        contact.convolutions for contact in contacts
+    ) / sum(contact.convolutions for contact in expected)
+    benchmark.extra_info["time_over_given_delta"] = seconds_of(solve_all) / given_delta
+
+
+@pytest.mark.parametrize("rungs", [9, 41])
+def test_solve_ladder(benchmark: BenchmarkFixture, rungs: int) -> None:
+    """Delta from 5 to 45 um on one surface, each contact started from the last two."""
+    heights, _ = surfaces(SIZES["paper"], 1)[0]
+    deltas = np.linspace(5, 45, rungs)
+    ladder = benchmark(lambda: list(bem.ladder(heights, SIDE, deltas)))
+    alone = [bem.solve(heights, SIDE, delta) for delta in deltas]
+    for started, single in zip(ladder, alone, strict=True):
+        assert abs(started.contact_nodes - single.contact_nodes) <= 1
+        assert started.force == pytest.approx(single.force, rel=1e-5)
+    benchmark.extra_info["convolutions_over_single_solves"] = sum(
+        contact.convolutions for contact in ladder
+    ) / sum(contact.convolutions for contact in alone)

@@ -116,23 +116,35 @@ def info(file: Database) -> None:
 def contact(
     surface: SurfaceFile,
     side: Side,
-    delta: Annotated[float, typer.Option(help="Far-field displacement from first touch in um.")],
+    delta: Annotated[
+        float | None, typer.Option(help="Far-field displacement from first touch in um.")
+    ] = None,
+    force: Annotated[float | None, typer.Option(help="Or the normal force in uN.")] = None,
+    pressure: Annotated[
+        float | None, typer.Option(help="Or the mean pressure over the whole patch in MPa.")
+    ] = None,
     young: Annotated[float, typer.Option(help="Young's modulus in MPa.")] = 1.0,
     poisson: Annotated[float, typer.Option(help="Poisson's ratio.")] = 0.0,
     kernel: Annotated[
         str, typer.Option(help="uniform-pressure or concentrated-force.")
     ] = "uniform-pressure",
     far_field: Annotated[str, typer.Option(help="rigid or compliant.")] = "rigid",
-    rtol: Annotated[float, typer.Option(help="Residual to reach, over Delta.")] = 1e-6,
+    rtol: Annotated[float, typer.Option(help="Residual to reach, over Delta.")] = 3e-7,
     max_iterations: Annotated[int, typer.Option(help="Bound on the solver's iterations.")] = 1000,
 ) -> None:
-    """Solve one contact problem: area, force, pressure, gap, residual."""
+    """Solve one contact problem: area, force, pressure, gap, residual.
+
+    Give one of --delta, --force and --pressure.
+    """
     if not farm.this_world().is_master:
         return
     from gen import display
     from gen.single import solve_file
 
     settings: dict[str, Any] = {
+        "delta": delta,
+        "force": force,
+        "pressure": pressure,
         "modulus": young,
         "poisson": poisson,
         "kernel": kernel,
@@ -140,7 +152,7 @@ def contact(
         "rtol": rtol,
         "max_iterations": max_iterations,
     }
-    solved, seconds = solve_file(surface, side, delta, **settings)
+    solved, seconds = solve_file(surface, side, **settings)
     display.print_contact(solved, seconds)
 
 

@@ -19,15 +19,14 @@ if TYPE_CHECKING:
 Heights = NDArray[np.float64]
 
 
-def solve_file(path: Path, side: str, delta: float, **settings: Any) -> tuple[Contact, float]:
+def solve_file(path: Path, side: str, **settings: Any) -> tuple[Contact, float]:
     """Solve the contact problem of a surface from a file.
 
     Parameters
     ----------
     path : heights [um], see `gen.surface.load`
     side : scan length, or two separated by a comma [um]
-    delta : far-field displacement [um]
-    settings : what else `bem.solve` takes
+    settings : what else `bem.solve` takes, one load among it
 
     Returns
     -------
@@ -44,7 +43,7 @@ def solve_file(path: Path, side: str, delta: float, **settings: Any) -> tuple[Co
     sides = _sides(side)
     began = time.perf_counter()
     try:
-        contact = bem.solve(heights, sides, delta, **settings)
+        contact = bem.solve(heights, sides, **settings)
     except (bem.NotConverged, ValueError) as error:
         raise InputError(f"{path}: {error}") from None
     return contact, time.perf_counter() - began

@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from bem.convolution import Filter, Selection, circulant_inverse, displacement_filter, fast_period
+from bem.convolution import Selection, displacement_filter, fast_period
 from bem.half_space import HalfSpace
 from bem.influence import Kernel, influence_coefficients
 from tests.bem import dense
@@ -109,47 +109,6 @@ def test_half_space_gives_way_by_its_softening() -> None:
     everywhere = np.arange(nodes.size)
     assert relative_error(operators.displace_some(everywhere, pressure), expected) < 1e-6
     assert operators.norm >= np.linalg.eigvalsh(matrix)[-1]
-
-
-def matrix_of(operator: Filter) -> np.ndarray:
-    """The matrix that a filter stands for, column by column."""
-    nodes = operator.shape[0] * operator.shape[1]
-    columns = [operator(unit.reshape(operator.shape)).reshape(-1) for unit in np.eye(nodes)]
-    return np.array(columns).T
-
-
-@pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("shape", [(1, 9), (2, 3), (8, 8), (9, 9), (10, 16)])
-def test_circulant_inverse_is_positive_definite_on_any_nodes(
-    shape: tuple[int, int], kernel: Kernel
-) -> None:
-    """Largest and smallest eigenvalue of a part lie between those of the whole."""
-    matrix = matrix_of(circulant_inverse(shape, kernel))
-    assert relative_error(matrix, matrix.T) < 1e-14
-    assert np.linalg.eigvalsh(matrix)[0] > 0
-    single = matrix_of(circulant_inverse(shape, kernel, dtype="float32"))
-    assert relative_error(single, matrix) < 1e-6
-
-
-@pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize(
-    ("shape", "periods"), [((1, 12), (2, 12)), ((8, 10), (8, 10)), ((9, 7), (10, 8))]
-)
-def test_circulant_inverse_belongs_to_the_nearest_circulant(
-    shape: tuple[int, int], periods: tuple[int, int], kernel: Kernel
-) -> None:
-    """In the Frobenius norm that is the mean over each wrapped diagonal (T. Chan 1988)."""
-    matrix = dense.influence_matrix(periods, kernel)
-    i, j = np.ogrid[: periods[0], : periods[1]]
-    nearest = np.empty((*periods, *periods))
-    for k, m in np.ndindex(periods):
-        wrapped = (i + k) % periods[0], (j + m) % periods[1], i, j
-        nearest[wrapped] = matrix[wrapped].mean()
-    nodes = periods[0] * periods[1]
-    inverse = np.linalg.inv(nearest.reshape(nodes, nodes)).reshape(*periods, *periods)
-    part = inverse[: shape[0], : shape[1], : shape[0], : shape[1]]
-    found = matrix_of(circulant_inverse(shape, kernel))
-    assert relative_error(found, part.reshape(found.shape)) < 1e-12
 
 
 def test_threads_have_filters_of_their_own() -> None:

@@ -148,6 +148,7 @@ class Dense:
 
     def __init__(self, matrix: np.ndarray) -> None:
         self._matrix = matrix
+        self.load_given = False
         self.norm = float(np.abs(matrix).sum(axis=1).max())
 
     def displace(self, pressure: np.ndarray) -> np.ndarray:
@@ -156,8 +157,8 @@ class Dense:
     def displace_some(self, nodes: np.ndarray, pressure: np.ndarray) -> np.ndarray:
         return self._matrix[:, nodes] @ pressure
 
-    def precondition_some(self, nodes: np.ndarray, residual: np.ndarray) -> np.ndarray:
-        return residual / self._matrix.diagonal()[nodes]
+    def approximate_inverse(self, nodes: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        return lambda residual: residual / self._matrix.diagonal()[nodes]
 
 
 @settings(max_examples=30)

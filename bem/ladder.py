@@ -1,0 +1,55 @@
+"""Many loads on one surface, each solved from the last ones."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from bem.contact import Contact, press
+from bem.problem import Field, pose
+
+
+def ladder(
+    heights: ArrayLike,
+    side: float | tuple[float, float],
+    deltas: Iterable[float],
+    **settings: Any,
+) -> Iterator[Contact]:
+    """Press a surface further and further, each contact started from those before it.
+
+    The start carries the pressure's change with Delta on from the last two contacts. Results are
+    those of `solve` within its tolerance, for about half of the convolutions on a ladder of equal
+    steps (`pytest bench -k ladder`). Any order of Delta is allowed; small steps cost least.
+
+    Parameters
+    ----------
+    heights, side, settings : see `solve`
+    deltas : far-field displacements Delta [um]
+
+    Yields
+    ------
+    Contact, one for each Delta
+
+    Raises
+    ------
+    ValueError, NoSolution, NotConverged
+        as `solve` does, at the Delta that is to blame
+    """
+    last: list[Contact] = []
+    for delta in deltas:
+        problem = pose(heights, side, delta, **settings)
+        contact = press(problem, _carried_on(last, problem.delta or 0.0))
+        yield contact
+        last = [*last[-1:], contact]
+
+
+def _carried_on(last: list[Contact], delta: float) -> Field | None:
+    """Pressure on a straight line in Delta through the last two contacts, never negative [MPa]."""
+    if not last or last[-1].force == 0:
+        return None
+    now = last[-1].pressure
+    if len(last) < 2 or last[0].delta == last[-1].delta:
+        return now
+    share = (delta - last[-1].delta) / (last[-1].delta - last[0].delta)
+    return np.asarray(np.maximum(now + share * (now - last[0].pressure), 0))

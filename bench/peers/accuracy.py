@@ -1,0 +1,80 @@
+"""When a solution counts as one, and the loosest tolerance that gives it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bem.convolution import displacement_filter
+from bench.peers.peer import Control, Field
+from bench.work_precision.case import Case, Exact
+
+# The force at the displacement given, or the displacement of the far field at the force given [1].
+LOAD_ERROR = 1e-6
+# Nodes in contact in one solution only, of those in contact [1]; one is always allowed.
+MISPLACED_SHARE = 5e-4
+
+
+@dataclass(frozen=True)
+class Errors:
+    """How far a pressure is from the reference.
+
+    Attributes
+    ----------
+    load_error : relative error of the force, or of the displacement where the force is given [1]
+    misplaced_nodes : nodes in contact in it or in the reference, not in both
+    pressure_error : largest error of a pressure over the largest pressure [1]
+    """
+
+    load_error: float
+    misplaced_nodes: int
+    pressure_error: float
+
+    def good_enough(self, contact_nodes: int) -> bool:
+        """Whether a solution of a contact of so many nodes may have these errors."""
+        allowed = max(1.0, MISPLACED_SHARE * contact_nodes)
+        return self.load_error <= LOAD_ERROR and self.misplaced_nodes <= allowed
+
+
+def find_errors(pressure: Field, control: Control, case: Case, exact: Exact) -> Errors:
+    """Measure the errors of a pressure.
+
+    Parameters
+    ----------
+    pressure : (n, n) [MPa]
+    control : what was given to who found it; a force is met by construction, so that its
+        displacement counts, which is computed here and not by the peer
+    case, exact : the contact and its reference
+    """
+    if control == "force":
+        moved = displacement_filter(pressure.shape, case.kernel)(pressure) * case.spacing
+        approach = moved - (case.heights - case.heights.max())
+        load_error = (pressure * approach).sum() / pressure.sum() / case.delta - 1
+    else:
+        load_error = pressure.sum() * case.spacing**2 / exact.force - 1
+    return Errors(
+        load_error=abs(float(load_error)),
+        misplaced_nodes=int(np.count_nonzero((pressure > 0) != (exact.pressure > 0))),
+        pressure_error=float(np.abs(pressure - exact.pressure).max() / exact.pressure.max()),
+    )
+
+
+def loosest(
+    good_enough: Callable[[float], bool], ladder: Sequence[float], guess: float
+) -> float | None:
+    """Find the loosest tolerance that is good enough, or None if none is.
+
+    Looser from a guess that is, as far as that holds; tighter from one that is not.
+
+    Parameters
+    ----------
+    good_enough : whether a tolerance is
+    ladder : tolerances to try, falling
+    guess : where to begin; the nearest tolerance that is not looser is taken
+    """
+    rung = next((r for r, tolerance in enumerate(ladder) if tolerance <= guess), len(ladder) - 1)
+    if good_enough(ladder[rung]):
+        while rung > 0 and good_enough(ladder[rung - 1]):
+            rung -= 1
+        return ladder[rung]
+    return next((tolerance for tolerance in ladder[rung + 1 :] if good_enough(tolerance)), None)

@@ -1,0 +1,95 @@
+"""ContactMechanics (Pastewka and others, MIT licence) on its free elastic half-space.
+
+Controls displacement or force; here displacement. Physical sizes are nodes x spacing. Influence
+coefficients are Love's in closed form. It convolves on exactly twice the nodes a side, a period
+with a large prime factor for 257 nodes: the variant with a margin runs on a size that the FFT
+likes, which its users would have to know.
+
+Version 1.8.3: `dual_minimize_proxy` needs `init_force` in spite of its default None; from zero,
+its variant "ccg-with-restart" never leaves the start; `forcetol` of the primal solver is a force
+in absolute units.
+"""
+
+import importlib
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy import fft
+
+from bench.peers.peer import MAX_ITERATIONS, Field, Load, Peer
+from bench.work_precision.solvers import Failure
+
+
+def fast_grid(nodes: int) -> int:
+    """Smallest number of nodes a side without prime factors above 5."""
+    return int(fft.next_fast_len(nodes, real=True))
+
+
+class _FreeHalfSpace:
+    """The substrate with its transformed influence coefficients, kept for all contacts."""
+
+    def __init__(self, nodes: int, spacing: float) -> None:
+        self._package = importlib.import_module("ContactMechanics")
+        self._topography = importlib.import_module("SurfaceTopography").Topography
+        self._sides = nodes * spacing, nodes * spacing
+        self._cell = spacing**2
+        half_space = self._package.FreeFFTElasticHalfSpace
+        self._substrate = half_space((nodes, nodes), young=1.0, physical_sizes=self._sides)
+
+    def _system(self, heights: Field) -> Any:
+        topography = self._topography(heights, physical_sizes=self._sides)
+        return self._package.Systems.NonSmoothContactSystem(self._substrate, topography)
+
+    def _pressure(self, result: Any, forces: Any) -> tuple[Field, int | None]:
+        if not result.success:
+            raise Failure(str(result.message))
+        return np.asarray(forces) / self._cell, int(result.nit)
+
+
+class PrimalGradients(_FreeHalfSpace):
+    """Its default, Polonsky and Keer's conjugate gradients.
+
+    The tolerance is the largest penetration over Delta, and the last change of the force over the
+    force; tension cut off in a step is not bounded.
+    """
+
+    def press(self, load: Load, tolerance: float) -> tuple[Field, int | None]:
+        """Solve for a displacement."""
+        result = self._system(load.heights).minimize_proxy(
+            offset=load.delta - load.heights.max(),
+            pentol=tolerance * load.delta,
+            thermotol=tolerance,
+            forcetol=np.inf,
+            maxiter=MAX_ITERATIONS,
+        )
+        return self._pressure(result, result.jac)
+
+
+class DualGradients(_FreeHalfSpace):
+    """Its constrained conjugate gradients in pressures, after Bugnicourt and others (2018).
+
+    The tolerance is the largest residual gap over Delta. Starts from the overlap as a pressure,
+    with which it is faster than from zero.
+    """
+
+    def press(self, load: Load, tolerance: float) -> tuple[Field, int | None]:
+        """Solve for a displacement."""
+        offset = load.delta - load.heights.max()
+        result = self._system(load.heights).dual_minimize_proxy(
+            offset=offset,
+            init_force=np.maximum(load.heights + offset, 0) * load.spacing,
+            solver="ccg-without-restart",
+            gtol=tolerance * load.delta,
+            maxiter=MAX_ITERATIONS,
+        )
+        return self._pressure(result, np.reshape(result.x, load.heights.shape))
+
+
+_peer = partial(Peer, package="ContactMechanics", install='pip install -e ".[peers]"')
+
+PEERS = (
+    _peer("ContactMechanics primal", open_session=PrimalGradients),
+    _peer("ContactMechanics dual", open_session=DualGradients),
+    _peer("ContactMechanics dual, margin", open_session=DualGradients, grid=fast_grid),
+)

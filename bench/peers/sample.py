@@ -1,0 +1,63 @@
+"""The contacts that are compared on."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+from bench.peers.peer import Field
+from bench.work_precision.case import Case
+from gen.plan import surface_random
+from gen.scene import load
+from gen.surface import generate
+
+SIDE = 1000.0  # um
+SIGMA0 = 20.0  # um
+
+# Of the paper preset's surfaces one on which, at 129 nodes a side, H = 0.8 and Delta = 5 um, 6 to
+# 18 nodes touch, where MIRCO is at its best; at H = 0.65 its contacts are of middling size.
+SURFACE = 18
+
+HURST = 0.65
+PAPERS_HURST = 0.8
+PAPERS_NODES = 129
+PAPERS_DELTAS = (5.0, 25.0)  # um
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A contact.
+
+    Attributes
+    ----------
+    nodes : nodes a side, 2^k + 1
+    hurst : Hurst exponent of its surface
+    delta : displacement of the far field from first touch on [um]
+    """
+
+    nodes: int
+    hurst: float
+    delta: float
+
+    def case(self) -> Case:
+        """Surface and load."""
+        name = f"H = {self.hurst}, Delta = {self.delta:g} um"
+        return Case(name, _heights(self.nodes, self.hurst), SIDE, self.delta)
+
+
+def samples(nodes: Sequence[int], deltas: Sequence[float]) -> list[Sample]:
+    """The peers' surface at every load on every grid; at 129 nodes, the paper's algorithm's too."""
+    found = []
+    for size in nodes:
+        found += [Sample(size, HURST, delta) for delta in deltas]
+        if size == PAPERS_NODES:
+            found += [Sample(size, PAPERS_HURST, delta) for delta in PAPERS_DELTAS]
+    return found
+
+
+@lru_cache(maxsize=8)
+def _heights(nodes: int, hurst: float) -> Field:
+    """(nodes, nodes) surface [um]."""
+    random = surface_random(load("paper"), SURFACE)
+    heights = generate("diamond-square", nodes, hurst, SIGMA0, random)
+    heights.setflags(write=False)
+    return heights

@@ -1,0 +1,35 @@
+"""Time of one contact by each solver at equal accuracy, answers asserted.
+
+    pytest bench --benchmark-only -k by_solver
+
+The paper's surface at 129 nodes a side with few enough nodes in contact for the paper's algorithm;
+`python -m bench peers` compares at every load and on larger grids.
+"""
+
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from bench.peers.accuracy import find_errors
+from bench.peers.compare import PEERS, Trial
+from bench.peers.own import Ours, PapersAlgorithm
+from bench.peers.peer import Contender, Peer
+from bench.peers.sample import HURST, Sample
+from bench.work_precision.case import find_exact
+
+SAMPLE = Sample(129, HURST, 15.0)
+
+
+@pytest.mark.parametrize(
+    "solver", [Ours(), PapersAlgorithm(), *PEERS], ids=lambda solver: solver.name
+)
+def test_contact_by_solver(benchmark: BenchmarkFixture, solver: Contender) -> None:
+    if isinstance(solver, Peer) and not solver.installed:
+        pytest.skip(f"{solver.package} is not installed: {solver.install}")
+    case = SAMPLE.case()
+    trial = Trial(solver, case)
+    trial.find_tolerance(1e-4)
+    assert trial.tolerance is not None, trial.remark
+    pressure = benchmark(solver.solve, case, trial.tolerance).pressure
+    benchmark.extra_info["tolerance"] = trial.tolerance
+    errors = find_errors(pressure, solver.control, case, find_exact(case))
+    assert errors.good_enough(trial.contact_nodes)

@@ -1,0 +1,156 @@
+"""The contacts that solvers are measured on, and their exact solutions."""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+import bem
+from bem.influence import Kernel
+from bench import half_space
+from bench.dense import influence_matrix
+
+Field = NDArray[np.float64]
+
+# Contacts of this many nodes at most are solved by Cholesky's factors: the memory grows with the
+# square of their number, the time with its cube.
+DENSE_NODES = 3000
+# Where that is too much: a hundredth of the tightest tolerance that is measured, near rounding.
+EXACT_RTOL = 1e-14
+# Pressure and gap of an exact solution may be wrong by this, over Delta [1].
+ROUNDING = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A contact on a rigid far field with E* = 1 MPa.
+
+    Attributes
+    ----------
+    name : which surface
+    heights : (n, n) surface [um]
+    side : scan length [um]
+    delta : displacement of the far field from first touch on [um]
+    kernel : see `bem.influence.influence_coefficients`
+    """
+
+    name: str
+    heights: Field
+    side: float
+    delta: float
+    kernel: Kernel = "uniform-pressure"
+
+    @property
+    def nodes(self) -> int:
+        """Nodes a side."""
+        return len(self.heights)
+
+    @property
+    def spacing(self) -> float:
+        """Of the nodes [um]."""
+        return self.side / (self.nodes - 1)
+
+    @property
+    def interference(self) -> Field:
+        """(n, n) overlap of the undeformed bodies, negative where they are apart [Delta]."""
+        overlap: Field = ((self.heights - self.heights.max()) + self.delta) / self.delta
+        return overlap
+
+
+@dataclass(frozen=True, eq=False)
+class Exact:
+    """What answers are held against.
+
+    Attributes
+    ----------
+    pressure : (n, n) contact pressure [MPa]
+    force : normal force [uN]
+    contact_share : share of the nodes under pressure, on the grid that was solved [1]
+    nodes : nodes a side of that grid
+    method : how it was found: "dense", or the tolerance
+    """
+
+    pressure: Field
+    force: float
+    contact_share: float
+    nodes: int
+    method: str
+
+    def on_grid(self, nodes: int) -> "Exact":
+        """The same contact as the grid of this many nodes a side would see it at best.
+
+        Pressure is averaged over the coarse cells; force and share of contact stay.
+        """
+        step = (self.nodes - 1) // (nodes - 1)
+        if step == 1:
+            return self
+        # A coarse cell covers the fine cells round its node, and half of those on its border.
+        weights = np.full(step + 1, 1 / step)
+        weights[[0, -1]] /= 2
+        padded = np.pad(self.pressure, step // 2)
+        for _ in range(2):
+            padded = (sliding_window_view(padded, step + 1, axis=0)[::step] @ weights).T
+        return replace(self, pressure=padded)
+
+
+@lru_cache(maxsize=64)
+def find_exact(case: Case, rtol: float = EXACT_RTOL) -> Exact:
+    """Solve a case to rounding: by the dense matrix of the nodes in contact where they are few.
+
+    The dense solution shares no code with `bem` but the guess which nodes are in contact, and that
+    guess is proved by the pressure's and the gap's signs.
+
+    Parameters
+    ----------
+    case : what to solve
+    rtol : of the solution by `bem.solve` that serves where they are many
+
+    Raises
+    ------
+    ArithmeticError
+        if the dense solution does not pass that proof
+    """
+    pressure, method = _solve(case, rtol), f"rtol {rtol:.0e}"
+    if np.count_nonzero(pressure) <= DENSE_NODES:
+        # A node may carry hardly anything: only the tightest guess is sure to know of it.
+        touching = (pressure if rtol <= EXACT_RTOL else _solve(case, EXACT_RTOL)) > 0
+        reduced = _dense_pressure(case, touching)
+        _prove(case, reduced)
+        pressure, method = reduced * (case.delta / case.spacing), "dense"
+    return Exact(
+        pressure=pressure,
+        force=float(pressure.sum()) * case.spacing**2,
+        contact_share=float((pressure > 0).mean()),
+        nodes=case.nodes,
+        method=method,
+    )
+
+
+def _solve(case: Case, rtol: float) -> Field:
+    """(n, n) pressure by `bem.solve` [MPa]."""
+    return bem.solve(case.heights, case.side, case.delta, kernel=case.kernel, rtol=rtol).pressure
+
+
+def _dense_pressure(case: Case, touching: NDArray[np.bool_]) -> Field:
+    """(n, n) pressure that closes the gap on some nodes [E* Delta / spacing]."""
+    nodes = np.flatnonzero(touching)
+    matrix = influence_matrix(case.heights.shape, case.kernel, nodes=nodes)
+    values = np.zeros(touching.size)
+    factor = cho_factor(matrix, overwrite_a=True)
+    values[nodes] = cho_solve(factor, case.interference.reshape(-1)[nodes])
+    return values.reshape(touching.shape)
+
+
+def _prove(case: Case, pressure: Field) -> None:
+    """Refuse a pressure that pulls, or whose gap is open in contact or overlaps outside."""
+    gap = half_space.displacement(pressure, case.kernel) - case.interference
+    wrong = max(
+        float(-pressure.min()),
+        float(-gap.min()),
+        float(np.abs(gap[pressure != 0]).max(initial=0.0)),
+    )
+    if wrong > ROUNDING:
+        raise ArithmeticError(f"{case.name}, {case.kernel}: no exact solution, off by {wrong:.1e}")

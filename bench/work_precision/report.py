@@ -1,0 +1,141 @@
+"""The files: the table, the picture, and how and where they were made."""
+
+import csv
+import json
+import os
+import platform
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, astuple, fields
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from bench.work_precision.measurement import AREA_GATE, FORCE_GATE, PRESSURE_GATE, Point
+from bench.work_precision.picture import draw, new_figure
+from bench.work_precision.studies import FULL, Extent, Sweep, sweep
+from gen.errors import InputError
+
+UNITS = {"delta": "um"}
+"""Units of the columns whose names do not say them."""
+
+PARSERS: dict[Any, Callable[[str], Any]] = {
+    str: str,
+    int: int,
+    float: float,
+    int | None: lambda text: int(text) if text else None,
+    float | None: lambda text: float(text) if text else None,
+}
+"""How a column's text is read, by the type of the point's attribute."""
+
+PACKAGES = ("asperity", "numpy", "scipy", "pyfftw", "ContactMechanics", "tamaas", "aspher")
+"""What may take part: the versions of those that are installed are written down."""
+
+
+def write_report(
+    folder: Path, extent: Extent = FULL, announce: Callable[[str], None] = lambda line: None
+) -> list[Path]:
+    """Measure, and write `solver.csv`, `solver.json` and `solver.png`.
+
+    Parameters
+    ----------
+    folder : where to; made if there is none
+    extent : how much to measure
+    announce : told what is being measured, and what was left out and why
+
+    Returns
+    -------
+    The three files
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written to, or matplotlib is not installed
+    """
+    figure = new_figure()
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file: give a folder")
+    paths = [folder / f"solver.{ending}" for ending in ("csv", "json", "png")]
+    table, record, picture = paths
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        table.touch()  # found out before minutes of measuring rather than after
+        done = sweep(extent, announce)
+        write_points(table, done.points)
+        text = json.dumps(circumstances(extent, done), indent=2, ensure_ascii=False)
+        record.write_text(text + "\n", encoding="utf-8")
+        draw(figure, done.points)
+        figure.savefig(picture, dpi=150)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
+    for missing in done.left_out:
+        announce(f"{missing.study}: left out {missing.solver}: {missing.reason}")
+    return paths
+
+
+def header() -> list[str]:
+    """Names of the columns: those of `Point`, with the unit where the name does not say it."""
+    return [
+        f"{field.name}_{UNITS[field.name]}" if field.name in UNITS else field.name
+        for field in fields(Point)
+    ]
+
+
+def write_points(path: Path, points: Iterable[Point]) -> None:
+    """One row a point; a number is written with all its digits, None as nothing."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(header())
+        writer.writerows(astuple(point) for point in points)
+
+
+def read_points(path: Path) -> list[Point]:
+    """What `write_points` wrote."""
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.reader(file))
+    if not rows or rows[0] != header():
+        raise InputError(f"{path}: is not a table of work against precision")
+    return [_point(row) for row in rows[1:]]
+
+
+def _point(row: Sequence[str]) -> Point:
+    values = {
+        field.name: PARSERS[field.type](text)
+        for field, text in zip(fields(Point), row, strict=True)
+    }
+    return Point(**values)
+
+
+def circumstances(extent: Extent, done: Sweep) -> dict[str, Any]:
+    """Where, when and with what the points were measured, and what is not among them."""
+    return {
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "machine": {
+            "processor": _processor(),
+            "cores": os.cpu_count(),
+            "system": platform.platform(),
+            "threads": os.environ.get("OMP_NUM_THREADS", "not set"),
+        },
+        "versions": {"python": platform.python_version(), **_versions()},
+        "extent": asdict(extent),
+        "gates": {"force": FORCE_GATE, "pressure": PRESSURE_GATE, "contact_nodes": AREA_GATE},
+        "left_out": [asdict(missing) for missing in done.left_out],
+    }
+
+
+def _processor() -> str:
+    """The processor's name as Linux tells it, else as Python does."""
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def _versions() -> dict[str, str]:
+    versions = {}
+    for name in PACKAGES:
+        with suppress(metadata.PackageNotFoundError):
+            versions[name] = metadata.version(name)
+    return versions

@@ -1,0 +1,82 @@
+"""Ladders of Delta, and few candidate nodes: the same answers as one plain solve."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bem
+from bem import direct, equilibrium
+from bem.influence import KERNELS, Kernel
+from gen.surface import generate
+from tests.bem.surfaces import SURFACES, surface
+
+ROUGH = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(4))
+
+
+@pytest.mark.parametrize("deltas", [np.linspace(-1, 45, 24), [30.0, 30.0, 3.0, 44.0], [7.0]])
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_a_ladder_gives_what_single_solves_give(deltas: list[float], kernel: Kernel) -> None:
+    ladder = list(bem.ladder(ROUGH, 1000.0, deltas, modulus=2.0, kernel=kernel, rtol=1e-9))
+    assert len(ladder) == len(deltas)
+    for contact, delta in zip(ladder, deltas, strict=True):
+        alone = bem.solve(ROUGH, 1000.0, delta, modulus=2.0, kernel=kernel, rtol=1e-9)
+        assert contact.delta == delta
+        assert contact.contact_nodes == alone.contact_nodes
+        assert contact.force == pytest.approx(alone.force, rel=1e-8)
+        np.testing.assert_allclose(
+            contact.pressure, alone.pressure, rtol=0, atol=1e-6 * alone.pressure.max(initial=1e-300)
+        )
+
+
+def test_a_ladder_on_a_compliant_far_field() -> None:
+    for contact in bem.ladder(ROUGH, 1000.0, [5.0, 10.0, 15.0], far_field="compliant"):
+        alone = bem.solve(ROUGH, 1000.0, contact.delta, far_field="compliant")
+        assert contact.force == alone.force
+
+
+def test_a_ladder_stops_at_the_delta_that_is_to_blame() -> None:
+    rungs = bem.ladder(ROUGH, 1000.0, [5.0, np.nan])
+    next(rungs)
+    with pytest.raises(ValueError, match="delta = nan"):
+        next(rungs)
+
+
+def test_a_ladder_of_small_steps_saves_convolutions() -> None:
+    deltas = np.linspace(15, 45, 31)
+    ladder = sum(c.convolutions for c in bem.ladder(ROUGH, 1000.0, deltas))
+    single = sum(bem.solve(ROUGH, 1000.0, delta).convolutions for delta in deltas)
+    assert ladder < 0.9 * single
+
+
+@settings(max_examples=60)
+@given(
+    kind=st.sampled_from(list(SURFACES)),
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.tuples(st.integers(1, 10), st.integers(1, 10)),
+    kernel=st.sampled_from(KERNELS),
+    share=st.floats(0.01, 3.0),
+)
+def test_few_nodes_are_solved_alike_by_both_methods(
+    kind: str, seed: int, shape: tuple[int, int], kernel: Kernel, share: float
+) -> None:
+    """Dense linear algebra below `FEW_NODES` candidates, convolutions above."""
+    heights = surface(kind, shape, seed)
+    delta = share * (float(np.ptp(heights)) or 1.0)
+    arguments = {"spacing": 1.0, "kernel": kernel, "rtol": 1e-12}
+    found = bem.solve(heights, 1.0, delta, **arguments)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(equilibrium, "FEW_NODES", 0)
+        iterated = bem.solve(heights, 1.0, delta, **arguments)
+    assert found.iterations <= direct.CONTACT_SETS or kernel == "concentrated-force"
+    largest = iterated.pressure.max()
+    assert np.abs(found.pressure - iterated.pressure).max() < 1e-8 * largest
+
+
+def test_sets_that_cycle_are_left_to_the_iteration(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(direct, "CONTACT_SETS", 1)
+    heights = ROUGH[:9, :9]
+    delta = 0.7 * float(np.ptp(heights))
+    contact = bem.solve(heights, 8.0, delta)
+    assert contact.residual <= 1e-6
+    assert contact.iterations > 1

@@ -1,0 +1,89 @@
+"""A given force or mean pressure: the same contacts as at the displacement that it takes."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bem
+from bem import load_control
+from bem.influence import KERNELS
+from bem.problem import FAR_FIELDS
+from gen.surface import generate
+from tests.bem.surfaces import SURFACES, surface
+
+RTOL = 1e-9
+
+
+@settings(max_examples=60)
+@given(
+    kind=st.sampled_from(list(SURFACES)),
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.tuples(st.integers(2, 24), st.integers(2, 24)),
+    kernel=st.sampled_from(KERNELS),
+    share=st.floats(0.01, 3.0),
+)
+def test_force_and_displacement_lead_to_one_another(
+    kind: str, seed: int, shape: tuple[int, int], kernel: bem.influence.Kernel, share: float
+) -> None:
+    heights = surface(kind, shape, seed)
+    side = (10.0 * (shape[0] - 1), 10.0 * (shape[1] - 1))
+    delta = share * (float(np.ptp(heights)) or 1.0)
+    given_delta = bem.solve(heights, side, delta, modulus=7.0, kernel=kernel, rtol=RTOL)
+    given_force = bem.solve(
+        heights, side, force=given_delta.force, modulus=7.0, kernel=kernel, rtol=RTOL
+    )
+    assert given_force.force == pytest.approx(given_delta.force, rel=2e-6)
+    assert given_force.delta == pytest.approx(delta, rel=1e-5)
+    largest = given_delta.pressure.max()
+    assert np.abs(given_force.pressure - given_delta.pressure).max() < 1e-4 * largest
+    assert given_force.residual <= RTOL
+
+
+ROUGH = generate("diamond-square", 129, 0.65, 12.5, np.random.default_rng(4))
+
+
+@pytest.mark.parametrize("far_field", FAR_FIELDS)
+@pytest.mark.parametrize("delta", [0.5, 4.0, 9.0, 14.0, 17.0])
+def test_it_is_cheap_and_exact_on_rough_surfaces(delta: float, far_field: str) -> None:
+    """The count of convolutions is the cost; its mean ratio is in `pytest bench -k given_force`."""
+    expected = bem.solve(ROUGH, 1000.0, delta, modulus=3.0, far_field=far_field)
+    found = bem.solve(ROUGH, 1000.0, force=expected.force, modulus=3.0, far_field=far_field)
+    assert found.force == pytest.approx(expected.force, rel=2e-6)
+    assert found.delta == pytest.approx(delta, rel=5e-6)
+    assert found.approach == pytest.approx(expected.approach, rel=5e-6)
+    assert abs(found.contact_nodes - expected.contact_nodes) <= 1
+    assert found.convolutions <= 60
+
+
+def test_mean_pressure_is_the_mean_over_all_nodes() -> None:
+    contact = bem.solve(ROUGH, 1000.0, pressure=0.02, modulus=3.0)
+    assert contact.pressure.mean() == pytest.approx(0.02, rel=2e-6)
+    assert contact.problem.delta is None
+    assert contact.delta > 0
+
+
+def test_no_force_is_first_touch() -> None:
+    contact = bem.solve(ROUGH, 1000.0, force=0.0)
+    assert (contact.force, contact.delta, contact.contact_nodes) == (0.0, 0.0, 0)
+
+
+def test_flat_surfaces_and_single_nodes_have_a_displacement() -> None:
+    flat = bem.solve(np.zeros((9, 9)), 80.0, force=5.0)
+    assert bem.solve(np.zeros((9, 9)), 80.0, flat.delta).force == pytest.approx(5.0, rel=1e-5)
+    one = bem.solve(np.zeros((1, 1)), 1.0, force=5.0, spacing=2.0)
+    assert bem.solve(np.zeros((1, 1)), 1.0, one.delta, spacing=2.0).force == pytest.approx(5.0)
+
+
+def test_a_root_is_found_where_the_spring_does_not_arrive(monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = bem.solve(ROUGH, 1000.0, 25.0)
+    monkeypatch.setattr(load_control, "SPRING_ITERATIONS", 1)
+    found = bem.solve(ROUGH, 1000.0, force=expected.force)
+    assert found.force == pytest.approx(expected.force, rel=1e-5)
+    assert found.delta == pytest.approx(25.0, rel=1e-5)
+
+
+def test_too_few_iterations_are_reported() -> None:
+    with pytest.raises(bem.NotConverged, match=r"after [1-4] iterations") as stopped:
+        bem.solve(ROUGH, 1000.0, pressure=0.02, max_iterations=3)
+    assert stopped.value.contact.residual > 1e-6

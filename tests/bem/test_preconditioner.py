@@ -1,0 +1,100 @@
+"""The preconditioner: the circulant it is made of, and how near it comes to the inverse."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bem
+from bem.convolution import Filter
+from bem.influence import KERNELS, Kernel
+from bem.preconditioner import Preconditioner, circulant_inverse
+from gen.surface import generate
+from tests.bem import dense
+
+
+def relative_error(found: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+def matrix_of(operator: Filter) -> np.ndarray:
+    """The matrix that a filter stands for, column by column."""
+    nodes = operator.shape[0] * operator.shape[1]
+    columns = [operator(unit.reshape(operator.shape)).reshape(-1) for unit in np.eye(nodes)]
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("shape", [(1, 9), (2, 3), (8, 8), (9, 9), (10, 16)])
+def test_circulant_inverse_is_positive_definite_on_any_nodes(
+    shape: tuple[int, int], kernel: Kernel
+) -> None:
+    """Largest and smallest eigenvalue of a part lie between those of the whole."""
+    matrix = matrix_of(circulant_inverse(shape, kernel, dtype="float64"))
+    assert relative_error(matrix, matrix.T) < 1e-14
+    assert np.linalg.eigvalsh(matrix)[0] > 0
+    single = matrix_of(circulant_inverse(shape, kernel))
+    assert relative_error(single, matrix) < 1e-6
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize(
+    ("shape", "periods"), [((1, 12), (16, 16)), ((8, 16), (16, 16)), ((9, 17), (16, 32))]
+)
+def test_circulant_inverse_belongs_to_the_nearest_circulant(
+    shape: tuple[int, int], periods: tuple[int, int], kernel: Kernel
+) -> None:
+    """In the Frobenius norm that is the mean over each wrapped diagonal (T. Chan 1988)."""
+    matrix = dense.influence_matrix(periods, kernel)
+    i, j = np.ogrid[: periods[0], : periods[1]]
+    nearest = np.empty((*periods, *periods))
+    for k, m in np.ndindex(periods):
+        wrapped = (i + k) % periods[0], (j + m) % periods[1], i, j
+        nearest[wrapped] = matrix[wrapped].mean()
+    nodes = periods[0] * periods[1]
+    inverse = np.linalg.inv(nearest.reshape(nodes, nodes)).reshape(*periods, *periods)
+    part = inverse[: shape[0], : shape[1], : shape[0], : shape[1]]
+    found = matrix_of(circulant_inverse(shape, kernel, dtype="float64"))
+    assert relative_error(found, part.reshape(found.shape)) < 1e-12
+
+
+def restricted_matrix(
+    shape: tuple[int, int], kernel: Kernel, aspect: float, nodes: np.ndarray, dtype: str
+) -> np.ndarray:
+    """The approximate inverse on some nodes, column by column."""
+    everywhere = np.arange(shape[0] * shape[1])
+    precondition = Preconditioner(shape, kernel, aspect, everywhere, dtype).restricted_to(nodes)
+    return np.array([precondition(unit) for unit in np.eye(len(nodes))]).T
+
+
+@settings(max_examples=40)
+@given(data=st.data())
+def test_it_is_symmetric_and_positive_definite_on_any_nodes(data: st.DataObject) -> None:
+    shape = data.draw(st.tuples(st.integers(1, 14), st.integers(1, 14)))
+    kernel = data.draw(st.sampled_from(KERNELS))
+    aspect = data.draw(st.sampled_from([1.0, 0.25, 5.0])) if kernel == "uniform-pressure" else 1.0
+    everywhere = st.integers(0, shape[0] * shape[1] - 1)
+    nodes = np.array(sorted(data.draw(st.sets(everywhere, min_size=1))))
+    matrix = restricted_matrix(shape, kernel, aspect, nodes, "float64")
+    assert relative_error(matrix, matrix.T) < 1e-13
+    assert np.linalg.eigvalsh((matrix + matrix.T) / 2)[0] > 0
+    single = restricted_matrix(shape, kernel, aspect, nodes, "float32")
+    assert relative_error(single, matrix) < 1e-5
+
+
+@pytest.mark.parametrize("level", [4, 5, 6])
+@pytest.mark.parametrize("delta", [15.0, 60.0])
+def test_it_is_near_the_inverse_on_rough_contacts_of_any_size(level: int, delta: float) -> None:
+    """Eigenvalues of the preconditioned matrix from 0.8 to 6, on 17 to 65 nodes a side.
+
+    With zero instead of the extension, and 65 nodes a side, they reach 7 and 17.
+    """
+    nodes_a_side = 2**level + 1
+    heights = generate("diamond-square", nodes_a_side, 0.7, 12.0, np.random.default_rng(3))
+    contact = np.flatnonzero(bem.solve(heights, 1000.0, delta).pressure)
+    shape = heights.shape
+    matrix = dense.influence_matrix(shape, "uniform-pressure").reshape(heights.size, heights.size)
+    inverse = restricted_matrix(shape, "uniform-pressure", 1.0, contact, "float64")
+    eigenvalues = np.linalg.eigvals(inverse @ matrix[np.ix_(contact, contact)]).real
+    assert eigenvalues.min() > 0.8
+    assert eigenvalues.max() < 6

@@ -1,0 +1,276 @@
+"""What holds on every surface: complementarity, monotony, symmetry, superposition, uniqueness.
+
+Solutions are checked in reduced units, spacing 1 um and E* = 1 MPa, on surfaces of height 1 um.
+"""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import bem
+from bem.far_field import critical_delta, flat_punch
+from bem.half_space import HalfSpace
+from bem.influence import Kernel
+from bem.problem import FarField
+from bem.solver import Iterate, descend, solve_complementarity
+from tests.bem import dense
+from tests.bem.surfaces import SURFACES, surface
+
+KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
+FAR_FIELDS: list[FarField] = ["rigid", "compliant"]
+RTOL = 1e-10
+UNDECIDED = 1e-7  # pressure or gap over Delta below which a node may count as in contact or not
+
+kinds = st.sampled_from(list(SURFACES))
+seeds = st.integers(0, 2**32 - 1)
+shapes = st.tuples(st.integers(1, 20), st.integers(1, 20))
+kernels = st.sampled_from(KERNELS)
+far_fields = st.sampled_from(FAR_FIELDS)
+depths = st.one_of(st.floats(0.001, 1), st.floats(1, 10))
+shares = st.floats(0.01, 0.98)
+
+press = partial(bem.solve, side=1.0, spacing=1.0, rtol=RTOL)
+
+
+def reach(heights: np.ndarray, kernel: Kernel, far_field: FarField, depth: float) -> float:
+    """Largest Delta of a test: `depth` um, or below what a compliant far field can hold."""
+    if far_field == "rigid":
+        return depth
+    critical = critical_delta(heights, kernel)
+    assume(critical > 1e-3)  # surfaces that are flat have no equilibrium
+    return min(depth, 0.98 * critical)
+
+
+@settings(max_examples=120)
+@given(kinds, seeds, shapes, kernels, far_fields, depths)
+def test_pressure_and_gap_are_not_negative_and_exclude_each_other(
+    kind: str, seed: int, shape: tuple[int, int], kernel: Kernel, far_field: FarField, depth: float
+) -> None:
+    """With the displacement taken from every entry of the influence matrix."""
+    heights = surface(kind, shape, seed)
+    delta = reach(heights, kernel, far_field, depth)
+    contact = press(heights, delta=delta, kernel=kernel, far_field=far_field)
+    overlap = heights - heights.max() + contact.approach
+    gap = dense.displace(contact.pressure, kernel) - overlap
+    accepted = 2 * RTOL * delta
+    assert contact.pressure.min() >= 0
+    assert gap.min() >= -accepted
+    assert np.abs(contact.pressure * gap).max() <= accepted * contact.pressure.max()
+    assert contact.pressure[heights == heights.max()].max() > 0
+
+
+@settings(max_examples=80)
+@given(kinds, seeds, shapes, kernels, far_fields, depths, shares)
+def test_force_grows_with_delta(
+    kind: str,
+    seed: int,
+    shape: tuple[int, int],
+    kernel: Kernel,
+    far_field: FarField,
+    depth: float,
+    share: float,
+) -> None:
+    """It is the slope of the elastic energy, which is convex in Delta."""
+    heights = surface(kind, shape, seed)
+    delta = reach(heights, kernel, far_field, depth)
+    settings = {"kernel": kernel, "far_field": far_field}
+    less, more = (press(heights, delta=d, **settings) for d in (share * delta, delta))
+    assert 0 < less.force < more.force
+    assert less.approach < more.approach
+
+
+@settings(max_examples=60)
+@given(kinds, seeds, shapes, kernels, depths)
+def test_no_patch_is_stiffer_than_its_flat_punch(
+    kind: str, seed: int, shape: tuple[int, int], kernel: Kernel, depth: float
+) -> None:
+    """One node in contact is the least that resists, all of them the most."""
+    force = press(surface(kind, shape, seed), delta=depth, kernel=kernel).force
+    one, every = flat_punch((1, 1), kernel).sum(), flat_punch(shape, kernel).sum()
+    assert one * depth * (1 - 1e-8) <= force <= every * depth * (1 + 1e-8)
+
+
+@pytest.mark.parametrize("aspect", [1.0, 2.0, 1 / 7.3, 64.0])
+def test_stiffness_lets_no_node_pull_on_another(aspect: float) -> None:
+    """The inverse of H has no positive entry off its diagonal and no negative sum of a row.
+
+    Schur complements keep both, so that they hold for every set of nodes of this grid, smaller
+    grids among them: H_AA^-1 1 > 0, and no node in contact is unloaded when Delta grows.
+    """
+    shape = (25, 33)
+    nodes = shape[0] * shape[1]
+    matrix = dense.influence_matrix(shape, "uniform-pressure", aspect).reshape(nodes, nodes)
+    stiffness = np.linalg.inv(matrix)
+    rounding = 1e-13 * stiffness.max()
+    assert stiffness.sum(axis=0).min() > rounding
+    np.fill_diagonal(stiffness, -np.inf)
+    assert stiffness.max() < -rounding
+
+
+@settings(max_examples=80)
+@given(kinds, seeds, shapes, far_fields, depths, shares)
+def test_no_node_is_unloaded_as_delta_grows(
+    kind: str,
+    seed: int,
+    shape: tuple[int, int],
+    far_field: FarField,
+    depth: float,
+    share: float,
+) -> None:
+    """With uniform pressures, whose stiffness is as above: so the contact set only grows."""
+    heights = surface(kind, shape, seed)
+    delta = reach(heights, "uniform-pressure", far_field, depth)
+    less, more = (press(heights, delta=d, far_field=far_field) for d in (share * delta, delta))
+    undecided = UNDECIDED * more.approach
+    assert (more.pressure - less.pressure).min() > -undecided
+    assert (more.pressure[less.pressure > undecided] > 0).all()
+
+
+def test_concentrated_forces_lift_a_node_off_as_delta_grows() -> None:
+    """The counterexample: a node whose four neighbours, 0.1 um lower, take its load over.
+
+    Their common inverse has a negative sum in the middle row, since MIRCO's diagonal is small
+    beside its neighbours. The force grows all the same.
+    """
+    heights = np.full((3, 3), -10.0)
+    heights[1] = heights[:, 1] = -0.1
+    heights[1, 1] = 0.0
+    deltas = (0.1, 0.2, 0.3, 1.0, 2.0)
+    contacts = [press(heights, delta=delta, kernel="concentrated-force") for delta in deltas]
+    assert [contact.contact_nodes for contact in contacts] == [1, 1, 5, 5, 4]
+    middle = [float(contact.pressure[1, 1]) for contact in contacts]
+    assert middle[1] > middle[2] > middle[3] > middle[4] == 0
+    assert contacts[-1].gap[1, 1] > 0.01
+    assert (np.diff([contact.force for contact in contacts]) > 0).all()
+    spread = [press(heights, delta=delta) for delta in deltas]
+    assert [contact.contact_nodes for contact in spread] == [1, 5, 5, 5, 5]
+    assert (np.diff([contact.pressure[1, 1] for contact in spread]) > 0).all()
+
+
+def turned(field: np.ndarray, turns: int, transposed: bool) -> np.ndarray:
+    return np.rot90(field.T if transposed else field, turns)
+
+
+@settings(max_examples=80)
+@given(kinds, seeds, shapes, kernels, far_fields, depths, st.integers(0, 3), st.booleans())
+def test_symmetries_of_the_square(
+    kind: str,
+    seed: int,
+    shape: tuple[int, int],
+    kernel: Kernel,
+    far_field: FarField,
+    depth: float,
+    turns: int,
+    transposed: bool,
+) -> None:
+    """Of the field itself; nodes with neither pressure nor gap may be either."""
+    heights = surface(kind, shape, seed)
+    delta = reach(heights, kernel, far_field, depth)
+    settings = {"delta": delta, "kernel": kernel, "far_field": far_field}
+    contact = press(turned(heights, turns, transposed), **settings)
+    still = press(heights, **settings)
+    scale = UNDECIDED * still.approach
+    expected = turned(still.pressure, turns, transposed)
+    np.testing.assert_allclose(contact.pressure, expected, rtol=0, atol=scale)
+    decided = (expected > scale) | (turned(still.gap, turns, transposed) > scale)
+    np.testing.assert_array_equal((contact.pressure > 0)[decided], (expected > 0)[decided])
+    assert contact.force == pytest.approx(still.force, rel=1e-7)
+
+
+def side_by_side(first: np.ndarray, second: np.ndarray, distance: int) -> np.ndarray:
+    """Two bodies of n x n nodes on one patch, far above what lies between them."""
+    size = len(first)
+    heights = np.full((size, distance + size), -1e6)
+    heights[:, :size], heights[:, distance:] = first, second
+    return heights
+
+
+@settings(max_examples=40)
+@given(kinds, kinds, seeds, st.integers(1, 7), st.sampled_from([60, 120, 240]), kernels, depths)
+def test_far_contacts_feel_each_others_force_alone(
+    kind: str, other: str, seed: int, size: int, distance: int, kernel: Kernel, depth: float
+) -> None:
+    """Each sinks by F / (pi E* d) of the other: what is left is one order of n / d smaller."""
+    bodies = surface(kind, (size, size), seed), surface(other, (size, size), seed + 1)
+    pair = press(side_by_side(*bodies, distance), delta=depth, kernel=kernel)
+    first, second = pair.pressure[:, :size].sum(), pair.pressure[:, distance:].sum()
+    highest = max(body.max() for body in bodies)
+    stiffness = flat_punch((size, size), kernel).sum()
+    for body, carried, beside in zip(bodies, (first, second), (second, first), strict=True):
+        delta = depth - (highest - body.max())
+        sunk = beside / (np.pi * distance)
+        alone = press(body, delta=delta, kernel=kernel).force
+        displaced = press(body, delta=delta - sunk, kernel=kernel).force
+        rounding = 1e-8 * depth * stiffness
+        assert abs(carried - displaced) <= 1.5 * stiffness * sunk * size / distance + rounding
+        assert abs(carried - alone) <= 1.5 * stiffness * sunk + rounding
+
+
+@settings(max_examples=60)
+@given(
+    kinds, seeds, shapes, kernels, depths, st.sampled_from([0.0, 1e-3, 1.0, 1e3]), st.floats(0, 1)
+)
+def test_every_start_leads_to_the_same_pressure(
+    kind: str,
+    seed: int,
+    shape: tuple[int, int],
+    kernel: Kernel,
+    depth: float,
+    scale: float,
+    loaded: float,
+) -> None:
+    """From no pressure to a thousand times too much, on few nodes or all: there is one solution."""
+    heights = surface(kind, shape, seed)
+    overlap = ((heights - heights.max() + depth) / depth).reshape(-1)
+    operators = HalfSpace(shape, kernel, 1.0, np.arange(overlap.size))
+    random = np.random.default_rng(seed)
+    pressure = scale * random.random(overlap.size) * (random.random(overlap.size) < loaded)
+    start = Iterate(pressure, overlap - operators.displace(pressure))
+    found, converged = solve_complementarity(
+        operators, overlap, rtol=RTOL, max_iterations=5000, start=start
+    )
+    assert converged
+    expected, gap = dense.press(heights, depth, kernel)
+    np.testing.assert_allclose(found.pressure, expected.reshape(-1), rtol=0, atol=UNDECIDED)
+    decided = ((expected > UNDECIDED) | (gap > UNDECIDED)).reshape(-1)
+    contact = expected.reshape(-1) > UNDECIDED
+    np.testing.assert_array_equal((found.pressure > 0)[decided], contact[decided])
+
+
+@settings(max_examples=60)
+@given(
+    kinds, seeds, shapes, kernels, st.floats(0.01, 0.95), st.sampled_from([1e-3, 1.0, 10.0]), shares
+)
+def test_every_start_leads_to_the_same_pressure_on_a_compliant_far_field(
+    kind: str,
+    seed: int,
+    shape: tuple[int, int],
+    kernel: Kernel,
+    share: float,
+    scale: float,
+    loaded: float,
+) -> None:
+    """Descent goes first: with all nodes in contact the operator is singular."""
+    heights = surface(kind, shape, seed)
+    critical = critical_delta(heights, kernel)
+    assume(critical > 1e-3)
+    delta = share * critical
+    overlap = ((heights - heights.max() + delta) / delta).reshape(-1)
+    softening = 1 / float(flat_punch(shape, kernel).sum())
+    operators = HalfSpace(shape, kernel, 1.0, np.arange(overlap.size), softening)
+    random = np.random.default_rng(seed)
+    pressure = scale * random.random(overlap.size) * (random.random(overlap.size) < loaded)
+    start = Iterate(pressure, overlap - operators.displace(pressure))
+    descend(operators, overlap, start, steps=300)
+    found, converged = solve_complementarity(
+        operators, overlap, rtol=RTOL, max_iterations=5000, start=start
+    )
+    assert converged
+    approach = 1 + softening * found.pressure.sum()
+    expected, _ = dense.press(heights, delta * approach, kernel)
+    np.testing.assert_allclose(
+        found.pressure, approach * expected.reshape(-1), rtol=0, atol=UNDECIDED * approach
+    )

@@ -1,0 +1,265 @@
+"""The comparison with other solvers: fair, told as it is, and complete without any of them."""
+
+import csv
+import sys
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from launch import launch
+
+import bem
+from bench.peers import aspher, contact_mechanics
+from bench.peers.accuracy import Errors, find_errors, loosest
+from bench.peers.compare import PEERS, compare, contenders
+from bench.peers.own import Ours, PapersAlgorithm
+from bench.peers.peer import LADDER, Control, Load, Peer, pose
+from bench.peers.report import absent_lines, write_report
+from bench.peers.sample import HURST, Sample, samples
+from bench.peers.table import tables
+from bench.work_precision.case import Case, find_exact
+from bench.work_precision.solvers import Answer, Failure
+from gen.errors import InputError
+
+SMALL = Sample(33, HURST, 25.0)
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    return SMALL.case()
+
+
+@pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.name)
+@pytest.mark.parametrize("delta", [5.0, 25.0])
+def test_peers_solve_the_same_problem(peer: Peer, delta: float) -> None:
+    """To eight digits: the same coefficients, spacing, units and free boundaries."""
+    if not peer.installed:
+        pytest.skip(f"{peer.package} is not installed: {peer.install}")
+    case = replace(SMALL, delta=delta).case()
+    exact = find_exact(case)
+    errors = find_errors(peer.solve(case, 1e-10).pressure, peer.control, case, exact)
+    assert errors.load_error < 1e-8
+    assert errors.misplaced_nodes == 0
+    assert errors.pressure_error < 1e-7
+
+
+@pytest.mark.parametrize("contender", [Ours(), PapersAlgorithm()], ids=lambda own: own.name)
+def test_our_own_take_part_under_the_same_rules(contender: Ours, case: Case) -> None:
+    contender.set_up(case.nodes, case.spacing)
+    pressure = contender.solve(case, 1e-10).pressure
+    errors = find_errors(pressure, contender.control, case, find_exact(case))
+    assert errors.good_enough(1)
+    assert errors.pressure_error < 1e-8
+
+
+@pytest.mark.parametrize("nodes", [33, 36, 48])
+def test_a_margin_changes_nothing_but_the_grid(nodes: int, case: Case) -> None:
+    load = pose(case, nodes)
+    contact = bem.solve(load.heights, 1.0, load.delta, spacing=load.spacing, rtol=1e-12)
+    assert contact.force == pytest.approx(load.force, rel=1e-11)
+    assert load.mean_pressure == pytest.approx(contact.pressure.mean(), rel=1e-11)
+    inside = contact.pressure[: case.nodes, : case.nodes]
+    np.testing.assert_allclose(inside, find_exact(case).pressure, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("nodes", "nested", "coarsest"), [(129, 132, 33), (257, 264, 33)])
+def test_grids_that_peers_like(nodes: int, nested: int, coarsest: int) -> None:
+    assert aspher.nested_grid(nodes) == nested == coarsest * 2 ** aspher.levels(nodes)
+    assert contact_mechanics.fast_grid(nodes) == {129: 135, 257: 270}[nodes]
+
+
+def test_errors_are_told_by_what_was_given(case: Case) -> None:
+    exact = find_exact(case)
+    assert find_errors(exact.pressure, "displacement", case, exact) == Errors(
+        pytest.approx(0, abs=1e-12), 0, 0.0
+    )
+    by_force = find_errors(exact.pressure, "force", case, exact)
+    assert by_force.load_error == pytest.approx(0, abs=1e-12)
+    scaled = find_errors(1.01 * exact.pressure, "displacement", case, exact)
+    assert scaled.load_error == pytest.approx(0.01, rel=1e-9)
+    assert scaled.pressure_error == pytest.approx(0.01, rel=1e-9)
+    # Another displacement under the same force shows in the displacement.
+    other = replace(case, delta=case.delta * 1.01)
+    assert find_errors(exact.pressure, "force", other, exact).load_error == pytest.approx(
+        0.01 / 1.01, rel=1e-9
+    )
+
+
+def test_misplaced_nodes_count_both_ways(case: Case) -> None:
+    exact = find_exact(case)
+    pressure = exact.pressure.copy().reshape(-1)
+    pressure[np.flatnonzero(pressure == 0)[:3]] = 1e-30
+    pressure[np.flatnonzero(pressure > 1e-20)[:2]] = 0
+    shape = exact.pressure.shape
+    assert find_errors(pressure.reshape(shape), "displacement", case, exact).misplaced_nodes == 5
+
+
+@pytest.mark.parametrize(
+    ("errors", "contact_nodes", "expected"),
+    [
+        (Errors(1e-6, 0, 1.0), 10, True),
+        (Errors(1.1e-6, 0, 0.0), 10, False),
+        (Errors(float("nan"), 0, 0.0), 10, False),
+        (Errors(0.0, 1, 0.0), 10, True),
+        (Errors(0.0, 2, 0.0), 3999, False),
+        (Errors(0.0, 2, 0.0), 4000, True),
+    ],
+)
+def test_what_is_good_enough(errors: Errors, contact_nodes: int, expected: bool) -> None:
+    assert errors.good_enough(contact_nodes) is expected
+
+
+@pytest.mark.parametrize("guess", [1.0, *LADDER, 1e-20])
+@pytest.mark.parametrize("enough", [LADDER[0], 1e-5, LADDER[-1], 1e-13])
+def test_the_loosest_tolerance_is_found_from_any_guess(guess: float, enough: float) -> None:
+    found = loosest(lambda tolerance: tolerance <= enough * 1.001, LADDER, guess)
+    assert found == next((t for t in LADDER if t <= enough * 1.001), None)
+
+
+@dataclass
+class Stub:
+    """A solver that knows the reference, and errs by its tolerance."""
+
+    name: str = "stub"
+    precision: str = "float64"
+    control: Control = "displacement"
+    ladder: tuple[float, ...] = LADDER
+    largest_contact: float = np.inf
+    version: str = "0"
+    fails: bool = False
+    asked: list[float] = field(default_factory=list)
+
+    def set_up(self, nodes: int, spacing: float) -> None:
+        assert (nodes, spacing) == (33, 1000 / 32)
+
+    def solve(self, case: Case, rtol: float) -> Answer:
+        self.asked.append(rtol)
+        if self.fails:
+            raise Failure("stalled")
+        return Answer(find_exact(case).pressure * (1 + rtol), 0.0, None, None)
+
+
+def test_each_is_timed_at_the_tolerance_that_it_needs() -> None:
+    said: list[str] = []
+    stub = Stub()
+    limited = Stub(name="limited", largest_contact=5)
+    rows = compare([SMALL], [stub, Stub(name="failing", fails=True), limited], 2, said.append)
+    good, failing, skipped = rows
+    assert good.tolerance == 10.0**-6
+    assert good.load_error == pytest.approx(1e-6, rel=1e-6)
+    assert good.times_ours == 1
+    assert good.seconds is not None
+    assert good.contact_nodes == np.count_nonzero(find_exact(SMALL.case()).pressure)
+    assert stub.asked[-1] == good.tolerance
+    assert max(stub.asked) <= 1e-4
+    assert (failing.seconds, failing.remark) == (None, "tolerance 1e-12: stalled")
+    assert (skipped.seconds, limited.asked) == (None, [])
+    assert skipped.remark == "not tried above 5 nodes in contact"
+    assert said == ["33 nodes a side, H = 0.65, Delta = 25 um"]
+
+
+def test_who_is_never_good_enough_is_named() -> None:
+    loose = Stub(name="loose", ladder=(1e-1, 1e-2))
+    (row,) = compare([SMALL], [loose], 1)
+    assert (row.tolerance, row.remark) == (None, "not good enough at 1e-02")
+
+
+def test_tables_name_the_fastest_peer_and_what_was_left_out() -> None:
+    rows = compare([SMALL], [Ours(), PapersAlgorithm(), Stub(), Stub("failing", fails=True)], 1)
+    text = tables(rows)
+    lines = {line.strip()[:12].strip(): line.split() for line in text.splitlines()}
+    assert {"bem", "paper's NNLS", "stub", "failing", "fastest peer"} <= lines.keys()
+    assert lines["stub"][-1] == lines["fastest peer"][-1]
+    assert lines["failing"][-1] == "-"
+    assert "failing, Delta = 25: tolerance 1e-12: stalled" in text
+
+
+def test_the_papers_algorithm_has_contacts_of_its_own_at_its_grid() -> None:
+    plain = samples([33], [5.0, 45.0])
+    assert plain == [Sample(33, HURST, 5.0), Sample(33, HURST, 45.0)]
+    assert [s.delta for s in samples([129], [45.0]) if s.hurst == 0.8] == [5.0, 25.0]
+
+
+class Broken:
+    """A session of a peer that raises what nobody expects."""
+
+    def __init__(self, nodes: int, spacing: float) -> None:
+        pass
+
+    def press(self, load: Load, tolerance: float) -> tuple[np.ndarray, int | None]:
+        raise RuntimeError("nan encountered")
+
+
+ABSENT = Peer("Absent", "no_such_package", "pip install no-such-package", Broken)
+
+
+def test_faults_of_peers_are_failures(case: Case) -> None:
+    with pytest.raises(Failure, match="RuntimeError: nan encountered"):
+        ABSENT.solve(case, 1e-3)
+    with pytest.raises(Failure, match="no kernel 'concentrated-force'"):
+        ABSENT.solve(replace(case, kernel="concentrated-force"), 1e-3)
+
+
+def test_absent_peers_are_left_out_with_how_to_get_them() -> None:
+    assert [entry.name for entry in contenders([ABSENT])] == ["bem", "paper's NNLS"]
+    assert absent_lines([ABSENT, replace(ABSENT, name="again")]) == [
+        "no_such_package is not installed and left out: pip install no-such-package"
+    ]
+
+
+def test_command_writes_table_and_picture(tmp_path: Path) -> None:
+    arguments = ("--nodes", "17", "--deltas", "5,25", "--rounds", 1)
+    done = launch(0, "peers", "-o", "new/reports", *arguments, folder=tmp_path, module="bench")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.split()[-2:] == ["new/reports/peers.csv", "new/reports/peers.png"]
+    for peer in PEERS:
+        assert (f"{peer.package} is not installed" in done.stdout) is not peer.installed
+    folder = tmp_path / "new" / "reports"
+    assert (folder / "peers.png").read_bytes().startswith(b"\x89PNG")
+    with (folder / "peers.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["solver"] for row in rows[:2]] == ["bem", "paper's NNLS"]
+    assert {row["delta_um"] for row in rows} == {"5.0", "25.0"}
+    for row in rows:
+        assert float(row["load_error"]) <= 1e-6
+        assert float(row["seconds"]) > 0
+
+
+def test_without_matplotlib_there_is_a_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    monkeypatch.setattr("bench.peers.report.contenders", lambda: [Ours()])
+    said: list[str] = []
+    assert write_report(tmp_path, [17], [5.0], 1, said.append) == [tmp_path / "peers.csv"]
+    assert said[-1].startswith("no picture: ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--nodes", "128"], "nodes 128: give 2^k + 1"),
+        (["--nodes", "1.5"], "nodes '1.5': give numbers with commas between them"),
+        (["--deltas", "0"], "delta 0.0: give a displacement above 0 um"),
+        (["--deltas", "nan"], "delta nan: give a displacement above 0 um"),
+        (["--deltas", "5,"], "deltas '5,': give numbers with commas between them"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(
+    arguments: list[str], message: str, tmp_path: Path
+) -> None:
+    from bench.__main__ import main
+
+    code = main(["peers", "-o", str(tmp_path / "new"), *arguments])
+    assert code == 2
+    assert not (tmp_path / "new").exists()
+    with pytest.raises(InputError, match="nodes 4"):
+        write_report(tmp_path, [4], [5.0], 1)
+
+
+@pytest.mark.parametrize("folder", ["taken", "taken/below", "/proc/nowhere"])
+def test_folders_that_cannot_be_written_are_refused(folder: str, tmp_path: Path) -> None:
+    (tmp_path / "taken").touch()
+    with pytest.raises(InputError):
+        write_report(tmp_path / folder, [17], [5.0], 1)

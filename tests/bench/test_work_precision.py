@@ -1,0 +1,330 @@
+"""Work against precision: what is measured is measured rightly, and written and drawn so."""
+
+import csv
+import importlib.util
+import json
+import subprocess
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from launch import launch
+
+import bem
+from bench.dense import press
+from bench.work_precision import case as cases
+from bench.work_precision import report
+from bench.work_precision.case import Case, find_exact
+from bench.work_precision.measurement import LeftOut, Point, Task, admit, measure
+from bench.work_precision.picture import curves
+from bench.work_precision.solvers import DOUBLE, MIXED, Answer, BoundaryElements, Failure
+from bench.work_precision.studies import (
+    QUICK,
+    Sweep,
+    compare,
+    nested_cases,
+    paper_case,
+    sweep,
+)
+from gen.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def done() -> Sweep:
+    return sweep(QUICK)
+
+
+@pytest.fixture(scope="module")
+def small() -> Case:
+    return paper_case(0, 33)
+
+
+def groups(points: Iterable[Point], study: str, *, by_case: bool = True) -> list[list[Point]]:
+    """Points that differ in what the study varies only, in the order of measuring."""
+    found: dict[tuple[object, ...], list[Point]] = {}
+    for point in points:
+        if point.study == study:
+            key = point.solver, point.kernel, point.precision, point.case if by_case else ""
+            nodes = 0 if study == "grid" else point.nodes
+            found.setdefault((*key, nodes), []).append(point)
+    assert found
+    return list(found.values())
+
+
+@pytest.mark.parametrize("study", ["tolerance", "precision"])
+def test_errors_fall_and_work_grows_with_the_tolerance(done: Sweep, study: str) -> None:
+    for group in groups(done.points, study):
+        assert [point.rtol for point in group] == list(QUICK.rtols)
+        for loose, tight in pairwise(group):
+            assert tight.pressure_error < loose.pressure_error
+            assert tight.convolutions > loose.convolutions
+        last = group[-1]
+        assert last.force_error < 1e-9
+        assert last.pressure_error < 1e-8
+        assert last.area_error_nodes == last.area_error_percent == 0
+
+
+def test_errors_of_the_default_kernel_fall_with_the_grid(done: Sweep) -> None:
+    uniform, concentrated = groups(done.points, "grid")
+    for group in (uniform, concentrated):
+        assert [point.nodes for point in group] == [2**k + 1 for k in QUICK.levels]
+        assert {point.reference_nodes for point in group} == {2 ** QUICK.levels[-1] + 1}
+        for coarse, fine in pairwise(group):
+            assert fine.force_error < coarse.force_error
+            assert fine.pressure_error < coarse.pressure_error
+    assert uniform[0].kernel == "uniform-pressure"
+    assert [point.area_error_nodes for point in uniform] == [None, None, 0]
+    for good, poor in zip(uniform, concentrated, strict=True):
+        assert good.force_error < poor.force_error
+
+
+def test_both_precisions_end_in_the_same_answer(small: Case) -> None:
+    mixed, double = MIXED.solve(small, 1e-12), DOUBLE.solve(small, 1e-12)
+    assert mixed.pressure == pytest.approx(double.pressure, rel=0, abs=1e-11)
+    np.testing.assert_array_equal(mixed.pressure > 0, double.pressure > 0)
+    whole = bem.solve(small.heights, small.side, small.delta, rtol=1e-12)
+    assert double.pressure == pytest.approx(whole.pressure, rel=0, abs=1e-11)
+
+
+def test_ours_are_all_admitted_and_absent_peers_named(done: Sweep) -> None:
+    assert {point.study for point in done.points} == {"tolerance", "grid", "precision", "peers"}
+    assert {point.solver for point in done.points} >= {"bem", "active set"}
+    for missing in done.left_out:
+        assert missing.study == "peers"
+        assert missing.solver not in {"bem", "active set"}
+    for package in ("ContactMechanics", "tamaas", "aspher"):
+        if importlib.util.find_spec(package) is None:
+            (reason,) = (gone.reason for gone in done.left_out if gone.solver == package)
+            assert reason.startswith("not installed: pip install ")
+
+
+@pytest.mark.parametrize("kernel", ["uniform-pressure", "concentrated-force"])
+def test_exact_solutions_are_exact(kernel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    case = paper_case(3, 17, kernel)
+    dense, _ = press(case.heights, case.delta, case.kernel)
+    exact = find_exact(case)
+    assert exact.method == "dense"
+    assert exact.pressure == pytest.approx(dense * case.delta / case.spacing, rel=0, abs=1e-12)
+    assert exact.contact_share == np.count_nonzero(dense) / dense.size
+    monkeypatch.setattr(cases, "DENSE_NODES", 0)
+    tight = find_exact(replace(case))  # another object: not found in the cache
+    assert tight.method == "rtol 1e-14"
+    assert tight.pressure == pytest.approx(exact.pressure, rel=0, abs=1e-12)
+    assert tight.force == pytest.approx(exact.force, rel=1e-13)
+
+
+def test_exact_solutions_are_proved(small: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A guess of the contact nodes that is one node off is found out, either way."""
+    right = cases._dense_pressure
+    touching = find_exact(small).pressure > 0
+    for node in (np.argmax(touching), np.argmin(touching)):
+        wrong = touching.copy().reshape(-1)
+        wrong[node] = not wrong[node]
+        with pytest.raises(ArithmeticError, match="paper 0, uniform-pressure: no exact solution"):
+            cases._prove(small, right(small, wrong.reshape(touching.shape)))
+
+
+def test_a_coarser_grid_sees_means(small: Case) -> None:
+    exact = find_exact(small)
+    coarse = exact.on_grid(9)
+    assert coarse.pressure.shape == (9, 9)
+    assert (coarse.force, coarse.contact_share) == (exact.force, exact.contact_share)
+    assert coarse.pressure.sum() * 16 == pytest.approx(exact.pressure.sum(), rel=1e-14)
+    level = replace(exact, pressure=np.ones((33, 33))).on_grid(17).pressure
+    assert level[1:-1, 1:-1] == pytest.approx(1.0, rel=1e-15)
+    spot = np.zeros((33, 33))
+    spot[6, 8] = 16.0  # on the border between the cells of the coarse nodes 1 and 2, in line with 2
+    seen = replace(exact, pressure=spot).on_grid(9).pressure
+    assert {(*map(int, node),): seen[tuple(node)] for node in np.argwhere(seen)} == {
+        (1, 2): 0.5,
+        (2, 2): 0.5,
+    }
+
+
+def test_nested_grids_hold_the_same_body_in_the_same_place() -> None:
+    *coarse, fine = nested_cases((3, 6, 9), "uniform-pressure")
+    assert fine.heights == pytest.approx(paper_case(0, 513).heights)
+    for case in coarse:
+        step = 512 // (case.nodes - 1)
+        np.testing.assert_array_equal(case.heights, fine.heights[::step, ::step])
+        assert case.heights.max() - case.delta == pytest.approx(fine.heights.max() - fine.delta)
+    assert coarse[0].delta < fine.delta
+
+
+@dataclass
+class Stub:
+    """A solver that is off by a factor, or by nodes, or fails below a tolerance."""
+
+    factor: float = 1.0
+    extra_nodes: int = 0
+    fails_below: float = 0.0
+    name: str = "stub"
+    precision: str = "float64"
+    control: str = "displacement"
+    asked: list[tuple[str, float]] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
+
+    def solve(self, case: Case, rtol: float) -> Answer:
+        self.asked.append((self.name, rtol))
+        if rtol < self.fails_below:
+            raise Failure("stalled")
+        pressure = find_exact(case).pressure * self.factor
+        pressure.reshape(-1)[np.flatnonzero(pressure == 0)[: self.extra_nodes]] = 1e-30
+        return Answer(pressure, self.seconds.pop(0) if self.seconds else 1.0, None, None)
+
+
+NO_REASON = "paper 0, uniform-pressure, 33 nodes a side, tolerance "
+
+
+@pytest.mark.parametrize(
+    ("stub", "reason"),
+    [
+        (
+            Stub(factor=1.01),
+            "force off by 0.01, allowed is 0.0001; pressure off by 0.01, allowed is 0.001",
+        ),
+        (Stub(factor=1.01, control="force"), "pressure off by 0.01, allowed is 0.001"),
+        (Stub(factor=np.nan), "force off by nan, "),
+        (Stub(extra_nodes=2), "contact nodes off by 2, allowed is 1"),
+        (Stub(fails_below=1.0), "stalled"),
+    ],
+)
+def test_who_misses_the_answer_is_left_out_and_named(small: Case, stub: Stub, reason: str) -> None:
+    points, left_out = compare("peers", [stub, BoundaryElements()], [small], [1e-2, 1e-6], 1)
+    assert [point.solver for point in points] == ["bem", "bem"]
+    assert {(missing.study, missing.solver) for missing in left_out} == {("peers", "stub")}
+    assert left_out[0].reason.startswith(f"{NO_REASON}1e-06: {reason}")
+
+
+def test_who_fails_at_one_tolerance_is_admitted_to_the_others(small: Case) -> None:
+    stub = Stub(fails_below=1e-3)
+    rtols, left_out = admit("peers", stub, small, (1e-1, 1e-2, 1e-4), find_exact(small))
+    assert rtols == [1e-1, 1e-2]
+    assert left_out == [LeftOut("peers", "stub", f"{NO_REASON}1e-04: stalled")]
+    assert [rtol for _, rtol in stub.asked] == [1e-4, 1e-2]
+
+
+def test_who_is_given_the_force_has_no_error_in_it(small: Case) -> None:
+    (point,), _ = compare("peers", [Stub(control="force")], [small], [1e-2], 1)
+    assert (point.control, point.force_error, point.pressure_error) == ("force", None, 0.0)
+    assert "force_error" not in curves("peers", [point])["stub"][0].values
+
+
+def test_who_fails_while_timed_keeps_the_other_tolerances(small: Case) -> None:
+    stub = Stub(fails_below=1e-3)
+    tasks = [Task("peers", stub, small, rtol, find_exact(small)) for rtol in (1e-2, 1e-4)]
+    points, (missing,) = measure(tasks, rounds=3)
+    assert [point.rtol for point in points] == [1e-2]
+    assert missing.reason == f"{NO_REASON}1e-04: stalled"
+    assert [rtol for _, rtol in stub.asked] == [1e-2, 1e-4, 1e-2, 1e-2]
+
+
+def test_tasks_run_back_and_forth_and_the_shortest_time_counts(small: Case) -> None:
+    asked: list[tuple[str, float]] = []
+    a = Stub(name="A", asked=asked, seconds=[3.0, 2.0, 4.0])
+    b = Stub(name="B", asked=asked, seconds=[5.0, 6.0, 7.0])
+    exact = find_exact(small)
+    points, _ = measure([Task("peers", solver, small, 1e-2, exact) for solver in (a, b)], 3)
+    assert [name for name, _ in asked] == ["A", "B", "B", "A", "A", "B"]
+    assert [(point.solver, point.seconds) for point in points] == [("A", 2.0), ("B", 5.0)]
+    assert points[0].force_error == points[0].pressure_error == 0
+    assert points[0].convolutions is None
+
+
+def test_tables_are_read_as_they_were_written(done: Sweep, tmp_path: Path) -> None:
+    path = tmp_path / "solver.csv"
+    report.write_points(path, done.points)
+    assert report.read_points(path) == list(done.points)
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(done.points)
+    assert float(rows[0]["delta_um"]) == done.points[0].delta
+
+
+@pytest.mark.parametrize("text", ["", "nodes,force\n3,4\n"])
+def test_other_tables_are_refused(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "other.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"other\.csv: is not a table of work against precision"):
+        report.read_points(path)
+
+
+def test_curves_are_means_over_the_cases(done: Sweep) -> None:
+    tolerance = [point for point in done.points if point.study == "tolerance"]
+    uniform = curves("tolerance", tolerance)["uniform-pressure"]
+    assert [mark.label for mark in uniform] == ["1e-01", "1e-04", "1e-07", "1e-10"]
+    first = [point for point in tolerance if (point.rtol, point.kernel[0]) == (0.1, "u")]
+    assert len(first) == QUICK.samples
+    mean = sum(point.force_error for point in first) / len(first)
+    assert uniform[0].values["force_error"] == pytest.approx(mean)
+    unknown = [replace(point, convolutions=None) for point in first]
+    assert "convolutions" not in curves("tolerance", unknown)["uniform-pressure"][0].values
+
+
+def test_means_of_other_cases_are_not_drawn(done: Sweep) -> None:
+    tolerance = [point for point in done.points if point.study == "tolerance"]
+    gone = next(point for point in tolerance if (point.rtol, point.kernel[0]) == (1e-7, "c"))
+    drawn = curves("tolerance", [point for point in tolerance if point is not gone])
+    assert [mark.label for mark in drawn["concentrated-force"]] == ["1e-01", "1e-04", "1e-10"]
+    assert len(drawn["uniform-pressure"]) == 4
+
+
+def test_the_finest_grid_is_not_drawn_against_itself(done: Sweep) -> None:
+    grids = curves("grid", [point for point in done.points if point.study == "grid"])
+    assert {name: [mark.label for mark in marks] for name, marks in grids.items()} == {
+        "uniform-pressure": ["17", "33"],
+        "concentrated-force": ["17", "33"],
+    }
+
+
+def test_command_writes_table_picture_and_circumstances(tmp_path: Path) -> None:
+    done = launch(0, "solver", "--quick", "-o", "new/reports", folder=tmp_path, module="bench")
+    assert done.returncode == 0
+    assert done.stdout.split() == [f"new/reports/solver.{end}" for end in ("csv", "json", "png")]
+    folder = tmp_path / "new" / "reports"
+    assert (folder / "solver.png").read_bytes().startswith(b"\x89PNG")
+    assert len(report.read_points(folder / "solver.csv")) > 40
+    record = json.loads((folder / "solver.json").read_text(encoding="utf-8"))
+    assert record["machine"]["processor"]
+    assert {"python", "numpy", "scipy", "pyfftw"} <= record["versions"].keys()
+    assert record["extent"]["levels"] == list(QUICK.levels)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ([], "bench: solver: give -o DIR"),
+        (["-o", "taken"], "bench: taken is a file"),
+        (["-o", "/proc/nowhere"], "bench: /proc/nowhere cannot be written to"),
+        (["--default-tolerance", "--samples", "0"], "bench: Invalid value"),
+    ],
+)
+def test_what_cannot_be_used_is_one_line(
+    arguments: list[str], complaint: str, tmp_path: Path
+) -> None:
+    (tmp_path / "taken").touch()
+    done = launch(0, "solver", *arguments, folder=tmp_path, module="bench")
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(complaint)
+
+
+def test_missing_matplotlib_is_said_before_anything_is_solved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(InputError, match="install the extra 'plot'"):
+        report.write_report(tmp_path / "new", QUICK)
+    assert not (tmp_path / "new").exists()
+
+
+def test_help_imports_no_numerics(tmp_path: Path) -> None:
+    code = "import sys; from bench.__main__ import main; assert main(['solver', '--help']) == 0;"
+    code += "assert not {'numpy', 'scipy', 'pyfftw', 'matplotlib'} & sys.modules.keys()"
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
