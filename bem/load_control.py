@@ -16,11 +16,14 @@ from bem.solver import FIRST_STEPS, Iterate, solve_complementarity
 # less the force depends on the displacement found.
 SPRING = 1e6
 
-# The displacement is guessed from that of a few nodes, on which the force grows like a power of it,
-# then by a solve to GUESS_RTOL. The nodes that may touch are taken from a larger displacement.
+# The displacement is guessed on every fourth node, as long as there are so many a side, and below
+# from that of a few nodes, on which the force grows like a power of it. It may be larger than
+# guessed by MARGIN: the nodes that may touch are taken from there.
+COARSEST = 65
+STRIDE = 4
 GROWTH = 1.7
 GUESS_RTOL = 2e-2
-MARGINS = {"first": 1.4, "last": 1.02}
+MARGIN = 1.1
 
 # Iterations after which a solve through the spring is given up for a root of the force.
 SPRING_ITERATIONS = 100
@@ -71,35 +74,35 @@ def _on_few_nodes(problem: Problem, load: float) -> Equilibrium | None:
         max_iterations=problem.max_iterations,
     )
     found = _displaced(unfold(problem, delta, box, nodes, iterate), load)
-    enough = converged and found.approach <= delta
     # What is accepted counts in the displacement found, not in the larger one.
-    if not enough or iterate.violation() * delta > problem.rtol * found.approach:
-        return None
-    return found
+    enough = found.approach <= delta and found.iterate.violation() <= problem.rtol
+    return found if converged and enough else None
 
 
 def _through_springs(problem: Problem, load: float) -> Equilibrium:
-    """Guess the displacement, solve loosely, then to the end near what was found."""
-    guess, margin = _guess(problem, load), MARGINS["first"]
-    rtol, near, spent = max(GUESS_RTOL, problem.rtol), None, Iterate(np.zeros(0), np.zeros(0))
+    """Guess the displacement and solve; again, from there, where it was guessed wrong."""
+    guess, near, spent = _guess(problem, load), None, Iterate(np.zeros(0), np.zeros(0))
     while True:
-        found = _through_spring(problem, guess, load, (rtol, margin), near, spent)
-        ratio = found.approach / guess
-        known = 1 / MARGINS["first"] ** 2 < ratio < margin
-        settled = known and margin == MARGINS["last"] and rtol == problem.rtol
-        if not found.converged or (settled and abs(ratio - 1) < 2 * GUESS_RTOL):
+        found = _through_spring(problem, guess, load, near, spent)
+        if not found.converged or 1 / MARGIN < found.approach / guess < MARGIN:
             return found
         spent, near = found.iterate, found.pressure * (found.length / problem.spacing[0])
-        guess *= min(max(ratio, 0.1), 10.0)
-        margin = MARGINS["last"] if known else MARGINS["first"]
-        rtol = problem.rtol if known else rtol
+        guess *= min(max(found.approach / guess, 0.1), 10.0)
 
 
 def _guess(problem: Problem, load: float) -> float:
     """A displacement near the one that the force takes [um]."""
+    highest = float(problem.heights.max())
+    if min(problem.heights.shape) >= COARSEST:
+        heights = problem.heights[::STRIDE, ::STRIDE]
+        spacing = STRIDE * problem.spacing[0], STRIDE * problem.spacing[1]
+        coarse = replace(problem, heights=heights, spacing=spacing, rtol=GUESS_RTOL)
+        found = _on_few_nodes(coarse, load / STRIDE) or _through_springs(coarse, load / STRIDE)
+        if found.converged and found.approach > 0:
+            return found.approach + (highest - float(heights.max()))
     sides = (n * step for n, step in zip(problem.heights.shape, problem.spacing, strict=True))
     flat = load * problem.spacing[1] / min(sides)
-    largest: float = problem.heights.max() - problem.heights.min() + 1.5 * flat
+    largest = highest - float(problem.heights.min()) + 1.5 * flat
     few = _displacement_of_few(problem)
     if few == 0:
         return float(largest)
@@ -112,7 +115,6 @@ def _through_spring(
     problem: Problem,
     guess: float,
     load: float,
-    accuracy: tuple[float, float],
     near: Field | None,
     spent: Iterate,
 ) -> Equilibrium:
@@ -122,13 +124,11 @@ def _through_spring(
     ----------
     guess : of the displacement [um]
     load : force / E* / second side of a cell [um]
-    accuracy : rtol, and how much larger than guessed the displacement may be
     near : (nx, ny) pressure to start from [E*]
     spent : counts the iterations and convolutions so far
     """
-    rtol, margin = accuracy
-    box, nodes, interference = overlap(problem, guess * margin)
-    interference = interference * margin - margin + 1 + SPRING
+    box, nodes, interference = overlap(problem, guess * MARGIN)
+    interference = interference * MARGIN - MARGIN + 1 + SPRING
     shape = box[0].stop - box[0].start, box[1].stop - box[1].start
     operators = HalfSpace(shape, problem.kernel, problem.aspect, nodes, -SPRING * guess / load)
     if near is None:
@@ -141,7 +141,7 @@ def _through_spring(
     iterate, converged = solve_complementarity(
         operators,
         interference,
-        rtol=rtol,
+        rtol=problem.rtol / MARGIN,
         max_iterations=min(problem.max_iterations, SPRING_ITERATIONS),
         start=start,
         first_steps=FIRST_STEPS if near is None else 0,
@@ -150,9 +150,14 @@ def _through_spring(
 
 
 def _displaced(found: Equilibrium, load: float) -> Equilibrium:
-    """With the displacement that the spring leaves."""
+    """With the displacement that the spring leaves, and reduced by it."""
     carried = float(found.pressure.sum()) * found.length
     displacement = found.length * (1 + SPRING * (1 - carried / load))
+    if displacement > 0:
+        found.iterate.residual *= found.length / displacement
+        found.iterate.pressure *= found.length / displacement
+        pressure = found.pressure * (found.length / displacement)
+        found = replace(found, pressure=pressure, length=displacement)
     return replace(found, delta=displacement, approach=displacement)
 
 

@@ -1,8 +1,8 @@
 """Complementarity of pressure and gap: primal-dual active set with preconditioned gradients.
 
-The active set is fast and, on a rigid far field, has never been seen to fail; on a compliant one,
-where sets that are too large are nearly singular, it can cycle. Then projected gradients, slow but
-certain to descend, take over for a while, and for twice as long each time.
+The active set is fast but can cycle, above all on a compliant far field, where sets that are too
+large are nearly singular. Then projected gradients, slow but certain to descend, take over for a
+while, and for twice as long each time.
 
 Everything here lives on a list of m nodes that may touch, in reduced units: displacements over
 Delta, pressures such that H maps a pressure to a displacement. Nodes off the list never carry
@@ -19,22 +19,21 @@ from numpy.typing import NDArray
 Values = NDArray[np.float64]
 Nodes = NDArray[np.intp]
 
-# Residual reduction asked of conjugate gradients before the active set is looked at again.
+# Residual reduction asked of conjugate gradients before the active set is looked at again, and what
+# it is multiplied with whenever sets taken so soon raise the energy.
 INNER_REDUCTION = 0.4
+TIGHTENING = 0.5
 
-# Projected steps before the first contact set is taken: of none to five, two cost the fewest
+# Projected steps before the first contact set is taken: of two to seven, four cost the fewest
 # convolutions a solve on the paper's distribution (`pytest bench -k solve_paper` records them).
 FIRST_STEPS = 4
 
-# What that reduction is multiplied with whenever contact sets taken so soon raise the energy.
-TIGHTENING = 0.5
-
-# Share of its last exact value below which a residual kept up in working precision is not believed.
-ROUNDING = 1e-6
-
-# Share of the preconditioned residual taken when tension is cut off: about the mean step of the
-# conjugate gradients, the preconditioner being too large rather than too small.
+# Share of the preconditioned residual taken when tension is cut off. The preconditioner is too
+# large rather than too small: a whole step would put too many nodes into contact.
 ADVANCE = 0.3
+
+# A residual kept up in working precision is not believed below this share of its last exact value.
+ROUNDING = 1e-6
 
 # Contact sets in a row without a new smallest violation that count as cycling, and the projected
 # gradients that follow the first time.
@@ -162,8 +161,9 @@ def _solve_in_contact(
 ) -> None:
     """Conjugate gradients on the nodes in contact until their set has to change.
 
-    The set is looked at whenever the residual has fallen by `INNER_REDUCTION`. The residual is
-    kept up on all nodes, where the convolution gives it for nothing.
+    The set is looked at whenever the residual has fallen by the first of the goals, and left for
+    good below the second. The residual is kept up on all nodes, where the convolution gives it for
+    nothing.
     """
     pressure = iterate.pressure[contact]
     outside = np.ones(iterate.pressure.size, dtype=bool)

@@ -518,7 +518,7 @@ def test_other_physics_is_refused_unless_forced(path, monkeypatch):
     with Writer(path, small(), force=True):
         pass
     with Reader(path) as reader:
-        assert reader.attributes["physics"] == 1
+        assert reader.attributes["physics"] == PHYSICS
         assert reader.attributes["physics_forced"] == 2
 
 
