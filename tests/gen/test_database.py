@@ -519,7 +519,7 @@ def test_other_physics_is_refused_unless_forced(path, monkeypatch):
         pass
     with Reader(path) as reader:
         assert reader.attributes["physics"] == PHYSICS
-        assert reader.attributes["physics_forced"] == 2
+        assert reader.attributes["physics_forced"] == PHYSICS + 1
 
 
 # --- more and fewer samples ---------------------------------------------------------------------
