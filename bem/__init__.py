@@ -3,6 +3,6 @@
 from bem.contact import Contact, NotConverged, solve
 from bem.equilibrium import NoSolution
 from bem.ladder import ladder
-from bem.problem import Problem
+from bem.problem import OutOfRange, Problem
 
-__all__ = ["Contact", "NoSolution", "NotConverged", "Problem", "ladder", "solve"]
+__all__ = ["Contact", "NoSolution", "NotConverged", "OutOfRange", "Problem", "ladder", "solve"]

@@ -136,7 +136,7 @@ def solve(
     ------
     ValueError
         for input that no contact problem can have; the message names what was given and what is
-        allowed
+        allowed; OutOfRange, a ValueError, where double precision could not hold the results
     NoSolution
         for a compliant far field with Delta at or beyond Delta*
     NotConverged

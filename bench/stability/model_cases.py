@@ -26,7 +26,7 @@ NEAR_CRITICAL = (
     "the compliant operator is nearly singular on sets larger than the solution's: the active set"
     " cycles, and projected gradients or rigid solves have to bring it near"
 )
-NO_NUMBER = Refusal(ValueError, ("double precision",))
+NO_NUMBER = Refusal(bem.OutOfRange, ("double precision",))
 
 
 def cases() -> Iterator[Case]:
