@@ -186,13 +186,13 @@ def _approach_from_below(
 
 def _bounding_box(touching: NDArray[np.bool_]) -> tuple[slice, slice]:
     """The smallest box round the true nodes whose sides are on a ladder, so that plans recur."""
-    rows, columns = np.nonzero(touching)
+    rows, columns = (np.flatnonzero(touching.any(axis=axis)) for axis in (1, 0))
     return _span(rows, touching.shape[0]), _span(columns, touching.shape[1])
 
 
 def _span(indices: NDArray[np.intp], size: int) -> slice:
-    """The range of the indices, widened to 1 + (4, 5, 6, 7) 2^j nodes inside the grid."""
-    first, last = int(indices.min()), int(indices.max())
+    """The range of ascending indices, widened to 1 + (4, 5, 6, 7) 2^j nodes inside the grid."""
+    first, last = int(indices[0]), int(indices[-1])
     unit = 2 ** max((last - first).bit_length() - 3, 0)
     nodes = -(-(last - first) // unit) * unit + 1
     if nodes >= size:

@@ -140,7 +140,7 @@ def test_the_answer_to_another_question_fails(other: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     "stated",
     [
-        {"residual": 0.0},
+        {"residual": CONTACT.residual + 1e-8},
         {"residual": math.nan},
         {"force": CONTACT.force * (1 + 1e-9)},
         {"force": math.inf},
