@@ -26,9 +26,11 @@ class Contact:
     contact_nodes : number of nodes under pressure
     delta : far-field displacement Delta, given or found [um]
     approach : displacement of the far field in all: Delta, plus F / K if it is compliant [um]
-    residual : largest |gap| in contact or penetration outside, over Delta [1]
+    residual : largest |gap| in contact or penetration outside, over Delta, or over the approach
+        where the force was given [1]
     iterations : steps of conjugate gradients, or contact sets of a dense solve
-    convolutions : applications of the influence matrix
+    convolutions : applications of the influence matrix; what a guess on a coarser grid took does
+        not count
     """
 
     problem: Problem = field(repr=False)
@@ -182,9 +184,11 @@ def _contact(problem: Problem, found: Equilibrium) -> Contact:
     """Give a reduced pressure its units back; refuse to pass an unconverged one as a result."""
     unit = found.length / problem.spacing[0] * problem.modulus
     touching = int(np.count_nonzero(found.pressure > 0))
+    pressure = found.pressure * unit
+    pressure.setflags(write=False)
     contact = Contact(
         problem=problem,
-        pressure=found.pressure * unit,
+        pressure=pressure,
         force=float(found.pressure.sum()) * unit * (problem.spacing[0] * problem.spacing[1]),
         area_percent=100.0 * touching / found.pressure.size,
         contact_nodes=touching,

@@ -37,31 +37,41 @@ def influence_matrix(nodes: Nodes, shape: tuple[int, int], kernel: Kernel, aspec
 
 
 def solve_directly(
-    matrix: Values, interference: Values, *, rtol: float, max_iterations: int
-) -> tuple[Iterate, bool]:
-    """Find p >= 0 with w = H p - u >= 0 and p w = 0: a primal-dual active set with exact solves.
+    matrix: Values,
+    interference: Values,
+    *,
+    rtol: float,
+    max_iterations: int,
+    load: float | None = None,
+) -> tuple[Iterate, float, bool]:
+    """Find p >= 0 with w = H p - u - d >= 0 and p w = 0: an active set with exact solves.
 
     Parameters
     ----------
     matrix : (m, m) H
-    interference : (m,) u, at most 1
-    rtol : largest violation accepted
+    interference : (m,) u [any length]
+    rtol : largest violation accepted, over the displacement of the highest node, max u + d
     max_iterations : bound on the contact sets, besides `CONTACT_SETS`
+    load : sum of p that decides the displacement d; without it d = 0
 
     Returns
     -------
-    (iterate, converged) : a contact set counts as an iteration and as an application of H; not
-        converged if the sets of a nearly singular matrix cycle
+    (iterate, d, converged) : pressure and residual in the unit of u. A contact set counts as an
+        iteration and as an application of H. Not converged if the sets cycle or are singular
     """
-    iterate = Iterate(np.zeros_like(interference), interference.copy())
+    iterate, moved = Iterate(np.zeros_like(interference), interference.copy()), 0.0
     # Less than half of the nodes that may touch do so: the higher half is the cheaper start.
     contact = np.flatnonzero(interference >= np.median(interference))
-    while iterate.iterations < min(CONTACT_SETS, max_iterations):
+    while contact.size and iterate.iterations < min(CONTACT_SETS, max_iterations):
+        sides = np.column_stack((interference[contact], np.ones(len(contact))))
+        try:
+            plain, uniform = np.linalg.solve(matrix[np.ix_(contact, contact)], sides).T
+        except np.linalg.LinAlgError:
+            return iterate, moved, False
+        moved = 0.0 if load is None else float((load - plain.sum()) / uniform.sum())
         iterate.pressure[:] = 0
-        iterate.pressure[contact] = np.linalg.solve(
-            matrix[np.ix_(contact, contact)], interference[contact]
-        )
-        iterate.residual = interference - np.einsum("ij,j->i", matrix, iterate.pressure)
+        iterate.pressure[contact] = plain + moved * uniform
+        iterate.residual = interference + moved - np.einsum("ij,j->i", matrix, iterate.pressure)
         iterate.residual[contact] = 0
         iterate.iterations += 1
         iterate.convolutions += 1
@@ -70,5 +80,5 @@ def solve_directly(
             break
         contact = following
     np.maximum(iterate.pressure, 0, out=iterate.pressure)
-    iterate.residual = interference - np.einsum("ij,j->i", matrix, iterate.pressure)
-    return iterate, iterate.violation() <= rtol
+    iterate.residual = interference + moved - np.einsum("ij,j->i", matrix, iterate.pressure)
+    return iterate, moved, iterate.violation() <= rtol * (float(interference.max()) + moved)

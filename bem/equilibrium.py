@@ -69,7 +69,7 @@ def on_rigid_far_field(problem: Problem, delta: float, near: Field | None = None
     shape = box[0].stop - box[0].start, box[1].stop - box[1].start
     if len(nodes) <= FEW_NODES:
         matrix = influence_matrix(nodes, shape, problem.kernel, problem.aspect)
-        iterate, converged = solve_directly(
+        iterate, _, converged = solve_directly(
             matrix, interference, rtol=problem.rtol, max_iterations=problem.max_iterations
         )
         if converged:

@@ -16,6 +16,11 @@ from bem.solver import FIRST_STEPS, Iterate, solve_complementarity
 # less the force depends on the displacement found.
 SPRING = 1e6
 
+# Below the first tolerance a rigid solve takes over, since the spring's residual is known to 1e-16
+# SPRING only; above the second, residuals are too loose for the force that they leave.
+SPRING_RTOL = 1e-8
+LOOSEST_RTOL = 1e-2
+
 # The displacement is guessed on every fourth node, as long as there are so many a side, and below
 # from that of a few nodes, on which the force grows like a power of it. It may be larger than
 # guessed by MARGIN: the nodes that may touch are taken from there.
@@ -28,6 +33,7 @@ MARGIN = 1.1
 # Iterations after which a solve through the spring is given up for a root of the force.
 SPRING_ITERATIONS = 100
 ROOT_RTOL = 1e-9
+ROOT_FORCE_RTOL = 1e-5
 
 
 def under_given_force(problem: Problem) -> Equilibrium:
@@ -38,15 +44,30 @@ def under_given_force(problem: Problem) -> Equilibrium:
     """
     assert problem.force is not None
     load = problem.force / problem.modulus / problem.spacing[1]
+    problem = replace(problem, rtol=min(problem.rtol, LOOSEST_RTOL))
     found = _on_few_nodes(problem, load)
     if found is None:
         found = _through_springs(problem, load)
+        if found.converged and problem.rtol < SPRING_RTOL:
+            found = _polished(problem, found)
     if not found.converged and found.iterate.iterations < problem.max_iterations:
         found = _by_root(problem, load, found)
     if problem.far_field == "rigid":
         return found
     punch = flat_punch(problem.heights.shape, problem.kernel, problem.aspect)
-    return replace(found, delta=found.approach - load / float(punch.sum()))
+    return replace(found, delta=max(found.approach - load / float(punch.sum()), 0.0))
+
+
+def _polished(problem: Problem, found: Equilibrium) -> Equilibrium:
+    """Solve on a rigid far field at the displacement found: a spring's residual is coarse."""
+    left = problem.max_iterations - found.iterate.iterations
+    near = found.pressure * (found.length / problem.spacing[0])
+    polished = on_rigid_far_field(
+        replace(problem, max_iterations=max(left, 1)), found.approach, near
+    )
+    polished.iterate.iterations += found.iterate.iterations
+    polished.iterate.convolutions += found.iterate.convolutions
+    return polished
 
 
 def _displacement_of_few(problem: Problem) -> float:
@@ -66,17 +87,18 @@ def _on_few_nodes(problem: Problem, load: float) -> Equilibrium | None:
     if len(nodes) > FEW_NODES:
         return None
     matrix = influence_matrix(nodes, shape, problem.kernel, problem.aspect)
-    compliance = SPRING * delta / load
-    iterate, converged = solve_directly(
-        matrix + compliance,
-        interference + SPRING,
+    iterate, moved, converged = solve_directly(
+        matrix,
+        (interference - 1) * delta,
         rtol=problem.rtol,
         max_iterations=problem.max_iterations,
+        load=load,
     )
-    found = _displaced(unfold(problem, delta, box, nodes, iterate), load)
-    # What is accepted counts in the displacement found, not in the larger one.
-    enough = found.approach <= delta and found.iterate.violation() <= problem.rtol
-    return found if converged and enough else None
+    if not converged or not 0 < moved <= delta:
+        return None
+    iterate.pressure /= moved
+    iterate.residual /= moved
+    return unfold(problem, moved, box, nodes, iterate)
 
 
 def _through_springs(problem: Problem, load: float) -> Equilibrium:
@@ -108,7 +130,8 @@ def _guess(problem: Problem, load: float) -> float:
         return float(largest)
     touching = on_rigid_far_field(replace(problem, rtol=GUESS_RTOL), few)
     carried = float(touching.pressure.sum()) * few
-    return float(min(few * (load / carried) ** (1 / GROWTH), largest))
+    guess = few * (load / carried) ** (1 / GROWTH)
+    return float(min(max(guess, flat / 4), largest))
 
 
 def _through_spring(
@@ -163,21 +186,42 @@ def _displaced(found: Equilibrium, load: float) -> Equilibrium:
 
 def _by_root(problem: Problem, load: float, failed: Equilibrium) -> Equilibrium:
     """The displacement at which a rigid far field carries the force, by Brent's method."""
-    solved: list[Equilibrium] = []
+    solved: dict[float, Equilibrium] = {}
+    spent = Iterate(np.zeros(0), np.zeros(0))
+    spent.iterations, spent.convolutions = failed.iterate.iterations, failed.iterate.convolutions
 
     def excess(delta: float) -> float:
-        near = solved[-1].pressure * solved[-1].length / problem.spacing[0] if solved else None
-        solved.append(on_rigid_far_field(problem, delta, near))
-        return float(solved[-1].pressure.sum()) * delta / load - 1
+        if delta not in solved:
+            left = problem.max_iterations - spent.iterations
+            if left < 1:
+                raise _OutOfIterations
+            near = None
+            if solved:
+                last = list(solved.values())[-1]
+                near = last.pressure * (last.length / problem.spacing[0])
+            solved[delta] = on_rigid_far_field(replace(problem, max_iterations=left), delta, near)
+            spent.iterations += solved[delta].iterate.iterations
+            spent.convolutions += solved[delta].iterate.convolutions
+        return float(solved[delta].pressure.sum()) * delta / load - 1
 
     low = high = _guess(problem, load)
-    while excess(low) > 0:
-        low /= 2
-    while excess(high) < 0:
-        high *= 2
-    optimize.brentq(excess, low, high, xtol=1e-300, rtol=ROOT_RTOL)
-    found = solved[-1]
-    for earlier in [failed, *solved[:-1]]:
-        found.iterate.iterations += earlier.iterate.iterations
-        found.iterate.convolutions += earlier.iterate.convolutions
-    return found
+    arrived = True
+    try:
+        while excess(low) > 0:
+            low /= 2
+        while excess(high) < 0:
+            high *= 2
+        optimize.brentq(excess, low, high, xtol=1e-300, rtol=ROOT_RTOL)
+    except _OutOfIterations:
+        arrived = False
+    best = min(solved, key=lambda delta: abs(excess(delta)), default=None)
+    if best is None:
+        return failed
+    found, off = solved[best], abs(excess(best))
+    found.iterate.iterations = spent.iterations
+    found.iterate.convolutions = spent.convolutions
+    return replace(found, converged=found.converged and arrived and off < ROOT_FORCE_RTOL)
+
+
+class _OutOfIterations(Exception):
+    """The bound on iterations is used up."""

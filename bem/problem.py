@@ -22,6 +22,7 @@ MAX_ITERATIONS = 1000
 
 BELOW_ZERO = math.nextafter(0, -1)
 NUMBERS = (1e-305, 1e305)
+LONGEST_CELLS = (1e-12, 1e12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +123,8 @@ def _checked_load(
         return _checked("delta", delta, -math.inf, math.inf, "a finite number of um"), None
     if force is not None:
         return None, _checked("force", force, BELOW_ZERO, math.inf, "at least 0 uN")
-    return None, patch * _checked("pressure", pressure, BELOW_ZERO, math.inf, "at least 0 MPa")
+    mean = _checked("pressure", pressure, BELOW_ZERO, math.inf, "at least 0 MPa")
+    return None, max(patch * mean, math.ulp(0.0)) if mean else 0.0
 
 
 def _check_range(problem: Problem) -> None:
@@ -138,15 +140,15 @@ def _check_range(problem: Problem) -> None:
         "cell area [um2]": along * across,
         "pressure scale [MPa]": depth / max(along, NUMBERS[0]) * problem.modulus,
         "force scale [uN]": depth * across * problem.modulus,
-        "reduced force [um2]": load / problem.modulus,
+        "reduced force [um]": load / problem.modulus / max(across, NUMBERS[0]),
         "height range [um]": float(heights.max() / 2 - heights.min() / 2),
     }
     for name, number in numbers.items():
-        low = NUMBERS[0] if name != "height range [um]" else -1.0
-        if not low < number < NUMBERS[1]:
+        low, high = LONGEST_CELLS if name == "cell aspect ratio" else NUMBERS
+        if not (-1.0 if name == "height range [um]" else low) < number < high:
             raise OutOfRange(
                 f"{name} = {number:g}: sides, heights, load and modulus must keep it between"
-                f" {NUMBERS[0]:g} and {NUMBERS[1]:g}, within double precision"
+                f" {low:g} and {high:g}, within double precision"
             )
 
 
