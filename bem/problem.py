@@ -22,7 +22,7 @@ MAX_ITERATIONS = 1000
 
 BELOW_ZERO = math.nextafter(0, -1)
 NUMBERS = (1e-305, 1e305)
-LONGEST_CELLS = (1e-12, 1e12)
+RATIOS = {"cell aspect ratio": (1e-12, 1e12), "reduced force over heights": (1e-200, 1e200)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,11 +140,16 @@ def _check_range(problem: Problem) -> None:
         "cell area [um2]": along * across,
         "pressure scale [MPa]": depth / max(along, NUMBERS[0]) * problem.modulus,
         "force scale [uN]": depth * across * problem.modulus,
+        "force [uN]": load,
         "reduced force [um]": load / problem.modulus / max(across, NUMBERS[0]),
         "height range [um]": float(heights.max() / 2 - heights.min() / 2),
     }
+    if problem.force and numbers["height range [um]"] > 0:
+        numbers["reduced force over heights"] = (
+            numbers["reduced force [um]"] / numbers["height range [um]"]
+        )
     for name, number in numbers.items():
-        low, high = LONGEST_CELLS if name == "cell aspect ratio" else NUMBERS
+        low, high = RATIOS.get(name, NUMBERS)
         if not (-1.0 if name == "height range [um]" else low) < number < high:
             raise OutOfRange(
                 f"{name} = {number:g}: sides, heights, load and modulus must keep it between"

@@ -1,5 +1,7 @@
 """A given force or mean pressure: the same contacts as at the displacement that it takes."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -87,3 +89,34 @@ def test_too_few_iterations_are_reported() -> None:
     with pytest.raises(bem.NotConverged, match=r"after [1-4] iterations") as stopped:
         bem.solve(ROUGH, 1000.0, pressure=0.02, max_iterations=3)
     assert stopped.value.contact.residual > 1e-6
+
+
+@pytest.mark.parametrize("force", [1e-3, 0.1, 10.0, 1e7])
+def test_the_displacement_found_carries_the_force(force: float) -> None:
+    """From one node in contact to almost all of them."""
+    contact = bem.solve(ROUGH, 1000.0, force=force, modulus=1e3)
+    again = bem.solve(ROUGH, 1000.0, contact.delta, modulus=1e3)
+    assert again.force == pytest.approx(force, rel=3e-6)
+
+
+@pytest.mark.parametrize(
+    ("side", "scale", "load"),
+    [
+        (1e50, 1.0, {"force": 1e-300}),
+        (1e-50, 1.0, {"force": 1e300}),
+        (1.0, 1e200, {"force": 1e-150}),
+        (1e-30, 1.0, {"pressure": 1e-300}),
+    ],
+)
+def test_forces_that_would_vanish_or_overflow_are_refused(
+    side: float, scale: float, load: dict[str, Any]
+) -> None:
+    with pytest.raises(bem.OutOfRange, match="double precision"):
+        bem.solve(scale * ROUGH[:20, :20], side, **load)
+
+
+@pytest.mark.parametrize("rtol", [0.9, 1e-3, 1e-9, 1e-13])
+def test_every_tolerance_keeps_the_force(rtol: float) -> None:
+    contact = bem.solve(ROUGH[:40, :40], 300.0, force=2000.0, rtol=rtol)
+    assert contact.force == pytest.approx(2000.0, rel=1e-5)
+    assert contact.residual <= rtol
