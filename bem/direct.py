@@ -61,11 +61,13 @@ def solve_directly(
     """
     iterate, moved = Iterate(np.zeros_like(interference), interference.copy()), 0.0
     # Less than half of the nodes that may touch do so: the higher half is the cheaper start.
-    contact = np.flatnonzero(interference >= np.median(interference))
+    middle = np.sort(interference)[len(interference) // 2]
+    contact = np.flatnonzero(interference >= middle)
     while contact.size and iterate.iterations < min(CONTACT_SETS, max_iterations):
-        sides = np.column_stack((interference[contact], np.ones(len(contact))))
+        sides = np.ones((len(contact), 2))
+        sides[:, 0] = interference[contact]
         try:
-            plain, uniform = np.linalg.solve(matrix[np.ix_(contact, contact)], sides).T
+            plain, uniform = np.linalg.solve(matrix[contact[:, np.newaxis], contact], sides).T
         except np.linalg.LinAlgError:
             return iterate, moved, False
         moved = 0.0 if load is None else float((load - plain.sum()) / uniform.sum())
