@@ -47,7 +47,8 @@ def test_running_again_changes_nothing(folder, capsys):
 
 
 def test_failed_rows_warn_and_say_why(folder, capsys):
-    (folder / "starved.toml").write_text(SMALL + "[contact]\nmax_iterations = 1\n")
+    deep = "[contact]\nmax_iterations = 1\n[delta]\npieces = [{ share = 1.0, range = [30, 45] }]\n"
+    (folder / "starved.toml").write_text(SMALL + deep)
     assert cli.main(["run", "starved.toml", "-o", "starved.h5"]) == 0
     assert "warning: 24 rows failed" in capsys.readouterr().out
     assert cli.main(["info", "starved.h5"]) == 0
