@@ -10,7 +10,15 @@ from bem.convolution import displacement_filter
 from bem.equilibrium import Equilibrium, on_compliant_far_field, on_rigid_far_field
 from bem.influence import Kernel
 from bem.load_control import under_given_force
-from bem.problem import MAX_ITERATIONS, RTOL, FarField, Field, Problem, pose
+from bem.problem import (
+    MAX_ITERATIONS,
+    RTOL,
+    FarField,
+    Field,
+    Problem,
+    checked_start,
+    pose,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +112,7 @@ def solve(
     far_field: FarField = "rigid",
     rtol: float = RTOL,
     max_iterations: int = MAX_ITERATIONS,
+    near: Field | None = None,
 ) -> Contact:
     """Press a rigid rough surface into an elastic half-space, without friction or adhesion.
 
@@ -129,6 +138,8 @@ def solve(
         default is the loosest of a ladder that counts the contact nodes of 99.9 % of the paper
         preset's samples exactly (`python -m bench solver --default-tolerance`)
     max_iterations : bound on the steps of conjugate gradients, the same on every machine
+    near : (nx, ny) pressure near the solution to start from, as `ladder` does; no use to a
+        compliant far field or a given force [MPa]
 
     Returns
     -------
@@ -158,16 +169,6 @@ def solve(
         rtol=rtol,
         max_iterations=max_iterations,
     )
-    return press(problem)
-
-
-def press(problem: Problem, near: Field | None = None) -> Contact:
-    """Solve a checked problem; raises what `solve` raises.
-
-    Parameters
-    ----------
-    near : (nx, ny) pressure near the solution to start from [MPa]; no use to a compliant far field
-    """
     if problem.delta is None:
         return (
             _contact(problem, under_given_force(problem)) if problem.force else _untouched(problem)
@@ -176,7 +177,7 @@ def press(problem: Problem, near: Field | None = None) -> Contact:
         return _untouched(problem)
     if problem.far_field == "compliant":
         return _contact(problem, on_compliant_far_field(problem, problem.delta))
-    reduced = None if near is None else near / problem.modulus
+    reduced = None if near is None else checked_start(near, problem) / problem.modulus
     return _contact(problem, on_rigid_far_field(problem, problem.delta, reduced))
 
 

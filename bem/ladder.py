@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bem.contact import Contact, press
-from bem.problem import Field, pose
+from bem.contact import Contact, solve
+from bem.problem import Field
 
 
 def ladder(
@@ -38,8 +38,7 @@ def ladder(
     """
     last: list[Contact] = []
     for delta in deltas:
-        problem = pose(heights, side, delta, **settings)
-        contact = press(problem, _carried_on(last, problem.delta or 0.0))
+        contact = solve(heights, side, delta, near=_carried_on(last, delta), **settings)
         yield contact
         last = [*last[-1:], contact]
 

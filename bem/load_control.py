@@ -105,7 +105,7 @@ def _through_springs(problem: Problem, load: float) -> Equilibrium:
     """Guess the displacement and solve; again, from there, where it was guessed wrong."""
     guess, near, spent = _guess(problem, load), None, Iterate(np.zeros(0), np.zeros(0))
     while True:
-        found = _through_spring(problem, guess, load, near, spent)
+        found = _at_guess(problem, guess, load, near, spent)
         if not found.converged or 1 / MARGIN < found.approach / guess < MARGIN:
             return found
         spent, near = found.iterate, found.pressure * (found.length / problem.spacing[0])
@@ -134,7 +134,7 @@ def _guess(problem: Problem, load: float) -> float:
     return float(min(max(guess, flat / 4), largest))
 
 
-def _through_spring(
+def _at_guess(
     problem: Problem,
     guess: float,
     load: float,

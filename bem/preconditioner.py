@@ -91,7 +91,7 @@ def circulant_inverse(
 ) -> Filter:
     """Inverse of the circulant matrix next to H in the Frobenius norm (T. Chan 1988).
 
-    Works on the unpadded grid, a quarter of the cost of H.
+    Works on a grid hardly wider than (nx, ny), about a quarter of what H needs.
 
     Parameters
     ----------

@@ -64,17 +64,17 @@ class OutOfRange(ValueError, ArithmeticError):
 def pose(
     heights: ArrayLike,
     side: float | tuple[float, float],
-    delta: float | None = None,
+    delta: float | None,
     *,
-    force: float | None = None,
-    pressure: float | None = None,
-    spacing: float | tuple[float, float] | None = None,
-    modulus: float = 1.0,
-    poisson: float = 0.0,
-    kernel: Kernel = "uniform-pressure",
-    far_field: FarField = "rigid",
-    rtol: float = RTOL,
-    max_iterations: int = MAX_ITERATIONS,
+    force: float | None,
+    pressure: float | None,
+    spacing: float | tuple[float, float] | None,
+    modulus: float,
+    poisson: float,
+    kernel: Kernel,
+    far_field: FarField,
+    rtol: float,
+    max_iterations: int,
 ) -> Problem:
     """Check the arguments of `bem.solve`, which says what they are.
 
@@ -106,6 +106,18 @@ def pose(
             " use kernel = 'uniform-pressure'"
         )
     return problem
+
+
+def checked_start(near: ArrayLike, problem: Problem) -> Field:
+    """A pressure to start from: (nx, ny) finite numbers, none negative, or a ValueError."""
+    start = np.asarray(near, dtype=np.float64)
+    shape = problem.heights.shape
+    if start.shape != shape or not np.isfinite(start).all() or (start < 0).any():
+        raise ValueError(
+            f"near has shape {start.shape}: finite pressures of shape {shape} are needed, none"
+            " negative"
+        )
+    return start
 
 
 def _checked_load(

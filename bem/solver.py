@@ -89,7 +89,7 @@ class Iterate:
         return -_inner(self.pressure, interference + self.residual) / 2
 
     def violation(self) -> float:
-        """Largest |w| in contact or -w outside, in units of Delta; zero for the exact solution."""
+        """Largest |w| in contact or -w outside, zero for the exact solution."""
         wrong = np.where(self.pressure > 0, np.abs(self.residual), self.residual)
         return max(float(wrong.max(initial=0.0)), 0.0)
 
@@ -112,7 +112,7 @@ def solve_complementarity(
     Parameters
     ----------
     operators : see there; positive definite on every contact set met
-    interference : (m,) u, at most 1
+    interference : (m,) u [unit of displacement]
     rtol : largest violation accepted
     max_iterations : bound on the steps of conjugate gradients, those of the start included
     start : a pressure to start from with its residual; improved in place

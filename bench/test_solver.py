@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 
 import bem
-from bem import influence
+from bem import equilibrium, influence
 from bem.convolution import Filter, displacement_filter
+from bem.direct import FEW_NODES
 from bem.influence import KERNELS, Kernel
 from bem.preconditioner import circulant_inverse
 from bem.problem import RTOL
@@ -179,17 +180,26 @@ def test_solve_at_contact(benchmark: BenchmarkFixture, percent: int, nodes: int)
     assert_exact(contact)
 
 
-def test_solve_few_candidates(benchmark: BenchmarkFixture) -> None:
-    """Delta for 0.2 % of the nodes: solved densely, beside a full solve's time."""
+@pytest.mark.parametrize("candidates", [33, 100, FEW_NODES])
+def test_solve_few_candidates(
+    benchmark: BenchmarkFixture, monkeypatch: pytest.MonkeyPatch, candidates: int
+) -> None:
+    """Dense up to `FEW_NODES`; beside it a full solve's time, and that of the same by convolution.
+
+    33 nodes are 0.2 % of the grid.
+    """
     heights, delta = surfaces(SIZES["paper"], 1)[0]
-    height = np.sort(heights.reshape(-1))[-round(0.002 * heights.size)]
-    few = float(heights.max() - height)
+    few = float(heights.max() - np.sort(heights.reshape(-1))[-1 - candidates])
     contact = benchmark(bem.solve, heights, SIDE, few)
     assert_exact(contact)
+    dense = seconds_of(lambda: bem.solve(heights, SIDE, few))
     full = seconds_of(lambda: bem.solve(heights, SIDE, delta))
-    benchmark.extra_info["share_of_a_full_solve"] = (
-        seconds_of(lambda: bem.solve(heights, SIDE, few)) / full
-    )
+    monkeypatch.setattr(equilibrium, "FEW_NODES", 0)
+    iterated = bem.solve(heights, SIDE, few)
+    assert iterated.contact_nodes == contact.contact_nodes
+    by_convolution = seconds_of(lambda: bem.solve(heights, SIDE, few))
+    benchmark.extra_info["share_of_a_full_solve"] = dense / full
+    benchmark.extra_info["share_of_a_solve_by_convolution"] = dense / by_convolution
 
 
 @pytest.mark.parametrize("control", ["force", "pressure"])

@@ -42,6 +42,14 @@ def test_a_ladder_stops_at_the_delta_that_is_to_blame() -> None:
         next(rungs)
 
 
+@pytest.mark.parametrize(
+    "near", [np.zeros((3, 3)), np.full((65, 65), np.nan), np.full((65, 65), -1.0)]
+)
+def test_a_start_that_is_no_pressure_is_refused(near: np.ndarray) -> None:
+    with pytest.raises(ValueError, match=r"finite pressures of shape \(65, 65\)"):
+        bem.solve(ROUGH, 1000.0, 15.0, near=near)
+
+
 def test_a_ladder_of_small_steps_saves_convolutions() -> None:
     deltas = np.linspace(15, 45, 31)
     ladder = sum(c.convolutions for c in bem.ladder(ROUGH, 1000.0, deltas))

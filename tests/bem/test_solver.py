@@ -13,47 +13,11 @@ import bem
 from bem.influence import Kernel
 from bem.solver import Iterate, descend, solve_complementarity
 from tests.bem import dense
+from tests.bem.surfaces import SURFACES, Shape, surface
 
 KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
 RTOL = 1e-10
 UNDECIDED = 1e-8  # reduced pressure and gap below which a node may count as in contact or not
-
-Random = np.random.Generator
-Shape = tuple[int, int]
-
-
-def random_walk(random: Random, shape: Shape) -> np.ndarray:
-    steps = random.standard_normal(shape)
-    return np.cumsum(np.cumsum(steps, axis=0), axis=1)
-
-
-def self_affine(random: Random, shape: Shape) -> np.ndarray:
-    """Random phases under a power law, Hurst exponent 0.7; periodic, so cut from a larger one."""
-    periods = 2 * shape[0], 2 * shape[1]
-    frequency = np.hypot(np.fft.fftfreq(periods[0])[:, None], np.fft.rfftfreq(periods[1]))
-    frequency[0, 0] = np.inf
-    noise = np.fft.rfft2(random.standard_normal(periods))
-    return np.fft.irfft2(noise * frequency ** -(1 + 0.7), s=periods)[: shape[0], : shape[1]]
-
-
-def paraboloid(random: Random, shape: Shape) -> np.ndarray:
-    x, y = np.ogrid[: shape[0], : shape[1]]
-    tip = random.uniform(0, shape)
-    return -((x - tip[0]) ** 2) - (y - tip[1]) ** 2
-
-
-SURFACES: dict[str, Callable[[Random, Shape], np.ndarray]] = {
-    "white noise": Random.standard_normal,
-    "integer ties": lambda random, shape: random.integers(0, 4, shape).astype(float),
-    "one height": lambda random, shape: np.full(shape, random.standard_normal()),
-    "random walk": random_walk,
-    "self-affine": self_affine,
-    "paraboloid": paraboloid,
-}
-
-
-def surface(kind: str, shape: Shape, seed: int = 0) -> np.ndarray:
-    return SURFACES[kind](np.random.default_rng(seed), shape)
 
 
 def reduced(contact: bem.Contact) -> np.ndarray:
