@@ -62,6 +62,8 @@ class Filter:
         self._rows_in = _plan(self.source, rows, 1)
         self._rows_out = _plan(rows, self.result, 1, backward=True)
         self._batches = self._plan_columns()
+        places = np.arange(self.source.size).reshape(self.source.shape)
+        self._places = places[:, : shape[1]].reshape(-1)
         self.bytes = sum(a.nbytes for a in (self._factors, self.source, self.result, self._waves))
 
     def _plan_columns(self) -> list[tuple[Callable[[], None], Real, Real, Callable[[], None], Any]]:
@@ -103,9 +105,7 @@ class Filter:
 
     def places(self, nodes: NDArray[np.intp]) -> NDArray[np.intp]:
         """Where nodes, as flat indices of (nx, ny), stand in the flat `source` and `result`."""
-        padding = self.source.shape[1] - self.shape[1]
-        places: NDArray[np.intp] = np.asarray(nodes + nodes // self.shape[1] * padding, np.intp)
-        return places
+        return self._places[nodes]
 
 
 class Selection:
@@ -206,11 +206,14 @@ class _Filters(threading.local):
 
     def get(self, make: Callable[..., Filter], arguments: tuple[Any, ...]) -> Filter:
         key = make, *arguments
-        found = self._kept.pop(key, None)
-        self._kept[key] = found or make(*arguments)
+        found = self._kept.get(key)
+        if found is not None:
+            self._kept.move_to_end(key)
+            return found
+        made = self._kept[key] = make(*arguments)
         while len(self._kept) > 4 and sum(kept.bytes for kept in self._kept.values()) > KEPT_BYTES:
             self._kept.popitem(last=False)
-        return self._kept[key]
+        return made
 
 
 _FILTERS = _Filters()

@@ -9,6 +9,7 @@ and M = E^T C^-1 E with that extension E keeps it near 4 on rough surfaces of an
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,8 +54,7 @@ class Preconditioner:
         self._inverse = circulant_inverse(widened, kernel, aspect, dtype)
         self._means = kept_filter(_make_block_means, widened, aspect, dtype)
         self._places = self._inverse.places(nodes)
-        row, column = np.divmod(self._places, self._inverse.source.shape[1])
-        self._blocks = row // BLOCK * self._means.shape[1] + column // BLOCK
+        self._blocks = _block_of_places(self._inverse.source.shape)[self._places]
 
     def restricted_to(self, some: Nodes) -> Callable[[Values], Values]:
         """The approximate inverse on nodes[some], (a,) -> (a,): symmetric, positive definite."""
@@ -105,6 +105,13 @@ def circulant_inverse(
     between its callers on one thread
     """
     return kept_filter(_make_circulant_inverse, shape, kernel, aspect, dtype)
+
+
+@lru_cache(maxsize=8)
+def _block_of_places(shape: tuple[int, int]) -> Nodes:
+    """The flat block that each entry of a flat field lies in."""
+    blocks = np.arange(shape[0] * shape[1] // BLOCK**2).reshape(-1, shape[1] // BLOCK)
+    return blocks.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1).reshape(-1)
 
 
 def _fill_blocks(field: Real, values: Real) -> None:

@@ -90,8 +90,8 @@ class Iterate:
 
     def violation(self) -> float:
         """Largest |w| in contact or -w outside, zero for the exact solution."""
-        wrong = np.where(self.pressure > 0, np.abs(self.residual), self.residual)
-        return max(float(wrong.max(initial=0.0)), 0.0)
+        pressed = self.residual * (self.pressure > 0)
+        return max(float(self.residual.max(initial=0.0)), -float(pressed.min(initial=0.0)))
 
 
 def solve_complementarity(
@@ -125,17 +125,18 @@ def solve_complementarity(
     """
     iterate = start or Iterate(np.zeros_like(interference), interference.copy())
     _take_first_steps(operators, interference, iterate, first_steps)
-    exact, trusted = not iterate.convolutions, 1.0
+    exact, trusted, violation = not iterate.convolutions, 1.0, iterate.violation()
     smallest, patience, safe_steps = np.inf, PATIENCE, SAFE_STEPS
     energy, reduction, following = np.inf, INNER_REDUCTION, None
     while True:
         floor = max(rtol, ROUNDING * trusted)
-        if iterate.violation() <= floor or iterate.iterations >= max_iterations:
+        if violation <= floor or iterate.iterations >= max_iterations:
             if exact:
-                return iterate, iterate.violation() <= rtol
+                return iterate, violation <= rtol
             iterate.residual = interference - operators.displace(iterate.pressure)
             iterate.convolutions += 1
             exact, trusted = True, iterate.violation()
+            violation = trusted
             continue
         contact = iterate.contact() if following is None else following
         _solve_in_contact(operators, contact, iterate, (reduction, floor / 2), max_iterations)
@@ -143,12 +144,13 @@ def solve_complementarity(
         energy, last = iterate.energy(interference), energy
         if energy > last:
             reduction *= TIGHTENING
-        exact = False
-        patience = PATIENCE if iterate.violation() < smallest else patience - 1
-        smallest = min(smallest, iterate.violation())
+        exact, violation = False, iterate.violation()
+        patience = PATIENCE if violation < smallest else patience - 1
+        smallest = min(smallest, violation)
         if patience == 0:
             steps = min(safe_steps, max_iterations - iterate.iterations)
             descend(operators, interference, iterate, steps)
+            violation = iterate.violation()
             smallest, patience, safe_steps = np.inf, PATIENCE, 2 * safe_steps
 
 
