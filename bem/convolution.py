@@ -7,6 +7,7 @@ could differ in the last bits of a result.
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,7 @@ class Filter:
 
     Attributes
     ----------
-    source, result : (nx, py) buffers of `transform`
+    field : (nx, py) buffer of `transform`
     largest : the largest value of the spectrum, which no eigenvalue exceeds
     """
 
@@ -54,17 +55,14 @@ class Filter:
         self._factors = np.repeat(spectrum.T / (period * across), 2, axis=1).astype(dtype)
         self.shape = shape
         self.largest = float(spectrum.max())
-        self.source = pyfftw.zeros_aligned((shape[0], across), dtype)
-        self.result = pyfftw.zeros_aligned((shape[0], across), dtype)
+        self.field = pyfftw.zeros_aligned((shape[0], across), dtype)
         waves = "complex64" if dtype == "float32" else "complex128"
         self._waves = pyfftw.zeros_aligned((columns, period + COLUMN_GAP), waves)[:, :period]
         rows = self._waves[:, : shape[0]].T
-        self._rows_in = _plan(self.source, rows, 1)
-        self._rows_out = _plan(rows, self.result, 1, backward=True)
+        self._rows_in = _plan(self.field, rows, 1)
+        self._rows_out = _plan(rows, self.field, 1, backward=True)
         self._batches = self._plan_columns()
-        places = np.arange(self.source.size).reshape(self.source.shape)
-        self._places = places[:, : shape[1]].reshape(-1)
-        self.bytes = sum(a.nbytes for a in (self._factors, self.source, self.result, self._waves))
+        self.bytes = self._factors.nbytes + self.field.nbytes + self._waves.nbytes
 
     def _plan_columns(self) -> list[tuple[Callable[[], None], Real, Real, Callable[[], None], Any]]:
         """Per batch of columns: forward, its waves and factors, backward, what to clear."""
@@ -78,7 +76,7 @@ class Filter:
             batches.append(
                 (
                     _plan(here, there, 1),
-                    there.view(self.source.dtype),
+                    there.view(self.field.dtype),
                     self._factors[first : first + size],
                     _plan(there, here, 1, backward=True),
                     here[:, self.shape[0] :],
@@ -87,7 +85,7 @@ class Filter:
         return batches
 
     def transform(self) -> None:
-        """Filter `source` [:, :ny], zero beyond, into `result` [:, :ny]."""
+        """Filter `field` [:, :ny], zero beyond, in place; beyond it is left undefined."""
         self._rows_in()
         for forward, waves, factors, backward, beyond in self._batches:
             forward()
@@ -98,14 +96,15 @@ class Filter:
 
     def __call__(self, field: Real) -> Real:
         """Filter a whole (nx, ny) field."""
-        self.source[:, : self.shape[1]] = field
+        self.field.fill(0)  # what its last user left
+        inside = self.field[:, : self.shape[1]]
+        inside[:] = field
         self.transform()
-        result: Real = self.result[:, : self.shape[1]].copy()
-        return result
+        return inside.copy()
 
     def places(self, nodes: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Where nodes, as flat indices of (nx, ny), stand in the flat `source` and `result`."""
-        return self._places[nodes]
+        """Where nodes, as flat indices of (nx, ny), stand in the flat `field`."""
+        return _places(self.shape, self.field.shape[1])[nodes]
 
 
 class Selection:
@@ -120,8 +119,7 @@ class Selection:
     def __init__(self, operator: Filter, nodes: NDArray[np.intp]) -> None:
         self._operator = operator
         self._places = operator.places(nodes)
-        self._source = operator.source.reshape(-1)
-        self._result = operator.result.reshape(-1)
+        self._field = operator.field.reshape(-1)
 
     def __call__(self, values: Real) -> Real:
         """(m,) values on the nodes -> (m,) filtered values on the same nodes."""
@@ -137,11 +135,16 @@ class Selection:
         return self._apply(places, values)[places]
 
     def _apply(self, places: NDArray[np.intp], values: Real) -> Real:
-        self._operator.source.fill(0)  # the filter is shared: clear what its last user left
-        self._source[places] = values
+        self._field.fill(0)  # the filter is shared: clear what its last user left
+        self._field[places] = values
         self._operator.transform()
-        result: Real = self._result
-        return result
+        return self._field
+
+
+@lru_cache(maxsize=4)
+def _places(shape: tuple[int, int], across: int) -> NDArray[np.intp]:
+    """Where each node of (nx, ny) stands in a flat field of so many columns."""
+    return np.arange(shape[0] * across).reshape(shape[0], across)[:, : shape[1]].reshape(-1)
 
 
 def _plan(source: Real, target: Real, axis: int, *, backward: bool = False) -> Callable[[], None]:

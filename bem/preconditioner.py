@@ -54,24 +54,24 @@ class Preconditioner:
         self._inverse = circulant_inverse(widened, kernel, aspect, dtype)
         self._means = kept_filter(_make_block_means, widened, aspect, dtype)
         self._places = self._inverse.places(nodes)
-        self._blocks = _block_of_places(self._inverse.source.shape)[self._places]
+        self._blocks = _block_of_places(self._inverse.field.shape)[self._places]
 
     def restricted_to(self, some: Nodes) -> Callable[[Values], Values]:
         """The approximate inverse on nodes[some], (a,) -> (a,): symmetric, positive definite."""
         places, blocks = self._places[some], self._blocks[some]
         weights = 1 / (self._mean(blocks, np.ones(len(blocks))) + VACANT)
         inverse, means = self._inverse, self._means
-        field, filtered = inverse.source.reshape(-1), inverse.result.reshape(-1)
+        field = inverse.field.reshape(-1)
 
         def precondition(residual: Values) -> Values:
-            _fill_blocks(inverse.source, weights * self._mean(blocks, residual))
+            _fill_blocks(inverse.field, weights * self._mean(blocks, residual))
             field[places] = residual
             inverse.transform()
-            correction: Values = filtered[places].astype(np.float64)
-            filtered[places] = 0
-            np.multiply(weights, _block_sums(inverse.result), out=means.source)
+            correction: Values = field[places].astype(np.float64)
+            field[places] = 0
+            np.multiply(weights, _block_sums(inverse.field), out=means.field)
             means.transform()
-            correction += means.result.reshape(-1)[blocks]
+            correction += means.field.reshape(-1)[blocks]
             return correction
 
         return precondition
@@ -79,10 +79,10 @@ class Preconditioner:
     def _mean(self, blocks: Nodes, values: Values) -> Real:
         """Weighted means of values in some blocks, nothing elsewhere, at all blocks."""
         means = self._means
-        sums = np.bincount(blocks, weights=values, minlength=means.source.size)
-        means.source[:] = sums.reshape(means.shape)
+        sums = np.bincount(blocks, weights=values, minlength=means.field.size)
+        means.field[:] = sums.reshape(means.shape)
         means.transform()
-        found: Real = means.result
+        found: Real = means.field
         return found
 
 
