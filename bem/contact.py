@@ -37,8 +37,8 @@ class Contact:
     residual : largest |gap| in contact or penetration outside, over Delta, or over the approach
         where the force was given [1]
     iterations : steps of conjugate gradients, or contact sets of a dense solve
-    convolutions : applications of the influence matrix; what a guess on a coarser grid took does
-        not count
+    convolutions : applications of the influence matrix, those for a start from a coarser grid by
+        its share of the nodes; what a guess of the displacement took does not count
     """
 
     problem: Problem = field(repr=False)

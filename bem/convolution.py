@@ -86,6 +86,13 @@ class Filter:
 
     def transform(self) -> None:
         """Filter `field` [:, :ny], zero beyond, in place; beyond it is left undefined."""
+        try:
+            self._transform()
+        except BaseException:  # Ctrl-C, say: the filter is kept, and its next user finds it as new
+            self._waves.fill(0)
+            raise
+
+    def _transform(self) -> None:
         self._rows_in()
         for forward, waves, factors, backward, beyond in self._batches:
             forward()
@@ -100,7 +107,8 @@ class Filter:
         inside = self.field[:, : self.shape[1]]
         inside[:] = field
         self.transform()
-        return inside.copy()
+        result: Real = inside.copy()
+        return result
 
     def places(self, nodes: NDArray[np.intp]) -> NDArray[np.intp]:
         """Where nodes, as flat indices of (nx, ny), stand in the flat `field`."""
@@ -138,7 +146,8 @@ class Selection:
         self._field.fill(0)  # the filter is shared: clear what its last user left
         self._field[places] = values
         self._operator.transform()
-        return self._field
+        filtered: Real = self._field
+        return filtered
 
 
 @lru_cache(maxsize=4)

@@ -1,6 +1,6 @@
 """Equilibrium of a checked problem, in reduced units, on a rigid or on a compliant far field."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -10,7 +10,7 @@ from bem.direct import FEW_NODES, influence_matrix, solve_directly
 from bem.far_field import critical_delta, flat_punch
 from bem.half_space import HalfSpace
 from bem.problem import Field, Problem
-from bem.solver import FIRST_STEPS, Iterate, solve_complementarity
+from bem.solver import FIRST_STEPS, INNER_REDUCTION, Iterate, solve_complementarity
 
 # Iterations after which a compliant far field is approached by rigid solves, how near they have to
 # come over what they have approached, how many they may be, and the longest step between two.
@@ -18,6 +18,13 @@ DIRECT_ITERATIONS = 150
 APPROACH_RTOL = 1e-2
 APPROACH_STEPS = 40
 LONGEST_ADVANCE = 0.5
+
+# From so many nodes a side on, a solve starts from a loose one on every second node: it spares more
+# than it costs (`python -m bench growth`).
+NESTED = 1000
+NESTED_RTOL = 3e-2
+NESTED_FIRST_STEPS = 1
+NESTED_INNER_REDUCTION = 0.1
 
 Nodes = NDArray[np.intp]
 
@@ -75,19 +82,57 @@ def on_rigid_far_field(problem: Problem, delta: float, near: Field | None = None
         if converged:
             return unfold(problem, delta, box, nodes, iterate)
     operators = HalfSpace(shape, problem.kernel, problem.aspect, nodes)
+    first_steps, reduction, spent = 0, INNER_REDUCTION, 0
+    if near is None and min(shape) >= NESTED:
+        near, spent = _on_coarser_grid(problem, delta)
+        first_steps, reduction = NESTED_FIRST_STEPS, NESTED_INNER_REDUCTION
     start = None
-    if near is not None:
+    if near is None:
+        first_steps, reduction = FIRST_STEPS, INNER_REDUCTION
+    else:
         pressure = near[box].reshape(-1)[nodes] * (problem.spacing[0] / delta)
         start = started(operators, interference, pressure)
+        start.convolutions += spent
     iterate, converged = solve_complementarity(
         operators,
         interference,
         rtol=problem.rtol,
         max_iterations=problem.max_iterations,
         start=start,
-        first_steps=FIRST_STEPS if start is None else 0,
+        first_steps=first_steps,
+        inner_reduction=reduction,
     )
     return unfold(problem, delta, box, nodes, iterate, converged)
+
+
+def _on_coarser_grid(problem: Problem, delta: float) -> tuple[Field | None, int]:
+    """Pressure near the solution from every second node [E*], None where those do not touch.
+
+    And what it cost, in applications of the influence matrix of the whole grid.
+    """
+    heights = problem.heights[::2, ::2]
+    touching = delta - float(problem.heights.max() - heights.max())
+    if touching <= 0:
+        return None, 0
+    spacing = 2 * problem.spacing[0], 2 * problem.spacing[1]
+    coarse = replace(problem, heights=heights, spacing=spacing, rtol=NESTED_RTOL)
+    found = on_rigid_far_field(coarse, touching)
+    pressure = found.pressure * (found.length / spacing[0])
+    for axis, nodes in enumerate(problem.heights.shape):
+        pressure = _between(pressure, axis, nodes)
+    return pressure, -(-found.iterate.convolutions * heights.size // problem.heights.size)
+
+
+def _between(values: Field, axis: int, nodes: int) -> Field:
+    """Means of neighbours put between them along an axis; a last node without one repeats."""
+    here = np.moveaxis(values, axis, 0)
+    filled = np.empty((nodes, *here.shape[1:]))
+    filled[::2] = here
+    filled[1::2] = here[: nodes // 2]
+    inner = (nodes - 1) // 2
+    filled[1 : 2 * inner : 2] += here[1 : inner + 1]
+    filled[1 : 2 * inner : 2] /= 2
+    return np.moveaxis(filled, 0, axis)
 
 
 def overlap(problem: Problem, delta: float) -> tuple[tuple[slice, slice], Nodes, Field]:

@@ -45,17 +45,28 @@ def under_given_force(problem: Problem) -> Equilibrium:
     assert problem.force is not None
     load = problem.force / problem.modulus / problem.spacing[1]
     problem = replace(problem, rtol=min(problem.rtol, LOOSEST_RTOL))
-    found = _on_few_nodes(problem, load)
-    if found is None:
-        found = _through_springs(problem, load)
-        if found.converged and problem.rtol < SPRING_RTOL:
-            found = _polished(problem, found)
+    found = _on_nodes_or_through_springs(problem, load)
     if not found.converged and found.iterate.iterations < problem.max_iterations:
         found = _by_root(problem, load, found)
     if problem.far_field == "rigid":
         return found
     punch = flat_punch(problem.heights.shape, problem.kernel, problem.aspect)
     return replace(found, delta=max(found.approach - load / float(punch.sum()), 0.0))
+
+
+def _on_nodes_or_through_springs(problem: Problem, load: float) -> Equilibrium:
+    """Solve on few nodes if the force is so small, else from a guess of the displacement."""
+    few, guess = _displacement_of_few(problem), None
+    if min(problem.heights.shape) >= COARSEST:
+        guess = _guess(problem, load)
+    if guess is None or guess < MARGIN * few:
+        found = _on_few_nodes(problem, load)
+        if found is not None:
+            return found
+    found = _through_springs(problem, load, guess or _guess(problem, load))
+    if found.converged and problem.rtol < SPRING_RTOL:
+        found = _polished(problem, found)
+    return found
 
 
 def _polished(problem: Problem, found: Equilibrium) -> Equilibrium:
@@ -101,9 +112,9 @@ def _on_few_nodes(problem: Problem, load: float) -> Equilibrium | None:
     return unfold(problem, moved, box, nodes, iterate)
 
 
-def _through_springs(problem: Problem, load: float) -> Equilibrium:
-    """Guess the displacement and solve; again, from there, where it was guessed wrong."""
-    guess, near, spent = _guess(problem, load), None, Iterate(np.zeros(0), np.zeros(0))
+def _through_springs(problem: Problem, load: float, guess: float) -> Equilibrium:
+    """Solve from a displacement [um]; again, from there, where it was guessed wrong."""
+    near, spent = None, Iterate(np.zeros(0), np.zeros(0))
     while True:
         found = _at_guess(problem, guess, load, near, spent)
         if not found.converged or 1 / MARGIN < found.approach / guess < MARGIN:
@@ -119,7 +130,7 @@ def _guess(problem: Problem, load: float) -> float:
         heights = problem.heights[::STRIDE, ::STRIDE]
         spacing = STRIDE * problem.spacing[0], STRIDE * problem.spacing[1]
         coarse = replace(problem, heights=heights, spacing=spacing, rtol=GUESS_RTOL)
-        found = _on_few_nodes(coarse, load / STRIDE) or _through_springs(coarse, load / STRIDE)
+        found = _on_nodes_or_through_springs(coarse, load / STRIDE)
         if found.converged and found.approach > 0:
             return found.approach + (highest - float(heights.max()))
     sides = (n * step for n, step in zip(problem.heights.shape, problem.spacing, strict=True))

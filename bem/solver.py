@@ -102,6 +102,7 @@ def solve_complementarity(
     max_iterations: int,
     start: Iterate | None = None,
     first_steps: int = FIRST_STEPS,
+    inner_reduction: float = INNER_REDUCTION,
 ) -> tuple[Iterate, bool]:
     """Find p >= 0 with w = H p - u >= 0 and p w = 0.
 
@@ -117,6 +118,7 @@ def solve_complementarity(
     max_iterations : bound on the steps of conjugate gradients, those of the start included
     start : a pressure to start from with its residual; improved in place
     first_steps : projected steps before the first contact set is taken: fewer near the solution
+    inner_reduction : of the residual before the set is looked at again: more where sets are better
 
     Returns
     -------
@@ -127,7 +129,7 @@ def solve_complementarity(
     _take_first_steps(operators, interference, iterate, first_steps)
     exact, trusted, violation = not iterate.convolutions, 1.0, iterate.violation()
     smallest, patience, safe_steps = np.inf, PATIENCE, SAFE_STEPS
-    energy, reduction, following = np.inf, INNER_REDUCTION, None
+    energy, reduction, following = np.inf, inner_reduction, None
     while True:
         floor = max(rtol, ROUNDING * trusted)
         if violation <= floor or iterate.iterations >= max_iterations:

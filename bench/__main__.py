@@ -51,28 +51,43 @@ def outputs(
 
 @app.command()
 def faults(
-    rounds: Annotated[int, typer.Option(min=1, help="Runs to interrupt.")] = 30,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of victims and moments.")] = 0,
+    rounds: Annotated[
+        int | None, typer.Option(min=1, help="Faults to inject, 119 unless given.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of kinds, victims and moments.")] = 0,
+    minutes: Annotated[float, typer.Option(min=0.0, help="No round begins later.")] = 30.0,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="KIND", help="A kind of the table, alone.")
+    ] = None,
 ) -> int:
-    """Kill runs at random moments and see whether anything is lost, wrong or done twice.
+    """Disturb runs at random and see whether anything is lost, wrong or done twice.
 
-    Exit code 0 if nothing was, 1 otherwise.
+    Signals to a run alone, to worker, master and mpiexec; full disks, files cut off, second
+    writers; samples that raise, give NaN, do not converge, never end. Exit code 0 if as many faults
+    as asked for were injected and nothing was wrong, 1 otherwise.
     """
     import tempfile
 
-    from bench.faults import campaign
+    from bench.faults.campaign import KINDS, ROUNDS, campaign
+    from bench.faults.table import line, summary
 
+    wanted, done = rounds or ROUNDS, []
     with tempfile.TemporaryDirectory() as folder:
-        faulty = 0
-        for number, result in enumerate(campaign(Path(folder), rounds, seed), start=1):
-            verdict = result.fault or "ok"
-            typer.echo(
-                f"{number:3} {result.signal:8} to {result.victim:8} after {result.delay:4.1f} s:"
-                f" {result.before:5} -> {result.after:5} rows, exit code {result.code:4}: {verdict}"
-            )
-            faulty += bool(result.fault)
-    typer.echo(f"{rounds} interrupted runs, {faulty} with a fault")
-    return 1 if faulty else 0
+        for interrupted in campaign(
+            Path(folder),
+            wanted,
+            seed=seed,
+            kinds=only or tuple(KINDS),
+            minutes=minutes,
+            remark=_remark,
+        ):
+            done.append(interrupted)
+            typer.echo(line(len(done), interrupted))
+    typer.echo(summary(done))
+    missed = wanted - sum(interrupted.hit for interrupted in done)
+    if missed > 0:
+        typer.echo(f"{missed} of {wanted} faults could not be injected")
+    return 1 if missed > 0 or any(interrupted.fault for interrupted in done) else 0
 
 
 @app.command()
@@ -125,6 +140,26 @@ def solver(
 
         for path in write_report(output, QUICK if quick else FULL, _remark):
             typer.echo(path)
+
+
+@app.command()
+def growth(
+    output: Folder,
+    nodes: Annotated[
+        str, typer.Option(metavar="N,...", help="Nodes a side of the grids, each 2^k + 1.")
+    ] = "129,257,513,1025",
+    surfaces: Annotated[int, typer.Option(min=1, help="Surfaces, each of its own seed.")] = 3,
+) -> None:
+    """Measure how convolutions, time and memory of a solve grow with the grid.
+
+    At 1, 10 and 50 % of the nodes in contact. Two minutes; with 2049 nodes a side and one surface
+    some more. Prints a table and writes DIR/growth.csv.
+    """
+    from bench.growth import growth, markdown_table, write_report
+
+    rows = growth(_numbers("nodes", nodes, int), surfaces, remark=_remark)
+    typer.echo(markdown_table(rows))
+    typer.echo(write_report(output, rows))
 
 
 @app.command()

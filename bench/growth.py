@@ -1,0 +1,200 @@
+"""How the cost of a solve grows with the grid: the reason for a start from a coarser one.
+
+`python -m bench growth` presses nested surfaces, each with twice the nodes a side of the one
+before, until the same share of their nodes is in contact, and counts applications of the influence
+matrix, seconds and memory. Counts do not depend on the machine's load.
+"""
+
+import csv
+import time
+import tracemalloc
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from scipy import optimize
+
+import bem
+from bem.convolution import fast_period
+from gen.errors import InputError
+from gen.sample import Heights
+from gen.surface import generate
+
+SIDE = 1000.0  # um
+HURST, SIGMA0 = 0.65, 12.5  # 1, um
+PERCENTS = (1.0, 10.0, 50.0)
+NODES = (129, 257, 513, 1025)
+RTOL = 1e-6
+SEEKING_RTOL = 1e-2  # of the solves on small grids that find Delta
+SEEKING_NODES = (65, 129)
+WANTED_GROWTH = 1.3
+WANTED_MEMORY = 12.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """The cost of solves of one size, means over surfaces.
+
+    Attributes
+    ----------
+    percent : share of the nodes in contact that was aimed at [%]
+    nodes : nodes a side
+    area_percent : share that was reached [%]
+    convolutions : applications of the influence matrix, those on coarser grids by their share of
+        the nodes
+    growth : factor of `convolutions` per doubling of the nodes a side, from the smallest grid on
+    seconds : wall time of a solve [s]
+    padded_arrays : largest memory, tables and plans included, over that of one double-precision
+        field on the doubled grid
+    """
+
+    percent: float
+    nodes: int
+    area_percent: float
+    convolutions: float
+    growth: float
+    seconds: float
+    padded_arrays: float
+
+
+@dataclass(frozen=True)
+class _Solve:
+    area_percent: float
+    convolutions: int
+    seconds: float
+    padded_arrays: float
+
+
+def growth(
+    nodes: Sequence[int] = NODES,
+    surfaces: int = 3,
+    percents: Sequence[float] = PERCENTS,
+    remark: Callable[[str], None] = lambda _: None,
+) -> list[Row]:
+    """Solve on ever finer grids.
+
+    Parameters
+    ----------
+    nodes : nodes a side, each 2^k + 1, ascending
+    surfaces : number of surfaces, each of its own seed
+    percents : shares of the nodes in contact [%]
+    remark : told about every solve
+
+    Returns
+    -------
+    One row per share and grid
+
+    Raises
+    ------
+    InputError
+        For nodes that are not 2^k + 1, or too few
+    """
+    for size in nodes:
+        if size < SEEKING_NODES[0] or size - 1 & size - 2:
+            raise InputError(f"nodes {size}: give 2^k + 1, {SEEKING_NODES[0]} or more")
+    rows = []
+    for percent in percents:
+        first: Row | None = None
+        for size in nodes:
+            solves = []
+            for seed in range(surfaces):
+                solves.append(_solve(size, seed, _displacement(size, seed, percent)))
+                remark(f"{percent:g} %, {size} nodes, seed {seed}: {solves[-1].seconds:.2f} s")
+            row = _row(percent, size, solves, first)
+            first = first or row
+            rows.append(row)
+    return rows
+
+
+def write_report(folder: Path, rows: Iterable[Row]) -> Path:
+    """Write `growth.csv` into a folder, which is made where there is none.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written to
+    """
+    path = folder / "growth.csv"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(field.name for field in fields(Row))
+            writer.writerows(asdict(row).values() for row in rows)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
+    return path
+
+
+def markdown_table(rows: Sequence[Row]) -> str:
+    """Lines of Markdown: a row per share and grid, and whether the marks are met."""
+    lines = [
+        "| contact | nodes | convolutions | growth | seconds | memory |",
+        "|---|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {row.area_percent:.1f} % | {row.nodes} | {row.convolutions:.1f}"
+        f" | {row.growth:.2f} | {row.seconds:.3g} | {row.padded_arrays:.1f} |"
+        for row in rows
+    ]
+    largest = max(row.growth for row in rows if row.nodes == rows[-1].nodes)
+    memory = max(row.padded_arrays for row in rows)
+    verdict = (
+        f"Growth per doubling up to {rows[-1].nodes} nodes: at most {largest:.2f}"
+        f" (mark {WANTED_GROWTH:g}); memory: at most {memory:.1f} padded arrays"
+        f" (mark {WANTED_MEMORY:g})."
+    )
+    return "\n".join([*lines, "", verdict])
+
+
+def _row(percent: float, nodes: int, solves: Sequence[_Solve], first: Row | None) -> Row:
+    convolutions = float(np.mean([solve.convolutions for solve in solves]))
+    grown = 1.0
+    if first is not None:
+        doublings = np.log2((nodes - 1) / (first.nodes - 1))
+        grown = float((convolutions / first.convolutions) ** (1 / doublings))
+    return Row(
+        percent=percent,
+        nodes=nodes,
+        area_percent=float(np.mean([solve.area_percent for solve in solves])),
+        convolutions=convolutions,
+        growth=grown,
+        seconds=float(np.mean([solve.seconds for solve in solves])),
+        padded_arrays=max(solve.padded_arrays for solve in solves),
+    )
+
+
+def _surface(nodes: int, seed: int) -> Heights:
+    return generate("diamond-square", nodes, HURST, SIGMA0, np.random.default_rng(seed))
+
+
+def _displacement(nodes: int, seed: int, percent: float) -> float:
+    """Delta that brings about such a share into contact, from its growth on small grids [um]."""
+
+    def excess(delta: float, heights: Heights) -> float:
+        return bem.solve(heights, SIDE, delta, rtol=SEEKING_RTOL).area_percent - percent
+
+    found = []
+    for small in SEEKING_NODES:
+        heights = _surface(small, seed)
+        deepest = 3 * float(heights.max() - heights.min())
+        found.append(optimize.brentq(excess, 0.0, deepest, args=(heights,), xtol=1e-2))
+    doublings = np.log2((nodes - 1) / (SEEKING_NODES[-1] - 1))
+    return float(found[-1] * (found[-1] / found[-2]) ** doublings)
+
+
+def _solve(nodes: int, seed: int, delta: float) -> _Solve:
+    """Memory first, which the first solve of a size needs the most of; then time and counts."""
+    heights = _surface(nodes, seed)
+    field_bytes = 8 * fast_period(nodes) ** 2
+    tracemalloc.start()
+    try:
+        bem.solve(heights, SIDE, delta, rtol=RTOL)
+        memory = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    began = time.perf_counter()
+    contact = bem.solve(heights, SIDE, delta, rtol=RTOL)
+    seconds = time.perf_counter() - began
+    return _Solve(contact.area_percent, contact.convolutions, seconds, memory / field_bytes)
