@@ -18,7 +18,7 @@ def ladder(
 ) -> Iterator[Contact]:
     """Press a surface further and further, each contact started from those before it.
 
-    The start carries the pressure's change with Delta on from the last two contacts. Results are
+    The start carries the pressure's change with Delta on from the last three contacts. Results are
     those of `solve` within its tolerance, for fewer convolutions the smaller the steps are
     (`pytest bench -k ladder`). Any order of Delta is allowed.
 
@@ -40,17 +40,23 @@ def ladder(
     for delta in deltas:
         contact = solve(heights, side, delta, near=_carried_on(last, delta), **settings)
         yield contact
-        last = [*last[-1:], contact]
+        last = [*[other for other in last if other.delta != delta][-2:], contact]
 
 
 def _carried_on(last: list[Contact], delta: float) -> Field | None:
-    """Pressure on a straight line in Delta through the last two contacts, never negative [MPa]."""
-    if not last or last[-1].force == 0:
+    """Pressure on the parabola in Delta through the last contacts, never negative [MPa].
+
+    None after a single contact: its own pressure would be a worse start than none.
+    """
+    if len(last) < 2 or last[-1].force == 0:
         return None
-    now = last[-1].pressure
-    if len(last) < 2 or last[0].delta == last[-1].delta:
-        return now
-    share = (delta - last[-1].delta) / (last[-1].delta - last[0].delta)
+    start = np.zeros_like(last[-1].pressure)
     with np.errstate(over="ignore", invalid="ignore"):
-        start = np.asarray(np.maximum(now + share * (now - last[0].pressure), 0))
-    return start if np.isfinite(start).all() else now
+        for contact in last:
+            weight = 1.0
+            for other in last:
+                if other is not contact:
+                    weight *= (delta - other.delta) / (contact.delta - other.delta)
+            start += weight * contact.pressure
+    start = np.maximum(start, 0)
+    return start if np.isfinite(start).all() else last[-1].pressure

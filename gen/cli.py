@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -59,6 +59,20 @@ def run(
     force: Annotated[
         bool, typer.Option("--force", help="Go on with a file of another physics number.")
     ] = False,
+    sample_limit: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Leave samples pending that take longer; which do depends on the machine.",
+        ),
+    ] = None,
+    writer: Annotated[
+        Literal["auto", "single", "parallel"],
+        typer.Option(
+            help="Who writes: rank 0 (single), every worker its own rows (parallel, where h5py"
+            " has MPI), or the latter where it can be had (auto)."
+        ),
+    ] = "auto",
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say what would be generated, and write nothing.")
     ] = False,
@@ -66,11 +80,13 @@ def run(
     """Generate a database, or go on where an earlier run stopped.
 
     Alone it works serially; started as `mpiexec -n 9 python -m mpi4py -m gen run ...` rank 0 hands
-    out the samples and writes, the others compute. Interrupted, it finishes what is in flight; the
-    same command goes on.
+    out the samples, the others compute, and either of them write. Interrupted, it finishes what is
+    in flight; the same command goes on.
     """
     world = farm.this_world()
     share = _range(rows)
+    if sample_limit is not None and not 0 < sample_limit < float("inf"):
+        raise InputError(f"--sample-limit {sample_limit:g}: give seconds, a number above 0")
     if dry_run:
         if world.is_master:
             from gen import display
@@ -81,7 +97,7 @@ def run(
         return 0
     from gen.run import Request, generate_database
 
-    request = Request(scene, output, share, retry_failed, force)
+    request = Request(scene, output, share, retry_failed, force, sample_limit, writer)
     outcome = generate_database(request, world)
     if world.is_master:
         from gen import display

@@ -38,6 +38,11 @@ def print_outcome(path: Path, outcome: Outcome) -> None:
     console.print(f"{path}: {done} rows done, {failed} failed, {pending} pending")
     if failed:
         console.print(f"warning: {failed} rows failed; why: python -m gen info {path}")
+    if outcome.overdue:
+        console.print(
+            f"warning: {outcome.overdue} rows took longer than --sample-limit and are pending; the"
+            " same command with a larger one, or without, goes on with them"
+        )
     if pending and outcome.signal:
         name = signal.Signals(outcome.signal).name
         console.print(f"stopped by {name}; the same command goes on with the rows that are pending")

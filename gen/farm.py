@@ -10,6 +10,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any, NoReturn, TypeVar
 
@@ -23,6 +24,9 @@ IN_FLIGHT = 2
 
 LAUNCHERS = ("PMI_SIZE", "PMIX_RANK", "OMPI_COMM_WORLD_SIZE", "MPI_LOCALNRANKS")
 """Variables that mpiexec, mpirun and srun set for the processes that they start."""
+
+_own_work: ContextVar[Callable[[Any], Any]] = ContextVar("_own_work")
+"""What this process does with a task, while it is in `run`."""
 
 
 @dataclass(frozen=True)
@@ -108,11 +112,12 @@ def run(
     *,
     stopping: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Do all tasks; every process of the world has to call it, with the same work.
+    """Do all tasks; every process of the world has to call it, with its own copy of the work.
 
     Parameters
     ----------
-    work : what a worker does with a task; picklable, and so are task and result
+    work : what this process does with a task if it is a worker; it stays here and may hold what
+        cannot be sent, an open file say, while tasks and results are picklable
     tasks : drawn from on the master only, as workers become free
     on_result : called on the master with each task and its result, in the order of completion
     world : from `this_world`
@@ -133,12 +138,21 @@ def run(
         return
     from mpi4py.futures import MPICommExecutor
 
-    with MPICommExecutor(world.communicator, root=0) as executor:
-        if executor is not None:
-            try:
-                _supervise(executor, work, tasks, on_result, world, stopping)
-            except KeyboardInterrupt:  # the user does not want to wait for what is in flight
-                world.communicator.Abort(130)
+    own = _own_work.set(work)
+    try:
+        with MPICommExecutor(world.communicator, root=0) as executor:
+            if executor is not None:
+                try:
+                    _supervise(executor, _do, tasks, on_result, world, stopping)
+                except KeyboardInterrupt:  # the user does not want to wait for what is in flight
+                    world.communicator.Abort(130)
+    finally:
+        _own_work.reset(own)
+
+
+def _do(task: Any) -> Any:
+    """Do a task with the work of the process that this is called on; only its name is sent."""
+    return _own_work.get()(task)
 
 
 def _supervise(

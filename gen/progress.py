@@ -16,12 +16,15 @@ class RunProgress:
     Parameters
     ----------
     total : rows that this run is to finish
+    noun : what they are called
+    work : expected cost of all of them in any unit, if they differ; the time left follows from it
     """
 
-    def __init__(self, total: int) -> None:
+    def __init__(self, total: int, noun: str = "samples", work: float | None = None) -> None:
         self._console = Console(stderr=True)
-        self._total = total
+        self._total, self._noun = total, noun
         self._here = self._failed = 0
+        self._work, self._worked = float(total if work is None else work), 0.0
         self._began = self._last_line = time.monotonic()
         self._bar = Progress(
             TextColumn("{task.description}"),
@@ -31,7 +34,7 @@ class RunProgress:
             console=self._console,
             disable=not self._console.is_terminal,
         )
-        self._task = self._bar.add_task("samples", total=total, pace="")
+        self._task = self._bar.add_task(noun, total=total, pace="")
 
     def __enter__(self) -> Self:
         """Start the clock and the bar."""
@@ -45,10 +48,11 @@ class RunProgress:
         if not self._console.is_terminal and self._here:
             self._print_line()
 
-    def advance(self, rows: int, failed: int) -> None:
-        """Count rows that have been written, `failed` of them as failures."""
+    def advance(self, rows: int, failed: int, work: float | None = None) -> None:
+        """Count rows that have been written, `failed` of them as failures, and their cost."""
         self._here += rows
         self._failed += failed
+        self._worked += rows if work is None else work
         self._bar.update(self._task, completed=self._here, pace=self._pace())
         if not self._console.is_terminal and time.monotonic() > self._last_line + LINE_SECONDS:
             self._print_line()
@@ -60,12 +64,13 @@ class RunProgress:
     def _print_line(self) -> None:
         self._last_line = time.monotonic()
         share = 100 * self._here / self._total
-        self.say(f"{self._here} of {self._total} samples ({share:.1f} %), {self._pace()}")
+        self.say(f"{self._here} of {self._total} {self._noun} ({share:.1f} %), {self._pace()}")
 
     def _pace(self) -> str:
-        rate = self._here / max(time.monotonic() - self._began, 1e-9)
-        left = (self._total - self._here) / rate if rate else 0.0
-        return f"{rate:.1f} samples/s, {self._failed} failed, {_duration(left)} left"
+        elapsed = max(time.monotonic() - self._began, 1e-9)
+        left = elapsed * (self._work / self._worked - 1) if self._worked else 0.0
+        rate = f"{self._here / elapsed:.3g} {self._noun}/s"
+        return f"{rate}, {self._failed} failed, {_duration(max(left, 0.0))} left"
 
 
 def _duration(seconds: float) -> str:

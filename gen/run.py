@@ -2,19 +2,27 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-
-import numpy as np
+from typing import Any
 
 from gen import database, farm, plan
+from gen.delivery import (
+    Block,
+    Choice,
+    FromWorkers,
+    Target,
+    ThroughMaster,
+    delivery,
+    in_parallel,
+)
 from gen.errors import InputError
 from gen.interruption import Interruption
 from gen.progress import RunProgress
 from gen.sample import Rows, compute_rows
 from gen.scene import Scene, load
-from gen.schema import Status, row_bytes
+from gen.schema import row_bytes
 
 BLOCK_ROWS = 64
 """Rows of a block at most: contiguous rows are written together, and a stop waits for them."""
@@ -35,11 +43,13 @@ class Outcome:
     counts : rows pending, done and failed in the file
     signal : number of the signal that interrupted the run, 0 if none did
     message : what went wrong with the input or the disk, "" if nothing did
+    overdue : rows that were left pending because they took longer than the limit
     """
 
     counts: database.Counts
     signal: int
     message: str
+    overdue: int = 0
 
 
 @dataclass(frozen=True)
@@ -53,6 +63,9 @@ class Request:
     rows : first row and one past the last of those to compute, None for all; a job array's share
     retry_failed : True to compute failed rows again
     force : True to continue a file of another physics number
+    sample_limit : wall-clock time for a surface, and for each contact on it [s]; a sample that
+        takes longer is left pending; None for no limit
+    writer : who writes: the master, every worker its own rows, or as this h5py allows
     """
 
     scene: str
@@ -60,6 +73,8 @@ class Request:
     rows: tuple[int, int] | None = None
     retry_failed: bool = False
     force: bool = False
+    sample_limit: float | None = None
+    writer: Choice = "auto"
 
 
 def generate_database(request: Request, world: farm.World) -> Outcome:
@@ -68,7 +83,7 @@ def generate_database(request: Request, world: farm.World) -> Outcome:
     Parameters
     ----------
     request : what to generate and where
-    world : the processes; the master reads, checks and writes, the others compute
+    world : the processes; the master reads, checks and hands out, the others compute
 
     Raises
     ------
@@ -79,27 +94,29 @@ def generate_database(request: Request, world: farm.World) -> Outcome:
         # From here on a signal is noted; it takes effect between two blocks, not in a broadcast.
         interruption = stack.enter_context(Interruption(listening=world.is_master))
         job: _Job | None = None
-        scene: Scene | None = None
+        target: Target | None = None
         refusal = ""
         if world.is_master:
             try:
-                job = stack.enter_context(_Job(request))
-                scene = job.scene
+                job = stack.enter_context(_Job(request, world))
+                target = job.target
             except InputError as error:
                 refusal = str(error)
-        scene, refusal = world.broadcast((scene, refusal))
-        if scene is None:
+        target, refusal = world.broadcast((target, refusal))
+        if target is None:
             raise InputError(refusal)
-        outcome = _work_off(job, scene, world, interruption)
+        compute = partial(_compute_block, target.scene, world.rank, request.sample_limit)
+        delivered = delivery(target, world, compute)
+        outcome = _work_off(job, delivered, world, interruption)
     if outcome.message:
         raise InputError(outcome.message)
     return outcome
 
 
 class _Job:
-    """The master's side of a run: the locked, open file and what it lacks."""
+    """The master's side of a run: the locked file, ready to be written, and what it lacks."""
 
-    def __init__(self, request: Request) -> None:
+    def __init__(self, request: Request, world: farm.World) -> None:
         with ExitStack() as stack:
             asked_for = load(request.scene)
             first, last = request.rows or (0, asked_for.samples)
@@ -108,14 +125,14 @@ class _Job:
                     f"--rows {first}:{last}: give first and last + 1 of the rows 0 to"
                     f" {asked_for.samples}, as 0:{asked_for.samples}"
                 )
+            parallel = in_parallel(request.writer, request.path, world)
             stack.enter_context(database.lock(request.path))
             self.opened = database.open_or_create(request.path, asked_for, force=request.force)
-            self.writer = stack.enter_context(
-                database.Writer(request.path, asked_for, force=request.force)
-            )
-            self.scene = self.writer.scene
-            self._rows = (first, last)
-            self.retried = self.writer.retry_failed(first, last) if request.retry_failed else 0
+            with database.Writer(request.path, asked_for, force=request.force) as writer:
+                scene = writer.scene
+                self.retried = writer.retry_failed(first, last) if request.retry_failed else 0
+                self.pending = writer.pending(first, last)
+            self.target = Target(request.path, scene, parallel, request.force)
             self._stack = stack.pop_all()
 
     def __enter__(self) -> "_Job":
@@ -124,66 +141,94 @@ class _Job:
     def __exit__(self, *error: object) -> None:
         self._stack.close()
 
-    def pending(self) -> list[tuple[int, int]]:
-        """Ranges of the rows that this run is to finish."""
-        return self.writer.pending(*self._rows)
 
-    def blocks(self, workers: int) -> Iterator[tuple[int, int]]:
-        """Ranges of rows to compute, for the farm."""
-        nodes = self.scene.surface.nodes
-        block_rows = BLOCK_BYTES // row_bytes(self.scene.store, nodes)
-        return plan.blocks(
-            self.pending(),
-            samples=self.scene.samples,
-            samples_per_surface=self.scene.samples_per_surface,
-            workers=workers,
-            largest=max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes**2, block_rows)),
-        )
+def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Block]:
+    """Cut pending rows into the tasks of a run, as large as this scene's rows allow.
+
+    Parameters
+    ----------
+    scene : what is generated
+    pending : ranges of rows, ascending
+    workers : number of workers that the blocks are for
+    """
+    nodes = scene.surface.nodes
+    block_rows = BLOCK_BYTES // row_bytes(scene.store, nodes)
+    return plan.blocks(
+        pending,
+        samples=scene.samples,
+        samples_per_surface=scene.samples_per_surface,
+        workers=workers,
+        largest=max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes**2, block_rows)),
+    )
 
 
 def _work_off(
-    job: _Job | None, scene: Scene, world: farm.World, interruption: Interruption
+    job: _Job | None,
+    delivered: ThroughMaster | FromWorkers,
+    world: farm.World,
+    interruption: Interruption,
 ) -> Outcome:
     """Run the farm; the outcome of the master is everybody's."""
-    work = partial(_compute_block, scene)
-    if job is None:
-        farm.run(work, iter(()), _ignore, world)
-    ended = None if job is None else _supervise(job, work, world, interruption)
-    outcome: Outcome = world.broadcast(ended)
+    with delivered:
+        if job is None:
+            farm.run(delivered.work, iter(()), _ignore, world)
+        else:
+            ended = _supervise(job, delivered, world, interruption)
+    # All who wrote have closed the file: what stands in it now is how the run ended.
+    outcome: Outcome = world.broadcast(None if job is None else _counted(job.target.path, ended))
     return outcome
 
 
+def _counted(path: Path, ended: Outcome) -> Outcome:
+    """Count the rows; the other processes wait for an answer, whatever it is."""
+    try:
+        with database.Reader(path) as reader:
+            return replace(ended, counts=reader.counts())
+    except (InputError, OSError) as error:
+        return replace(ended, message=ended.message or str(error))
+
+
 def _supervise(
-    job: _Job, work: "partial[Rows]", world: farm.World, interruption: Interruption
+    job: _Job,
+    delivered: ThroughMaster | FromWorkers,
+    world: farm.World,
+    interruption: Interruption,
 ) -> Outcome:
-    """The master's part: hand out blocks, write what comes back, say how it ended."""
-    message = ""
-    todo = sum(stop - start for start, stop in job.pending())
-    total = sum(job.writer.counts())
+    """The master's part: hand out blocks, take what comes back, say how it ended."""
+    message, overdue = "", 0
+    todo = sum(stop - start for start, stop in job.pending)
     with RunProgress(todo) as progress:
-        again = f", {job.retried} failed ones among them" if job.retried else ""
-        workers = "worker" if world.workers == 1 else "workers"
-        progress.say(
-            f"{job.writer.path}: {job.opened.how}, {total} rows, {todo} to do{again};"
-            f" {world.workers} {workers}"
-        )
+        progress.say(_opening_line(job, todo, world))
 
-        def write(block: tuple[int, int], rows: Rows) -> None:
-            job.writer.write_block(*block, rows)
-            failed = int(np.count_nonzero(rows["status"] == Status.FAILED))
-            progress.advance(block[1] - block[0], failed)
+        def take(block: Block, result: Any) -> None:
+            nonlocal overdue
+            tally = delivered.take(block, result)
+            overdue += tally.overdue
+            progress.advance(block[1] - block[0] - tally.overdue, tally.failed)
 
+        blocks = blocks_of(job.target.scene, job.pending, world.workers)
         try:
-            farm.run(work, job.blocks(world.workers), write, world, stopping=interruption.requested)
+            farm.run(delivered.work, blocks, take, world, stopping=interruption.requested)
         except InputError as error:
             message = str(error)
-    return Outcome(job.writer.counts(), interruption.signal, message)
+    return Outcome(database.Counts(0, 0, 0), interruption.signal, message, overdue)
 
 
-def _compute_block(scene: Scene, block: tuple[int, int]) -> Rows:
+def _opening_line(job: _Job, todo: int, world: farm.World) -> str:
+    """What is about to happen."""
+    again = f", {job.retried} failed ones among them" if job.retried else ""
+    workers = "worker" if world.workers == 1 else "workers"
+    writer = "parallel" if job.target.parallel else "single"
+    return (
+        f"{job.target.path}: {job.opened.how}, {job.opened.samples} rows, {todo} to do{again};"
+        f" {world.workers} {workers}, {writer} writer"
+    )
+
+
+def _compute_block(scene: Scene, rank: int, limit: float | None, block: Block) -> Rows:
     """Do a worker's task."""
-    return compute_rows(scene, *block, rank=farm.this_world().rank)
+    return compute_rows(scene, *block, rank=rank, limit=limit)
 
 
-def _ignore(block: tuple[int, int], rows: Rows) -> None:
+def _ignore(block: Block, result: Any) -> None:
     """Drop results: only the master has any."""

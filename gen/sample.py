@@ -3,6 +3,7 @@
 import itertools
 import socket
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 import bem
 from gen.errors import InputError
+from gen.overtime import Overtime, at_most
 from gen.plan import Parameters, parameters, surface_random
 from gen.scene import Scene
 from gen.schema import Reason, Status, columns_for
@@ -20,7 +22,9 @@ Heights = NDArray[np.float64]
 Rows = dict[str, NDArray[Any]]
 
 
-def compute_rows(scene: Scene, start: int, stop: int, rank: int = 0) -> Rows:
+def compute_rows(
+    scene: Scene, start: int, stop: int, rank: int = 0, limit: float | None = None
+) -> Rows:
     """Generate, describe and solve the samples start..stop.
 
     A surface is generated and described once for all its samples. A sample that cannot be solved
@@ -31,6 +35,8 @@ def compute_rows(scene: Scene, start: int, stop: int, rank: int = 0) -> Rows:
     scene : what to generate
     start, stop : first row, and one past the last
     rank : of this process, for the record
+    limit : wall-clock time for a surface, and for each contact on it [s]; a sample that takes
+        longer is left pending; None for no limit
 
     Returns
     -------
@@ -44,8 +50,27 @@ def compute_rows(scene: Scene, start: int, stop: int, rank: int = 0) -> Rows:
     rows["host"][:] = socket.gethostname().encode()[:64]
     edges = np.flatnonzero(np.diff(plan.surface, prepend=-1, append=-1))
     for first, last in itertools.pairwise(edges.tolist()):
-        _compute_surface(scene, plan, rows, first, last)
+        _compute_surface(scene, plan, rows, first, last, limit)
     return rows
+
+
+def finished_parts(start: int, rows: Rows) -> Iterator[tuple[int, int, Rows]]:
+    """Cut what `compute_rows` returned so that no pending row is left in it.
+
+    Parameters
+    ----------
+    start : first row
+    rows : every column by name
+
+    Yields
+    ------
+    (start, stop, rows) : of every run of finished rows, as long as possible
+    """
+    finished = rows["status"] != Status.PENDING
+    edges = np.flatnonzero(np.diff(finished, prepend=False, append=False)).tolist()
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        part = {name: values[first:last] for name, values in rows.items()}
+        yield start + first, start + last, part
 
 
 def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
@@ -86,12 +111,17 @@ def _empty_rows(scene: Scene, count: int) -> Rows:
     }
 
 
-def _compute_surface(scene: Scene, plan: Parameters, rows: Rows, first: int, last: int) -> None:
+def _compute_surface(
+    scene: Scene, plan: Parameters, rows: Rows, first: int, last: int, limit: float | None
+) -> None:
     """Fill in the rows first..last of a block, which share one surface."""
     began = time.perf_counter()
     try:
-        heights = surface_of(scene, plan, first)
-        description = describe(heights, scene.spacing)
+        with at_most(limit):
+            heights = surface_of(scene, plan, first)
+            description = describe(heights, scene.spacing)
+    except Overtime:
+        return
     except (ArithmeticError, InputError):  # heights or spacings beyond what numbers can hold
         rows["reason"][first:last] = Reason.ARITHMETIC
         rows["status"][first:last] = Status.FAILED
@@ -103,7 +133,11 @@ def _compute_surface(scene: Scene, plan: Parameters, rows: Rows, first: int, las
     rows["surface_seconds"][first:last] = (time.perf_counter() - began) / (last - first)
     for row in range(first, last):
         began = time.perf_counter()
-        reason = _solve(scene, heights, float(plan.delta[row]), rows, row)
+        try:
+            with at_most(limit):
+                reason = _solve(scene, heights, float(plan.delta[row]), rows, row)
+        except Overtime:
+            continue
         rows["solve_seconds"][row] = time.perf_counter() - began
         if reason is Reason.NONE and description.reason:
             reason = Reason.NO_STATISTICS

@@ -27,12 +27,13 @@ def command(ranks: int, *arguments: object, module: str = "gen") -> list[str]:
 
 
 def environment() -> dict[str, str]:
-    """The user's, less what an outer MPI or a terminal would add; Open MPI allowed as root."""
+    """The user's, less what an outer MPI or a terminal would add; Open MPI allowed as root, mute."""
     kept = {key: value for key, value in os.environ.items() if not key.startswith(("PMI", "OMPI"))}
     return kept | {
         "COLUMNS": "200",
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_orte_execute_quiet": "1",
         "OMPI_MCA_rmaps_base_oversubscribe": "1",
         "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
     }

@@ -5,11 +5,17 @@ so that writing rows changes no metadata: whatever the moment at which a writer 
 file opens again, and a row whose status says done is whole. (The order of writes that guarantees
 it holds for killed processes, not for a machine that loses power.) HDF5's own file locks are not
 used: they fail on network file systems and would shut out readers; `lock` keeps writers apart.
+
+Two writers keep one contract. `Writer` is one process, `ParallelWriter` all processes of an MPI
+run together, where h5py is built with MPI. They write the same file, and either goes on with what
+the other has left.
 """
 
 from gen.database.creation import Opened, create, extend, open_or_create
+from gen.database.disk import coherent
 from gen.database.merging import merge
 from gen.database.opening import Counts
+from gen.database.parallel import ParallelWriter, parallel_hdf5
 from gen.database.reader import Reader
 from gen.database.writer import Writer
 from gen.lock import lock
@@ -17,11 +23,14 @@ from gen.lock import lock
 __all__ = [
     "Counts",
     "Opened",
+    "ParallelWriter",
     "Reader",
     "Writer",
+    "coherent",
     "create",
     "extend",
     "lock",
     "merge",
     "open_or_create",
+    "parallel_hdf5",
 ]

@@ -23,6 +23,12 @@ CHUNK_BYTES = 8 * 2**20
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """System errors that mean: no room left, be it the disk's, the quota's or the file's."""
 
+MOUNTS = Path("/proc/self/mountinfo")
+"""Linux's list of what is mounted where."""
+
+INCOHERENT = frozenset({"nfs", "nfs4", "cifs", "smb3"})
+"""File systems whose machines write back whole pages, with old bytes of others' rows in them."""
+
 
 @contextmanager
 def new_file(path: Path, scene: Scene, *, replace: bool = False) -> Iterator[Path]:
@@ -91,6 +97,24 @@ def write_rows(dataset: h5py.Dataset, start: int, values: NDArray[Any]) -> None:
     rows = dataset.id.get_space()
     rows.select_hyperslab((start,) + (0,) * (values.ndim - 1), values.shape)
     dataset.id.write(h5py.h5s.create_simple(values.shape), rows, values)
+
+
+def coherent(path: Path) -> bool:
+    """Whether machines can write neighbouring rows at once, as on disks and parallel file systems.
+
+    NFS and SMB do not see to that. What is mounted where is known on Linux only; elsewhere and in
+    doubt the answer is yes.
+    """
+    try:
+        mounts = MOUNTS.read_text(errors="surrogateescape").splitlines()
+    except OSError:
+        return True
+    kind, longest = "", 0
+    for fields in (line.split(" ") for line in mounts):
+        point = re.sub(r"\\([0-7]{3})", lambda code: chr(int(code[1], 8)), fields[4])
+        if path.resolve().is_relative_to(point) and len(point) >= longest:
+            kind, longest = fields[fields.index("-") + 1], len(point)
+    return kind not in INCOHERENT
 
 
 def disk_trouble(error: Exception) -> str | None:

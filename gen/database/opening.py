@@ -3,7 +3,7 @@
 import errno
 import os
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import h5py
 import numpy as np
@@ -62,8 +62,8 @@ def counts(status: h5py.Dataset) -> Counts:
     return Counts(len(status) - done - failed, done, failed)
 
 
-def open_file(path: Path, *, writing: bool = False) -> h5py.File:
-    """Open an HDF5 file of any content.
+def open_file(path: Path, *, writing: bool = False, communicator: Any = None) -> h5py.File:
+    """Open an HDF5 file of any content; with an MPI communicator, by all its processes together.
 
     Without HDF5's buffer for small writes: data reach the kernel in the order of the calls, and a
     failed write leaves nothing behind on which closing would fail as well.
@@ -76,6 +76,10 @@ def open_file(path: Path, *, writing: bool = False) -> h5py.File:
     access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
     access.set_file_locking(False, True)  # none, and no complaint where they are disabled
     access.set_sieve_buf_size(0)
+    if communicator is not None:
+        hints = communicator.Get_info()
+        access.set_fapl_mpio(communicator, hints)
+        hints.Free()
     mode = h5py.h5f.ACC_RDWR if writing else h5py.h5f.ACC_RDONLY
     try:
         return h5py.File(h5py.h5f.open(os.fsencode(path), mode, access))

@@ -1,10 +1,11 @@
-"""The writer: finished rows go in, unfinished ones are found again."""
+"""The single writer: finished rows go in, unfinished ones are found again."""
 
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -21,7 +22,7 @@ KINDS = {"f": "fiu", "i": "iu", "u": "iu", "S": "S"}
 class Writer(OpenDatabase):
     """A database open for writing rows; a context manager; the caller holds `lock(path)`.
 
-    No call changes metadata, so that a writer with MPI-IO can write rows independently.
+    No call changes metadata, so that `ParallelWriter` can write rows from many processes at once.
 
     Parameters
     ----------
@@ -42,11 +43,15 @@ class Writer(OpenDatabase):
 
     def __init__(self, path: Path, scene: Scene, *, force: bool = False) -> None:
         with ExitStack() as stack:
-            file = stack.enter_context(open_file(path, writing=True))
+            file = stack.enter_context(self._open(path))
             super().__init__(path, checked_for(file, path, scene, force=force), file)
             stack.pop_all()
         self._datasets = {column.name: file[column.path] for column in self.columns()}
         self._status = self._datasets[STATUS.name]
+
+    def _open(self, path: Path) -> h5py.File:
+        """Open the file for this process alone."""
+        return open_file(path, writing=True)
 
     def write_block(self, start: int, stop: int, columns: Mapping[str, ArrayLike]) -> None:
         """Write finished rows: everything else first, then their status.
