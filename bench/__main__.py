@@ -91,6 +91,75 @@ def faults(
 
 
 @app.command()
+def writers(
+    ranks: Annotated[
+        str, typer.Option(metavar="N,...", help="Numbers of processes, in turn.")
+    ] = "2,4,8",
+    rows: Annotated[int, typer.Option(min=1, help="Rows of 129 x 129 nodes to write.")] = 2000,
+    rounds: Annotated[int, typer.Option(min=1, help="Turns of each writer; medians count.")] = 5,
+    folder: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where to write: another file system, say.")
+    ] = None,
+) -> None:
+    """Measure how fast rows with pressure fields are written, by rank 0 and by every worker.
+
+    Starts mpiexec; the parallel writer is left out where h5py has no MPI. Prints a table.
+    """
+    from bench.writers import Spec, markdown_table, measure
+
+    numbers = _numbers("ranks", ranks, int)
+    if min(numbers) < 2:
+        raise InputError(f"ranks {ranks!r}: give 2 or more each, rank 0 is the master")
+    if folder is not None and not folder.is_dir():
+        raise InputError(f"{folder} is not a folder; give one that exists")
+    spec = Spec(rows=rows, rounds=rounds)
+    typer.echo(f"{rows} rows with pressure fields, {spec.megabytes:,.0f} MB; {rounds} rounds")
+    typer.echo(markdown_table(spec, measure(spec, numbers, folder)))
+
+
+@app.command()
+def scale(
+    output: Folder,
+    costs: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="JSON", help="DIR/costs.json of an earlier report, not measured anew."
+        ),
+    ] = None,
+    validate: Annotated[
+        bool, typer.Option("--validate", help="Compare with real runs on this machine first.")
+    ] = False,
+) -> None:
+    """Simulate the farm on 10 to 10,000 ranks, from costs that are measured here.
+
+    Costs of rows, messages, bookkeeping and writing: DIR/costs.json. Efficiency, idle tail and the
+    master's memory for 1e4 to 1e7 rows, both writers and several sizes of blocks: DIR/scale.csv and
+    DIR/scale.png. Some minutes.
+    """
+    from bench.scale.report import write_report
+
+    paths, summary = write_report(output, costs, _remark, validate=validate)
+    typer.echo(summary)
+    for path in paths:
+        typer.echo(path)
+
+
+@app.command()
+def speedup(
+    rows: Annotated[int, typer.Option(min=1, help="Rows of `paper` to generate.")] = 1000,
+    rounds: Annotated[int, typer.Option(min=1, help="Repetitions; medians count.")] = 5,
+) -> None:
+    """Generate the same rows alone, with one MPI worker and with two, in turn, and compare.
+
+    Start-up is not in the times. Each line says how busy the whole machine was: with other users on
+    it, two workers do not get two processors.
+    """
+    from bench.scale.speedup import measure, summary
+
+    typer.echo(summary(measure(rows, rounds, _remark)))
+
+
+@app.command()
 def stability(
     output: Annotated[
         Path | None,

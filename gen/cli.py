@@ -13,11 +13,33 @@ app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
 Database = Annotated[Path, typer.Argument(metavar="FILE", help="A database (HDF5).")]
 SurfaceFile = Annotated[
-    Path, typer.Argument(metavar="SURFACE", help="Heights in um: a .npy file, or text.")
+    Path,
+    typer.Argument(
+        metavar="SURFACE",
+        help="Heights: .npy, text, or an instrument's file (x3p, sur, al3d, opd, plu, gwy ...).",
+    ),
 ]
 Side = Annotated[
-    str, typer.Option(help="Scan length in um; two for an oblong patch: 1000,500 (along x, y).")
+    str,
+    typer.Option(
+        metavar="UM",
+        help="Scan length in um where the file has none; two for an oblong patch: 1000,500.",
+    ),
 ]
+Unit = Annotated[
+    str, typer.Option(metavar="UNIT", help="Of the file where it says none: m, mm, um, nm or A.")
+]
+Fill = Annotated[bool, typer.Option("--fill", help="Close holes harmonically.")]
+Level = Annotated[
+    str, typer.Option(metavar="HOW", help="Take away the mean, the plane or the quadratic fit.")
+]
+Crop = Annotated[
+    str, typer.Option(metavar="X0:X1,Y0:Y1", help="Keep this part only, in um from the first node.")
+]
+Invert = Annotated[
+    bool, typer.Option("--invert", help="Turn upside down: heights point into the material.")
+]
+Table = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write a table too.")]
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -131,57 +153,101 @@ def info(file: Database) -> None:
 @app.command()
 def contact(
     surface: SurfaceFile,
-    side: Side,
+    side: Side = "",
     delta: Annotated[
-        float | None, typer.Option(help="Far-field displacement from first touch in um.")
-    ] = None,
-    force: Annotated[float | None, typer.Option(help="Or the normal force in uN.")] = None,
+        str, typer.Option(metavar="UM", help="Far-field displacement from first touch in um.")
+    ] = "",
+    force: Annotated[str, typer.Option(metavar="UN", help="Or the normal force in uN.")] = "",
     pressure: Annotated[
-        float | None, typer.Option(help="Or the mean pressure over the whole patch in MPa.")
+        str, typer.Option(metavar="MPA", help="Or the mean pressure over the whole patch in MPa.")
+    ] = "",
+    young: Annotated[
+        list[float] | None,
+        typer.Option(metavar="MPA", help="Young's modulus, twice for two elastic bodies [1]."),
     ] = None,
-    young: Annotated[float, typer.Option(help="Young's modulus in MPa.")] = 1.0,
-    poisson: Annotated[float, typer.Option(help="Poisson's ratio.")] = 0.0,
+    poisson: Annotated[
+        list[float] | None, typer.Option(metavar="NU", help="Poisson's ratio, as often [0].")
+    ] = None,
+    e_star: Annotated[
+        float | None, typer.Option(metavar="MPA", help="Or E* of both bodies together.")
+    ] = None,
+    unit: Unit = "",
+    fill: Fill = False,
+    level: Level = "",
+    crop: Crop = "",
+    invert: Invert = False,
     kernel: Annotated[
         str, typer.Option(help="uniform-pressure or concentrated-force.")
     ] = "uniform-pressure",
     far_field: Annotated[str, typer.Option(help="rigid or compliant.")] = "rigid",
     rtol: Annotated[float, typer.Option(help="Residual to reach, over Delta.")] = 3e-7,
     max_iterations: Annotated[int, typer.Option(help="Bound on the solver's iterations.")] = 1000,
+    table: Table = None,
+    picture: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE", help="Draw heights, spots, a section.")
+    ] = None,
 ) -> None:
-    """Solve one contact problem: area, force, pressure, gap, residual.
+    """Solve contact problems of one surface: area, force, pressure, gap, residual.
 
-    Give one of --delta, --force and --pressure.
+    Give one of --delta, --force and --pressure: a number, or start:stop:count for a law.
     """
     if not farm.this_world().is_master:
         return
-    from gen import display
-    from gen.single import solve_file
+    from gen import display, single
+    from gen.material import combined_modulus
+    from gen.preparation import prepare, warnings_about
+    from gen.table import write_csv
+    from gen.topography import read
 
+    load, values = single.chosen_load({"delta": delta, "force": force, "pressure": pressure})
+    if picture is not None:
+        from gen.picture import draw_contacts, new_figure
+
+        figure = new_figure(picture)
     settings: dict[str, Any] = {
-        "delta": delta,
-        "force": force,
-        "pressure": pressure,
-        "modulus": young,
-        "poisson": poisson,
+        "modulus": combined_modulus(young or [], poisson or [], e_star),
         "kernel": kernel,
         "far_field": far_field,
         "rtol": rtol,
         "max_iterations": max_iterations,
     }
-    solved, seconds = solve_file(surface, side, **settings)
-    display.print_contact(solved, seconds)
+    topography = prepare(
+        read(surface, side, unit), crop=crop, invert=invert, level=level, fill=fill
+    )
+    solutions = single.solve_loads(topography, load, values, **settings)
+    contacts = display.followed(topography, warnings_about(topography), solutions, len(values))
+    if table is not None:
+        write_csv(table, [single.contact_row(topography, contact) for contact in contacts])
+    if picture is not None:
+        draw_contacts(figure, contacts, load, picture)
 
 
 @app.command()
-def describe(surface: SurfaceFile, side: Side) -> None:
+def describe(
+    surface: SurfaceFile,
+    side: Side = "",
+    unit: Unit = "",
+    fill: Fill = False,
+    level: Level = "",
+    crop: Crop = "",
+    invert: Invert = False,
+    table: Table = None,
+) -> None:
     """Print the 22 roughness statistics of a surface, with their units."""
     if not farm.this_world().is_master:
         return
-    from gen import display
-    from gen.single import describe_file
+    from gen import display, single
+    from gen.preparation import prepare, tilt, warnings_about
+    from gen.table import write_csv
+    from gen.topography import read
 
-    heights, spacing, description = describe_file(surface, side)
-    display.print_statistics(heights, spacing, description)
+    measured = read(surface, side, unit)
+    topography = prepare(measured, crop=crop, invert=invert, level=level, fill=fill)
+    display.print_preparation(topography, warnings_about(topography))
+    description = single.describe(topography)
+    display.print_statistics(topography.heights, topography.spacing, tilt(measured), description)
+    if table is not None:
+        write_csv(table, [single.statistics_row(topography, description)])
 
 
 @app.command()

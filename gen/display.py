@@ -11,9 +11,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from gen.progress import RunProgress
 from gen.schema import REASONS, RUNTIME, Column, Status, statistics_columns
 
 if TYPE_CHECKING:  # a table of statistics needs no solver, one of a contact no HDF5
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -23,6 +25,7 @@ if TYPE_CHECKING:  # a table of statistics needs no solver, one of a contact no 
     from gen.forecast import Estimate, Plan
     from gen.run import Outcome
     from gen.statistics import Description
+    from gen.topography import Topography
 
 
 def print_outcome(path: Path, outcome: Outcome) -> None:
@@ -158,8 +161,68 @@ def print_contact(contact: Contact, seconds: float) -> None:
     _console().print(table)
 
 
+def print_preparation(topography: Topography, warnings: list[str]) -> None:
+    """Print where a surface comes from, what was done to it, and what to beware of."""
+    console = _console()
+    for step in topography.steps:
+        console.print(f"{topography.name}: {step}")
+    for warning in warnings:
+        Console(stderr=True, markup=False, highlight=False, soft_wrap=True).print(
+            f"warning: {warning}"
+        )
+
+
+def followed(
+    topography: Topography,
+    warnings: list[str],
+    solutions: Iterable[tuple[Contact, float]],
+    count: int,
+) -> list[Contact]:
+    """Collect the contacts of a surface, with progress; print how it was prepared, and them.
+
+    One contact alone is printed in full, several as one table. Nothing is printed before the
+    first, since its load may be refused.
+    """
+    if count == 1:
+        [(contact, seconds)] = solutions
+        print_preparation(topography, warnings)
+        print_contact(contact, seconds)
+        return [contact]
+    contacts = []
+    with RunProgress(count, noun="loads") as progress:
+        for contact, _ in solutions:
+            contacts.append(contact)
+            progress.advance(1, 0)
+    print_preparation(topography, warnings)
+    print_law(contacts)
+    return contacts
+
+
+def print_law(contacts: Sequence[Contact]) -> None:
+    """Print contacts of one surface under many loads, a line each."""
+    table = Table(box=None, pad_edge=False)
+    titles = "Delta um", "force uN", "pressure MPa", "area %", "largest MPa", "mean gap um"
+    for title in titles:
+        table.add_column(title, justify="right")
+    for contact in contacts:
+        cells = contact.pressure.size * contact.problem.spacing[0] * contact.problem.spacing[1]
+        numbers = (
+            contact.delta,
+            contact.force,
+            contact.force / cells,
+            contact.area_percent,
+            contact.largest_pressure,
+            contact.mean_gap,
+        )
+        table.add_row(*(f"{number:.6g}" for number in numbers))
+    _console().print(table)
+
+
 def print_statistics(
-    heights: NDArray[np.float64], spacing: tuple[float, float], description: Description
+    heights: NDArray[np.float64],
+    spacing: tuple[float, float],
+    tilt: tuple[float, float],
+    description: Description,
 ) -> None:
     """Print the 22 statistics of a surface.
 
@@ -167,12 +230,14 @@ def print_statistics(
     ----------
     heights : (nx, ny) [um]
     spacing : along x and y [um]
+    tilt : slope of the plane fitted to what was measured, along x and y [1]
     description : what `gen.statistics.describe` found
     """
     console = _console()
     console.print(
         f"{heights.shape[0]} x {heights.shape[1]} nodes, spacing {spacing[0]:.6g} x"
-        f" {spacing[1]:.6g} um, heights {heights.min():.6g} to {heights.max():.6g} um"
+        f" {spacing[1]:.6g} um, heights {heights.min():.6g} to {heights.max():.6g} um,"
+        f" tilt as measured {tilt[0]:.4g} along x, {tilt[1]:.4g} along y"
     )
     table = Table(box=None, pad_edge=False)
     for title in ("statistic", "value", "unit", "meaning"):

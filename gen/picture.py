@@ -1,7 +1,10 @@
 """Draw what a database holds; the home of matplotlib in this package."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +15,9 @@ from gen.plan import parameters
 from gen.sample import solve_contact, surface_of
 from gen.scene import Scene
 from gen.schema import Status
+
+if TYPE_CHECKING:
+    from bem import Contact
 
 
 def draw_database(file: Path, picture: Path) -> None:
@@ -30,10 +36,7 @@ def draw_database(file: Path, picture: Path) -> None:
         If the database cannot be read or has no done row, matplotlib is not installed, or the
         picture cannot be written.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise InputError("drawing needs matplotlib: install the extra 'plot'") from None
+    figure = new_figure(picture)
     with Reader(file) as reader:
         done = np.flatnonzero(reader.column("status") == Status.DONE)
         if not done.size:
@@ -44,17 +47,111 @@ def draw_database(file: Path, picture: Path) -> None:
         }
         scene = reader.scene
     typical = int(np.argsort(columns["area_percent"])[done.size // 2])
-    figure = Figure(figsize=(11, 8.2), layout="constrained")
     axes = figure.subplots(2, 2)
     _draw_sample(figure, axes[0], scene, int(done[typical]))
     _draw_areas(figure, axes[1][0], columns)
     _draw_times(axes[1][1], columns)
-    if picture.is_dir() or not picture.suffix:
+    _save(figure, picture)
+
+
+def new_figure(picture: Path) -> Any:
+    """An empty figure for a picture; refused before anything is computed for it.
+
+    Raises
+    ------
+    InputError
+        If matplotlib is not installed, or the name is not that of a picture
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise InputError("drawing needs matplotlib: install the extra 'plot'") from None
+    if picture.is_dir() or picture.suffix.lower() not in {".png", ".svg", ".pdf"}:
         raise InputError(f"{picture}: give the name of a picture, ending in .png, .svg or .pdf")
+    if not picture.absolute().parent.is_dir():
+        raise InputError(f"{picture} cannot be written: there is no folder {picture.parent}")
+    return Figure(figsize=(11, 8.2), layout="constrained")
+
+
+def draw_contacts(figure: Any, contacts: Sequence[Contact], load: str, picture: Path) -> None:
+    """Draw a surface, its contact spots and a section under the last load; of several, the law.
+
+    Parameters
+    ----------
+    figure : from `new_figure`
+    contacts : of one surface, one or more
+    load : "delta", "force" or "pressure", what was given
+    picture : the image to write
+    """
+    rows = [["heights", "spots"], ["section", "section"]]
+    if len(contacts) > 1:
+        rows.append(["area", "other"])
+    axes = figure.subplot_mosaic(rows)
+    last = contacts[-1]
+    _draw_fields(figure, (axes["heights"], axes["spots"]), last)
+    _draw_section(axes["section"], last)
+    if len(contacts) > 1:
+        _draw_law(axes["area"], axes["other"], contacts, load)
+    _save(figure, picture)
+
+
+def _save(figure: Any, picture: Path) -> None:
     try:
         figure.savefig(picture, dpi=110)
     except (OSError, ValueError) as error:
         raise InputError(f"{picture} cannot be written: {error}") from None
+
+
+def _draw_fields(figure: Any, axes: Sequence[Any], contact: Contact) -> None:
+    """Heights and contact pressure, side by side."""
+    problem = contact.problem
+    nx, ny = contact.pressure.shape
+    extent = (0.0, problem.spacing[0] * (nx - 1), 0.0, problem.spacing[1] * (ny - 1))
+    pressure = np.ma.masked_equal(contact.pressure, 0)
+    area = f"contact at Δ = {contact.delta:.4g} µm: {contact.area_percent:.3g} % of the nodes"
+    for axis, field, title, unit, colours in (
+        (axes[0], problem.heights, "heights", "height [µm]", "viridis"),
+        (axes[1], pressure, area, "pressure [MPa]", "inferno_r"),
+    ):
+        image = axis.imshow(field.T, origin="lower", extent=extent, cmap=colours)
+        figure.colorbar(image, ax=axis, label=unit)
+        axis.set(title=title, xlabel="x [µm]", ylabel="y [µm]")
+
+
+def _draw_section(axis: Any, contact: Contact) -> None:
+    """Both bodies along x, through the node under the largest pressure."""
+    problem = contact.problem
+    column = int(np.unravel_index(int(contact.pressure.argmax()), contact.pressure.shape)[1])
+    x = problem.spacing[0] * np.arange(contact.pressure.shape[0])
+    # The half-space's surface rests at 0, the rough body comes down from above.
+    deformed = -contact.displacement[:, column]
+    rough = deformed + contact.gap[:, column]
+    axis.fill_between(x, rough, rough.max(), color="0.8", label="rough body")
+    axis.fill_between(x, deformed.min(), deformed, color="tab:blue", alpha=0.4, label="half-space")
+    touching = np.ma.masked_where(contact.pressure[:, column] == 0, deformed)
+    axis.plot(x, touching, ".", ms=3, color="tab:red", label="in contact")
+    axis.axhline(0, color="k", lw=0.6, ls=":")
+    title = f"section at y = {problem.spacing[1] * column:.4g} µm, heights stretched"
+    axis.set(title=title, xlabel="x [µm]", ylabel="z [µm]", xlim=(x[0], x[-1]))
+    axis.legend(loc="upper right", fontsize="small")
+
+
+def _draw_law(area: Any, other: Any, contacts: Sequence[Contact], load: str) -> None:
+    """Area, and force or displacement, against the load that was given."""
+    cells = contacts[0].pressure.size * np.prod(contacts[0].problem.spacing)
+    quantities = {
+        "delta": ([contact.delta for contact in contacts], "displacement Δ [µm]"),
+        "force": ([contact.force for contact in contacts], "normal force [µN]"),
+        "pressure": ([contact.force / cells for contact in contacts], "mean pressure [MPa]"),
+    }
+    given, answer = quantities[load], quantities["force" if load == "delta" else "delta"]
+    area.plot(given[0], [contact.area_percent for contact in contacts], ".-")
+    area.set(xlabel=given[1], ylabel="contact area [%]")
+    other.plot(given[0], answer[0], ".-", color="tab:orange")
+    other.set(xlabel=given[1], ylabel=answer[1])
+    for axis in (area, other):
+        axis.set_ylim(bottom=0)
+        axis.grid(alpha=0.3)
 
 
 def _draw_sample(figure: Any, axes: NDArray[Any], scene: Scene, row: int) -> None:

@@ -87,6 +87,7 @@ def blocks(
     samples_per_surface: int,
     workers: int,
     largest: int,
+    smallest: int = 1,
 ) -> Iterator[tuple[int, int]]:
     """Cut pending rows into tasks, large at first and shrinking to the end.
 
@@ -101,6 +102,8 @@ def blocks(
     samples_per_surface : rows of one surface
     workers : number of workers that the blocks are for
     largest : number of rows that a block may have
+    smallest : number of rows that a block should have, where so many are left: the master of many
+        workers cannot write for each of them row by row
 
     Yields
     ------
@@ -111,14 +114,16 @@ def blocks(
     ValueError
         If the ranges are not ascending within 0..samples, or a number is below 1.
     """
-    if min(samples_per_surface, workers, largest) < 1:
-        raise ValueError(f"{samples_per_surface=}, {workers=}, {largest=}: wanted 1 or more")
+    if min(samples_per_surface, workers, largest, smallest) < 1:
+        raise ValueError(
+            f"{samples_per_surface=}, {workers=}, {largest=}, {smallest=}: wanted 1 or more"
+        )
     ranges = _ascending(list(pending), samples)
     remaining = sum(stop - start for start, stop in ranges)
     for start, stop in ranges:
         position = start
         while position < stop:
-            rows = max(1, min(remaining // (3 * workers), largest))
+            rows = min(max(smallest, remaining // (3 * workers)), largest)
             border = _border(position, rows, samples_per_surface, largest)
             border = min(border, stop)
             yield position, border

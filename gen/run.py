@@ -1,13 +1,15 @@
 """The main job: generate what a database lacks, on one process or on many."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from gen import database, farm, plan
+from gen import farm, plan
 from gen.delivery import (
     Block,
     Choice,
@@ -19,10 +21,12 @@ from gen.delivery import (
 )
 from gen.errors import InputError
 from gen.interruption import Interruption
-from gen.progress import RunProgress
 from gen.sample import Rows, compute_rows
 from gen.scene import Scene, load
 from gen.schema import row_bytes
+
+if TYPE_CHECKING:  # a worker that writes nothing needs neither HDF5 nor a progress bar
+    from gen.database import Counts
 
 BLOCK_ROWS = 64
 """Rows of a block at most: contiguous rows are written together, and a stop waits for them."""
@@ -46,7 +50,7 @@ class Outcome:
     overdue : rows that were left pending because they took longer than the limit
     """
 
-    counts: database.Counts
+    counts: Counts
     signal: int
     message: str
     overdue: int = 0
@@ -117,6 +121,8 @@ class _Job:
     """The master's side of a run: the locked file, ready to be written, and what it lacks."""
 
     def __init__(self, request: Request, world: farm.World) -> None:
+        from gen import database
+
         with ExitStack() as stack:
             asked_for = load(request.scene)
             first, last = request.rows or (0, asked_for.samples)
@@ -135,7 +141,7 @@ class _Job:
             self.target = Target(request.path, scene, parallel, request.force)
             self._stack = stack.pop_all()
 
-    def __enter__(self) -> "_Job":
+    def __enter__(self) -> _Job:
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -181,6 +187,8 @@ def _work_off(
 
 def _counted(path: Path, ended: Outcome) -> Outcome:
     """Count the rows; the other processes wait for an answer, whatever it is."""
+    from gen import database
+
     try:
         with database.Reader(path) as reader:
             return replace(ended, counts=reader.counts())
@@ -195,6 +203,9 @@ def _supervise(
     interruption: Interruption,
 ) -> Outcome:
     """The master's part: hand out blocks, take what comes back, say how it ended."""
+    from gen.database import Counts
+    from gen.progress import RunProgress
+
     message, overdue = "", 0
     todo = sum(stop - start for start, stop in job.pending)
     with RunProgress(todo) as progress:
@@ -211,7 +222,7 @@ def _supervise(
             farm.run(delivered.work, blocks, take, world, stopping=interruption.requested)
         except InputError as error:
             message = str(error)
-    return Outcome(database.Counts(0, 0, 0), interruption.signal, message, overdue)
+    return Outcome(Counts(0, 0, 0), interruption.signal, message, overdue)
 
 
 def _opening_line(job: _Job, todo: int, world: farm.World) -> str:

@@ -1,86 +1,139 @@
-"""One surface from a file: its contact, its statistics."""
+"""One surface from a file: its contact under one load or many, its statistics."""
 
 from __future__ import annotations
 
 import time
-from pathlib import Path
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.errors import InputError
-from gen.surface import load
+from gen.table import Row
+from gen.topography import Topography
 
 if TYPE_CHECKING:
     from bem import Contact
     from gen.statistics import Description
 
-Heights = NDArray[np.float64]
+LOADS = ("delta", "force", "pressure")
 
 
-def solve_file(path: Path, side: str, **settings: Any) -> tuple[Contact, float]:
-    """Solve the contact problem of a surface from a file.
+def chosen_load(given: dict[str, str]) -> tuple[str, list[float]]:
+    """The one load that was given, and its values.
 
     Parameters
     ----------
-    path : heights [um], see `gen.surface.load`
-    side : scan length, or two separated by a comma [um]
-    settings : what else `bem.solve` takes, one load among it
-
-    Returns
-    -------
-    (contact, seconds) : the solution and the time it took
+    given : text of each option, "" where it was not: a number, or start:stop:count
 
     Raises
     ------
     InputError
-        If the file cannot be read, a number is not allowed, or there is no solution.
+        For none of them, several, or text that is no number
+    """
+    chosen = [name for name in LOADS if given[name]]
+    if len(chosen) != 1:
+        said = " and ".join(f"--{name}" for name in chosen) or "no load"
+        raise InputError(f"{said} given: give one of --delta, --force and --pressure")
+    name = chosen[0]
+    return name, _values(name, given[name])
+
+
+def solve_loads(
+    topography: Topography, load: str, values: Sequence[float], **settings: Any
+) -> Iterator[tuple[Contact, float]]:
+    """Solve the contact problem of a surface under one load after another.
+
+    Parameters
+    ----------
+    topography : without holes
+    load : "delta" [um], "force" [uN] or "pressure" [MPa]
+    values : of the load
+    settings : what else `bem.solve` takes
+
+    Yields
+    ------
+    (contact, seconds) : each solution and the time it took
+
+    Raises
+    ------
+    InputError
+        If a number is not allowed, or there is no solution
     """
     import bem
 
-    heights = load(path)
-    sides = _sides(side)
     began = time.perf_counter()
     try:
-        contact = bem.solve(heights, sides, **settings)
+        for contact in _contacts(topography, load, values, settings):
+            yield contact, time.perf_counter() - began
+            began = time.perf_counter()
     except (bem.NotConverged, ValueError) as error:
-        raise InputError(f"{path}: {error}") from None
-    return contact, time.perf_counter() - began
+        raise InputError(f"{topography.name}: {error}") from None
 
 
-def describe_file(path: Path, side: str) -> tuple[Heights, tuple[float, float], Description]:
-    """Describe a surface from a file.
+def describe(topography: Topography) -> Description:
+    """The 22 statistics of a surface without holes."""
+    from gen import statistics
 
-    Parameters
-    ----------
-    path, side : see `solve_file`
-
-    Returns
-    -------
-    (heights, spacing, description) : (nx, ny) [um], along x and y [um], and the 22 statistics
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or a side is not allowed.
-    """
-    from gen.statistics import describe
-
-    heights = load(path)
-    sides = _sides(side)
-    spacing = (sides[0] / (heights.shape[0] - 1), sides[1] / (heights.shape[1] - 1))
-    return heights, spacing, describe(heights, spacing)
+    return statistics.describe(topography.heights, topography.spacing)
 
 
-def _sides(text: str) -> tuple[float, float]:
-    """Scan lengths along x and y from "1000" or "1000,500"."""
+def statistics_row(topography: Topography, description: Description) -> Row:
+    """What `--csv` writes and `learn predict` takes: the statistics, grid and steps."""
+    nx, ny = topography.heights.shape
+    return {
+        **description.values,
+        "nodes_x": nx,
+        "nodes_y": ny,
+        "side_x_um": topography.sides[0],
+        "side_y_um": topography.sides[1],
+        "prepared": "; ".join(topography.steps),
+    }
+
+
+def contact_row(topography: Topography, contact: Contact) -> Row:
+    """One line of a law: the load, and all that the contact says in numbers."""
+    problem = contact.problem
+    cells = contact.pressure.size * problem.spacing[0] * problem.spacing[1]
+    return {
+        "delta_um": contact.delta,
+        "approach_um": contact.approach,
+        "force_uN": contact.force,
+        "pressure_MPa": contact.force / cells,
+        "area_percent": contact.area_percent,
+        "contact_nodes": contact.contact_nodes,
+        "largest_pressure_MPa": contact.largest_pressure,
+        "mean_gap_um": contact.mean_gap,
+        "perimeter_um": contact.perimeter,
+        "modulus_MPa": problem.modulus,
+        "residual": contact.residual,
+        "prepared": "; ".join(topography.steps),
+    }
+
+
+def _contacts(
+    topography: Topography, load: str, values: Iterable[float], settings: dict[str, Any]
+) -> Iterator[Contact]:
+    import bem
+
+    heights, sides = topography.heights, topography.sides
+    if load == "delta":
+        yield from bem.ladder(heights, sides, values, **settings)
+    else:
+        for value in values:
+            given: dict[str, Any] = {load: value}
+            yield bem.solve(heights, sides, **given, **settings)
+
+
+def _values(name: str, text: str) -> list[float]:
+    """Numbers from "5" or "1:100:20", start, stop and count."""
+    parts = text.split(":")
     try:
-        lengths = [float(part) for part in text.split(",")]
-    except ValueError:
-        lengths = []
-    if len(lengths) not in {1, 2} or not all(0 < length < np.inf for length in lengths):
-        raise InputError(
-            f"--side {text!r}: give the scan length in um, a number above 0, or two as 1000,500"
-        )
-    return lengths[0], lengths[-1]
+        if len(parts) == 1:
+            return [float(text)]
+        start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
+    except (ValueError, IndexError):
+        start, stop, count = 0.0, 0.0, 0
+    if len(parts) != 3 or count < 2 or not np.isfinite([start, stop]).all():
+        raise InputError(f"--{name} {text!r}: give a number, or start:stop:count, as 1:100:20")
+    return [float(value) for value in np.linspace(start, stop, count)]

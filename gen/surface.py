@@ -155,13 +155,14 @@ def _refined(corners: Heights, centres: Heights, edges_x: Heights, edges_y: Heig
     return heights
 
 
-def load(path: Path) -> Heights:
+def load(path: Path, *, holes: bool = False) -> Heights:
     """Heights from a file, as they stand there.
 
     Parameters
     ----------
     path : a .npy file, or text with a row of numbers a line, separated by `;`, commas or
         whitespace (one of them a line, `;` before comma before whitespace), comments after `#`
+    holes : allow NaN where nothing was measured
 
     Returns
     -------
@@ -184,11 +185,11 @@ def load(path: Path) -> Heights:
         shape = " x ".join(str(length) for length in heights.shape) or "a single number"
         found = shape if heights.size else "no heights"
         raise InputError(f"{path}: holds {found}; give 2-D heights, 2 x 2 or more")
-    bad = heights.size - int(np.count_nonzero(np.isfinite(heights)))
+    good = ~np.isinf(heights) if holes else np.isfinite(heights)
+    bad = heights.size - int(np.count_nonzero(good))
     if bad:
-        raise InputError(
-            f"{path}: {bad} of {heights.size} heights are NaN or infinite; give finite"
-        )
+        what = "infinite" if holes else "NaN or infinite"
+        raise InputError(f"{path}: {bad} of {heights.size} heights are {what}; give finite")
     return heights
 
 

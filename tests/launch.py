@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 TIMEOUT = 120.0
@@ -14,6 +15,13 @@ def mpiexec() -> str | None:
     """The launcher that belongs to this environment's MPI."""
     beside = Path(sys.executable).with_name("mpiexec")
     return str(beside) if beside.exists() else shutil.which("mpiexec")
+
+
+@cache
+def is_open_mpi() -> bool:
+    """Whether the launcher is Open MPI, which kills its ranks 1 s after a SIGTERM or SIGINT."""
+    version = [str(mpiexec()), "--version"]
+    return b"Open MPI" in subprocess.run(version, capture_output=True, check=True).stdout
 
 
 def command(ranks: int, *arguments: object, module: str = "gen") -> list[str]:
@@ -27,7 +35,7 @@ def command(ranks: int, *arguments: object, module: str = "gen") -> list[str]:
 
 
 def environment() -> dict[str, str]:
-    """The user's, less what an outer MPI or a terminal would add; Open MPI allowed as root, mute."""
+    """The user's, less what an outer MPI or a terminal would add; a mute Open MPI, also as root."""
     kept = {key: value for key, value in os.environ.items() if not key.startswith(("PMI", "OMPI"))}
     return kept | {
         "COLUMNS": "200",

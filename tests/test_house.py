@@ -21,8 +21,10 @@ ONE_HOME = {
     "h5py": {"gen/database"},
     "pyfftw": {"bem/convolution.py"},
     "tomllib": {"gen/scene.py"},
-    "matplotlib": {"gen/picture.py", "bench"},
+    "SurfaceTopography": {"gen/topography.py"},
+    "matplotlib": {"gen/picture.py", "learn/pictures.py", "bench"},
     "sklearn": {"learn"},
+    "xgboost": {"learn/models.py"},
 }
 BEM_NEEDS = {"numpy", "scipy", "pyfftw"}
 NUMERICS = {"numpy", "scipy", "pyfftw", "h5py", "mpi4py", "matplotlib", "sklearn", "pandas"}

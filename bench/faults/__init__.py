@@ -1,0 +1,1 @@
+"""The fault campaign: runs are disturbed in every way that a machine knows, and nothing is lost."""

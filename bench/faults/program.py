@@ -1,0 +1,79 @@
+"""`python -m bench.faults.program AILMENTS ...`: `python -m gen ...` in which some samples ail.
+
+AILMENTS is a JSON file of far-field displacements, by which a sample is known, and what it suffers
+from. All else is the program as it is: the seam is `gen.sample.solve_contact`.
+"""
+
+import json
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NoReturn
+from unittest import mock
+
+import bem
+import gen.__main__
+import gen.sample
+from gen.sample import Heights
+from gen.scene import Scene
+
+Solve = Callable[[Scene, Heights, float], bem.Contact]
+
+_healthy: Solve = gen.sample.solve_contact
+
+
+def raises(scene: Scene, heights: Heights, delta: float) -> NoReturn:
+    """Stumble over the numbers."""
+    raise FloatingPointError(f"injected into the sample with Delta = {delta}")
+
+
+def returns_nan(scene: Scene, heights: Heights, delta: float) -> bem.Contact:
+    """Solve, and lose the result on the way."""
+    return replace(_healthy(scene, heights, delta), force=float("nan"))
+
+
+def does_not_converge(scene: Scene, heights: Heights, delta: float) -> bem.Contact:
+    """Give the solver a single iteration."""
+    starved = scene.contact.model_copy(update={"max_iterations": 1})
+    return _healthy(scene.model_copy(update={"contact": starved}), heights, delta)
+
+
+def never_ends(scene: Scene, heights: Heights, delta: float) -> NoReturn:
+    """Solve again and again: whatever ends this ends it in the midst of a solve."""
+    while True:
+        _healthy(scene, heights, delta)
+
+
+def has_a_bug(scene: Scene, heights: Heights, delta: float) -> NoReturn:
+    """Raise what no sample may raise."""
+    raise TypeError(f"injected into the sample with Delta = {delta}")
+
+
+AILMENTS: dict[str, Solve] = {
+    ailment.__name__: ailment
+    for ailment in (raises, returns_nan, does_not_converge, never_ends, has_a_bug)
+}
+
+
+def ailing(ailments: Mapping[float, str]) -> Solve:
+    """The solver of a program in which the samples with these displacements ail."""
+
+    def solve_contact(scene: Scene, heights: Heights, delta: float) -> bem.Contact:
+        name = ailments.get(delta)
+        solve = _healthy if name is None else AILMENTS[name]
+        return solve(scene, heights, delta)
+
+    return solve_contact
+
+
+def main() -> int:
+    """Run `python -m gen` with the ailments."""
+    path = Path(sys.argv.pop(1))
+    ailments = {float(delta): name for delta, name in json.loads(path.read_text()).items()}
+    with mock.patch.object(gen.sample, "solve_contact", ailing(ailments)):
+        return gen.__main__.main()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

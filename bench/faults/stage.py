@@ -1,0 +1,166 @@
+"""What a campaign works on: a scene, its undisturbed database, and the one that is disturbed."""
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.faults.rows import Columns, columns_of, finished
+from bench.faults.runs import BOUND, PROGRAM, Ended, Hang, Run
+from gen.database import Reader
+from gen.errors import InputError
+from gen.plan import parameters
+from gen.scene import Scene
+
+SCENE = """samples = {samples}
+samples_per_surface = 2
+[surface]
+nodes = 17
+"""
+SAMPLES = 600
+"""Rows of a campaign's database: some seconds of work, so that most strikes come in its midst."""
+
+RANKS = 3
+"""Processes of a run under mpiexec: a master and two workers."""
+
+EARLY = 0.25
+"""Share of the strikes at any moment from the start on; the others find a run at work."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What came of one disturbance.
+
+    Attributes
+    ----------
+    detail : what was done, in words
+    fault : what was wrong, "" if nothing was
+    hit : whether the run was still there to be disturbed
+    seconds : from the disturbance to the end of the run [s]
+    """
+
+    detail: str
+    fault: str = ""
+    hit: bool = True
+    seconds: float = 0.0
+
+
+class Stage:
+    """A folder with a scene, its reference, and the database under attack.
+
+    Parameters
+    ----------
+    folder : an empty folder to work in
+    samples : rows of the database
+    random : of victims and moments
+
+    Attributes
+    ----------
+    path : the database under attack, which is there once a run has made it
+    reference : columns of an undisturbed run
+    """
+
+    def __init__(self, folder: Path, samples: int, random: np.random.Generator) -> None:
+        self.folder, self.random = folder, random
+        text = SCENE.format(samples=samples)
+        (folder / "scene.toml").write_text(text)
+        self.scene = Scene.parse(text, "scene.toml")
+        self.path = folder / "disturbed.h5"
+        with self.run(0, output="reference.h5") as run:
+            ended = run.wait()
+        reference = columns_of(folder / "reference.h5")
+        if ended.code or reference is None:
+            raise InputError(f"faults: an undisturbed run fails: {ended.text.strip()}")
+        self.reference: Columns = reference
+
+    def columns(self) -> Columns | None:
+        """All columns of the database under attack; None if there is none."""
+        return columns_of(self.path)
+
+    def pending(self) -> NDArray[np.intp]:
+        """Rows that the database under attack lacks."""
+        columns = self.columns()
+        rows = self.scene.samples
+        return np.arange(rows) if columns is None else np.flatnonzero(~finished(columns))
+
+    def run(
+        self,
+        ranks: int,
+        *options: str,
+        output: str = "disturbed.h5",
+        ailments: Mapping[int, str] | None = None,
+    ) -> Run:
+        """Start a run.
+
+        Parameters
+        ----------
+        ranks : see `Run`
+        options : of the command
+        output : the database
+        ailments : rows, and what they suffer from: see `bench.faults.program`
+        """
+        program: tuple[str, ...] = PROGRAM
+        if ailments:
+            known = {
+                repr(float(parameters(self.scene, row, row + 1).delta[0])): name
+                for row, name in ailments.items()
+            }
+            (self.folder / "ailments.json").write_text(json.dumps(known))
+            program = ("-m", "bench.faults.program", "ailments.json")
+        arguments = ("run", "scene.toml", "-o", output, *options)
+        return Run(self.folder, ranks, *arguments, program=program)
+
+    def await_moment(self, run: Run) -> None:
+        """Wait for a random moment of a run, or for its end if that is sooner."""
+        if self.random.random() < EARLY:
+            time.sleep(self.random.uniform(0.0, 2.0))
+        else:
+            share = self.random.uniform(0.0, 0.8)
+            self.await_rows(run, 1 + int(share * len(self.pending())))
+            time.sleep(self.random.uniform(0.0, 0.05))
+
+    def await_rows(self, run: Run, number: int) -> None:
+        """Wait until a run has finished some rows, or has ended."""
+        wanted = self._finished() + number
+        limit = time.monotonic() + BOUND
+        while run.alive() and self._finished() < wanted:
+            if time.monotonic() > limit:
+                raise Hang
+            time.sleep(0.05)
+
+    def _finished(self) -> int:
+        """Number of finished rows, without a look at their columns."""
+        if not self.path.exists():
+            return 0
+        with Reader(self.path) as reader:
+            counts = reader.counts()
+        return counts.done + counts.failed
+
+    def ranks(self) -> int:
+        """Alone or under mpiexec, as it comes."""
+        return int(self.random.choice((0, RANKS)))
+
+
+def code_fault(ended: Ended, now: Columns | None) -> str:
+    """What is wrong with an exit code and a text, whatever has happened."""
+    if ended.code == 0 and (now is None or not finished(now).all()):
+        return "exit code 0 although rows are pending"
+    if ended.code == 2 and "Traceback" in ended.text:
+        return "a traceback in place of one clear line"
+    return ""
+
+
+def refusal_fault(ended: Ended, words: str) -> str:
+    """What is wrong with the way in which a run refused: exit code 2 and one line, these words."""
+    lines = [line for line in ended.text.splitlines() if line.startswith("gen: ")]
+    if ended.code != 2:
+        return f"exit code {ended.code} in place of a refusal"
+    if len(lines) != 1 or "Traceback" in ended.text:
+        return "a refusal that is not one clear line"
+    if words not in lines[0]:
+        return f"a refusal without {words!r}: {lines[0]}"
+    return ""

@@ -1,0 +1,1 @@
+"""How far the farm scales: its costs measured here, and a simulation of many more ranks."""

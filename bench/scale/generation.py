@@ -1,0 +1,43 @@
+"""`python -m bench.scale.generation SPEC`: generate a database and say how long that took.
+
+Alone or under mpiexec. Start-up is not in the time: all ranks are there and have solved a problem
+of the same size. `busy` says how much of the machine others used meanwhile.
+"""
+
+import json
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from gen import farm
+from gen.run import Request, generate_database
+from gen.sample import compute_rows
+from gen.scene import load
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Read the specification, a JSON file with scene and output, and print the times as JSON."""
+    content = json.loads(Path(arguments[0]).read_text())
+    world = farm.this_world()
+    compute_rows(load(content["scene"]), 0, 1)
+    world.broadcast(None)
+    before, began = _jiffies(), time.perf_counter()
+    generate_database(Request(content["scene"], Path(content["output"])), world)
+    wall = time.perf_counter() - began
+    busy = (_jiffies() - before) / os.sysconf("SC_CLK_TCK") / wall / (os.cpu_count() or 1)
+    if world.is_master:
+        sys.stdout.write(json.dumps({"wall": wall, "busy": busy}) + "\n")
+
+
+def _jiffies() -> int:
+    """Time that all processors have been busy since the machine started, or were taken away."""
+    fields = Path("/proc/stat").read_text().splitlines()[0].split()[1:]
+    user, nice, system, _, _, interrupts, soft, steal = (int(field) for field in fields[:8])
+    return user + nice + system + interrupts + soft + steal
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
+    farm.leave()

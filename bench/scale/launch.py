@@ -1,0 +1,69 @@
+"""Programs of this package under mpiexec, each with a time limit."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from gen.errors import InputError
+
+TIMEOUT = 300.0
+"""Seconds after which a measurement counts as hanging."""
+
+ENVIRONMENT = {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+    "PYTHONPATH": str(Path(__file__).resolve().parents[2]),
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+}
+"""Open MPI as root and on few cores; one thread a rank."""
+
+
+def launch(ranks: int, module: str, arguments: dict[str, Any], folder: Path) -> Any:
+    """Run a module and return what it prints in its last line, in JSON.
+
+    Parameters
+    ----------
+    ranks : processes under mpiexec; 0 runs alone, without MPI
+    module : what Python runs
+    arguments : written down for it in JSON
+    folder : where it works
+
+    Raises
+    ------
+    InputError
+        If there is no mpiexec, or the program fails.
+    """
+    specification = folder / "specification.json"
+    specification.write_text(json.dumps(arguments))
+    command = [sys.executable, "-m", module, str(specification)]
+    if ranks:
+        command = [_mpiexec(), "-n", str(ranks), sys.executable, "-m", "mpi4py", *command[1:]]
+    kept = {key: value for key, value in os.environ.items() if not key.startswith(("PMI", "OMPI"))}
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        env=kept | ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+        check=False,
+    )
+    if done.returncode:
+        raise InputError(f"scale: {module} on {ranks} ranks fails: {done.stderr.strip()[-500:]}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def _mpiexec() -> str:
+    """The launcher that belongs to this environment's MPI."""
+    beside = Path(sys.executable).with_name("mpiexec")
+    found = str(beside) if beside.exists() else shutil.which("mpiexec")
+    if found is None:
+        raise InputError("scale: no mpiexec; install the extra 'mpich'")
+    return found

@@ -1,0 +1,180 @@
+"""What is simulated: ranks, rows, grids, writers and block sizes."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.scale.costs import Costs, Line, scene_with
+from bench.scale.simulation import Block, Outcome, simulate
+from gen import plan
+from gen.farm import IN_FLIGHT
+from gen.run import blocks_of
+from gen.schema import row_bytes
+
+RANKS = (10, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
+ROWS = {129: (10**4, 10**5, 10**6, 10**7), 1025: (10**4, 10**5)}
+"""Rows by nodes a side. More of the large ones only prolong the middle of a run."""
+
+BLOCKS = {
+    129: [(n, 1) for n in (16, 64, 256, 1024)]
+    + [(64, 64), (128, 64), (256, 64), (256, 128), (1024, 128), (1024, 256)],
+    1025: [(1, 1), (2, 1), (4, 1), (16, 1), (2, 2), (4, 2), (16, 4)],
+}
+"""Rows that blocks may and should have, by nodes a side."""
+
+GOAL_RANKS, GOAL_ROWS = 500, {129: 10**6, 1025: 10**5}
+"""Ranks, and rows by nodes a side, that scheduling is judged by."""
+
+WANTED = 0.9
+"""Efficiency that they have to reach."""
+
+SEED = 1
+
+
+@dataclass(frozen=True)
+class Point:
+    """One simulated run.
+
+    Attributes
+    ----------
+    nodes : of the grid, a side
+    ranks : processes; rank 0 is the master
+    rows : of the database
+    largest, smallest : rows that a block may and should have; 0 for the program's own rule
+    writer : "single", or "parallel": every worker its own rows
+    loop : "measured", or "constant": as if the farm's loop took as long for many workers as for 10
+    seconds : makespan [s]
+    efficiency : of the workers [1]
+    tail : mean idle time at the end over the makespan [1]
+    busy : share of the time in which the master works [1]
+    blocks : number of blocks
+    memory : of the master [bytes]
+    """
+
+    nodes: int
+    ranks: int
+    rows: int
+    largest: int
+    smallest: int
+    writer: str
+    loop: str
+    seconds: float
+    efficiency: float
+    tail: float
+    busy: float
+    blocks: int
+    memory: int
+
+
+def sweep(costs: Costs, remark: Callable[[str], None] = lambda line: None) -> Iterator[Point]:
+    """Simulate all ranks and rows with the program's own blocks, and other blocks at the goal."""
+    for nodes, numbers in ROWS.items():
+        for rows in numbers:
+            remark(f"{nodes} x {nodes} nodes, {rows} rows")
+            seconds = row_seconds(costs, nodes, rows)
+            for writer in ("single", "parallel"):
+                for ranks in RANKS:
+                    yield simulated(costs, nodes, ranks, seconds, writer)
+        ranks = GOAL_RANKS
+        remark(f"{nodes} x {nodes} nodes, blocks of other sizes")
+        seconds = row_seconds(costs, nodes, GOAL_ROWS[nodes])
+        for writer in ("single", "parallel"):
+            yield simulated(costs, nodes, ranks, seconds, writer, loop="constant")
+            for loop in ("measured", "constant"):
+                for largest, smallest in BLOCKS[nodes]:
+                    yield simulated(costs, nodes, ranks, seconds, writer, largest, smallest, loop)
+
+
+def row_seconds(costs: Costs, nodes: int, rows: int) -> NDArray[np.float64]:
+    """(rows,) times drawn from those that were measured [s]."""
+    return np.random.default_rng(SEED).choice(np.array(costs.rows[nodes]), rows)
+
+
+def simulated(
+    costs: Costs,
+    nodes: int,
+    ranks: int,
+    seconds: NDArray[np.float64],
+    writer: str = "single",
+    largest: int = 0,
+    smallest: int = 1,
+    loop: str = "measured",
+) -> Point:
+    """Simulate one run.
+
+    Parameters
+    ----------
+    costs : of the master and of writing
+    nodes : of the grid, a side
+    ranks : processes, master included
+    seconds : (rows,) time of each row [s]
+    writer : "single" or "parallel"; the latter is taken to cost a worker what it costs the master
+    largest, smallest : rows that a block may and should have; 0 for the program's own rule
+    """
+    rows, workers = len(seconds), ranks - 1
+    if loop == "constant":
+        costs = replace(costs, bookkeeping=Line(costs.bookkeeping(10), 0.0))
+    single = writer == "single"
+    outcome = simulate(
+        blocks(nodes, rows, workers, largest, smallest),
+        seconds,
+        workers,
+        costs,
+        write="master" if single else "workers",
+    )
+    return Point(
+        nodes=nodes,
+        ranks=ranks,
+        rows=rows,
+        largest=largest,
+        smallest=smallest if largest else 0,
+        writer=writer,
+        loop=loop,
+        seconds=outcome.makespan,
+        efficiency=outcome.efficiency,
+        tail=outcome.tail,
+        busy=outcome.busy,
+        blocks=outcome.blocks,
+        memory=master_memory(costs, nodes, workers, outcome),
+    )
+
+
+def blocks(
+    nodes: int, rows: int, workers: int, largest: int = 0, smallest: int = 1
+) -> Iterator[Block]:
+    """The blocks of a run of the paper's scene on a grid: the program's own, or of another size."""
+    scene = scene_with(nodes).model_copy(update={"samples": rows})
+    if not largest:
+        return blocks_of(scene, [(0, rows)], workers)
+    return plan.blocks(
+        [(0, rows)],
+        samples=rows,
+        samples_per_surface=scene.samples_per_surface,
+        workers=workers,
+        largest=largest,
+        smallest=smallest,
+    )
+
+
+def master_memory(costs: Costs, nodes: int, workers: int, outcome: Outcome) -> int:
+    """Memory of the master: the program, tasks in flight, rows received but not written [bytes]."""
+    row = row_bytes(scene_with(nodes).store, nodes)
+    in_flight = IN_FLIGHT * workers * costs.task_memory
+    return costs.memory + in_flight + outcome.waiting_rows * row
+
+
+def saturation(costs: Costs, nodes: int, block: int, *, write: bool) -> int:
+    """Number of workers that keep the master busy all the time with blocks of some rows.
+
+    The smallest w with w blocks in the time of one block: each needs a message, a turn of the
+    farm's loop, which grows with w, and a write where the master writes.
+    """
+    time = block * float(np.mean(costs.rows[nodes]))
+    fixed = costs.message(block) + costs.bookkeeping.fixed + (costs.write(block) if write else 0.0)
+    each = costs.bookkeeping.each
+    if not each:
+        return round(time / fixed)
+    return round((math.sqrt(fixed**2 + 4 * each * time) - fixed) / (2 * each))

@@ -1,0 +1,121 @@
+"""The pruned search beside scikit-learn's own on the same grid, and fits and predictions of all
+nine models; each asserts its answer.
+"""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from gen.farm import World
+from learn import pruning, search
+from learn.models import MODELS, STEP, pipeline
+from learn.spaces import Space
+from learn.trials import Trials
+
+ROWS = 400
+NUMBERS = [10, 20, 30, 40, 50, 60, 70, 80]
+"""Of estimators: their sum over their maximum, 4.5, is the most that one fit for all can save."""
+
+Samples = tuple[NDArray[np.float64], NDArray[np.float64]]
+Folds = NDArray[np.int8]
+
+SPACES: dict[str, Space] = {
+    "random-forest": {
+        "max_features": ["sqrt", 1.0],
+        "n_estimators": NUMBERS,
+        "criterion": ["squared_error"],
+    },
+    "adaboost": {
+        "estimator__max_depth": [3, 8],
+        "n_estimators": NUMBERS,
+        "learning_rate": [0.5],
+    },
+    "gradient-boost": {
+        "learning_rate": [0.1],
+        "max_depth": [3, 6],
+        "n_estimators": NUMBERS,
+    },
+    "xgboost": {
+        "learning_rate": [0.1],
+        "max_depth": [3, 6],
+        "n_estimators": NUMBERS,
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def samples() -> Samples:
+    generator = np.random.default_rng(0)
+    inputs = generator.uniform(0.2, 1.0, (ROWS, 23))
+    target = 1 + inputs[:, 0] ** 2 + np.sin(3 * inputs[:, 1]) * inputs[:, 2]
+    return inputs, target + 0.01 * generator.normal(size=ROWS)
+
+
+@pytest.fixture(scope="module")
+def folds() -> Folds:
+    return (np.arange(ROWS) % 5).astype(np.int8)
+
+
+def best_of_scikit_learn(name: str, samples: Samples, folds: Folds) -> float:
+    from sklearn.model_selection import GridSearchCV, PredefinedSplit
+
+    space = {f"{STEP}__{key}": values for key, values in SPACES[name].items()}
+    model = pipeline(MODELS[name], tuned=True)
+    done = GridSearchCV(model, space, cv=PredefinedSplit(folds), scoring="r2", refit=False)
+    done.fit(*samples)
+    return float(np.max(done.cv_results_["mean_test_score"]))
+
+
+def best_of_ours(name: str, samples: Samples, folds: Folds, path: Path) -> float:
+    inputs, target = samples
+    search.hold(search.Training(inputs, target, folds, inputs[:2], target[:2]), World())
+    model = MODELS[name]
+    grid = pruning.grid(model, SPACES[name], inputs.shape[1])
+    path.unlink(missing_ok=True)
+    with Trials(path, {}) as trials:
+        todo = search.tasks(model, grid, range(len(grid.differing)), ROWS, trials)
+        search.work_off(todo, trials, World())
+        return float(search.rank(grid, trials, ROWS).means.max())
+
+
+@pytest.mark.parametrize("name", SPACES)
+@pytest.mark.parametrize("whose", ["ours", "scikit-learn"])
+def test_search(
+    benchmark: BenchmarkFixture,
+    samples: Samples,
+    folds: Folds,
+    name: str,
+    whose: str,
+    tmp_path: Path,
+) -> None:
+    """Compare the two rows of a model: ours is to take a third of the time at most."""
+    benchmark.group = f"search: {name}"
+    path = tmp_path / "trials.jsonl"
+    if whose == "ours":
+        score = benchmark.pedantic(
+            best_of_ours, args=(name, samples, folds, path), rounds=2, warmup_rounds=1
+        )
+    else:
+        score = benchmark.pedantic(best_of_scikit_learn, args=(name, samples, folds), rounds=2)
+    other = best_of_ours(name, samples, folds, path)
+    assert score == pytest.approx(other, abs=1e-10)
+    benchmark.extra_info["best R2"] = score
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("what", ["fit", "predict"])
+def test_baseline(benchmark: BenchmarkFixture, samples: Samples, name: str, what: str) -> None:
+    benchmark.group = f"{what}: {ROWS} rows"
+    model = pipeline(MODELS[name])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of perceptrons that have not converged
+        model.fit(*samples)
+        if what == "fit":
+            benchmark.pedantic(model.fit, args=samples, rounds=2)
+        else:
+            benchmark.pedantic(model.predict, args=samples[:1], rounds=5, warmup_rounds=1)
+    assert model.score(*samples) > 0.5

@@ -1,0 +1,183 @@
+"""MB/s of both writers: rows with fields that cost nothing to compute, from workers into a file.
+
+What counts is the way of the rows: through MPI to the master and into the file, or from each worker
+into the file; to the kernel, where a killed run leaves them, not to the disk. The two writers take
+turns on files of their own, created before the clock starts.
+
+`python -m mpi4py -m bench.writers SPEC` is one measurement, and prints seconds in JSON.
+"""
+
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from bench.scale.launch import launch
+from gen import database, farm
+from gen.delivery import Block, Target, delivery
+from gen.run import blocks_of
+from gen.sample import Rows
+from gen.scene import Scene
+from gen.schema import Status, columns_for, row_bytes
+
+SCENE = "samples = {rows}\n[surface]\nnodes = {nodes}\n[store]\npressure = true\n"
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One measurement.
+
+    Attributes
+    ----------
+    rows, nodes : of the scene, with its pressure fields
+    rounds : how often each writer writes it
+    """
+
+    rows: int = 2000
+    nodes: int = 129
+    rounds: int = 5
+
+    @property
+    def scene(self) -> Scene:
+        """What is written."""
+        return Scene.parse(SCENE.format(rows=self.rows, nodes=self.nodes), "the benchmark's scene")
+
+    @property
+    def megabytes(self) -> float:
+        """Size of all rows [MB]."""
+        return self.rows * row_bytes(self.scene.store, self.nodes) / 1e6
+
+
+Seconds = dict[str, list[float]]
+"""Times of the rounds by the writer's name [s]."""
+
+
+def measure(
+    spec: Spec, ranks: Sequence[int], folder: Path | None = None
+) -> list[tuple[int, Seconds]]:
+    """Measure both writers under mpiexec, or the single one alone where h5py has no MPI.
+
+    Parameters
+    ----------
+    spec : what is written, and how often
+    ranks : numbers of processes, 2 or more each, in turn; rank 0 is the master
+    folder : where the files are written, for a file system of interest; None for a temporary one
+
+    Raises
+    ------
+    InputError
+        If there is no mpiexec, or a measurement fails.
+    """
+    with tempfile.TemporaryDirectory(dir=folder) as temporary:
+        return [
+            (number, launch(number, "bench.writers", asdict(spec), Path(temporary)))
+            for number in ranks
+        ]
+
+
+def markdown_table(spec: Spec, measured: Sequence[tuple[int, Seconds]]) -> str:
+    """Lines of Markdown: MB/s of both writers, median (lowest to highest) of the rounds."""
+    lines = ["| ranks | single writer, MB/s | parallel writer, MB/s | parallel / single |"]
+    lines.append("|---|---|---|---|")
+    for ranks, seconds in measured:
+        rates = [_rate(spec, seconds.get(writer, [])) for writer in ("single", "parallel")]
+        ratio = (
+            f"{median(seconds['single']) / median(seconds['parallel']):.2f}"
+            if "parallel" in seconds
+            else "-"
+        )
+        lines.append(f"| {ranks} | {rates[0]} | {rates[1]} | {ratio} |")
+    return "\n".join(lines)
+
+
+def _rate(spec: Spec, seconds: list[float]) -> str:
+    """Rate of one writer in words."""
+    if not seconds:
+        return "this h5py has no MPI (make parallel)"
+    middle, low, high = (
+        spec.megabytes / time for time in (median(seconds), max(seconds), min(seconds))
+    )
+    return f"{middle:,.0f} ({low:,.0f} to {high:,.0f})"
+
+
+def time_writers(spec: Spec, path: Path, world: farm.World) -> Seconds:
+    """Write files with each writer in turn; every process of the world has to call it."""
+    writers = ["single", "parallel"] if database.parallel_hdf5() else ["single"]
+    seconds: Seconds = {writer: [] for writer in writers}
+    blocks = list(blocks_of(spec.scene, [(0, spec.rows)], world.workers))
+    for number in range(spec.rounds):
+        for writer in writers[:: (-1) ** number]:  # A B B A: drifts cancel
+            target = Target(path, spec.scene, parallel=writer == "parallel")
+            seconds[writer].append(_write(target, blocks, world))
+    return seconds
+
+
+def _write(target: Target, blocks: Sequence[Block], world: farm.World) -> float:
+    """Write one file; seconds from the first task to the closed file, on the master."""
+    if world.is_master:
+        target.path.unlink(missing_ok=True)
+        database.create(target.path, target.scene)
+    template = template_of(target.scene, blocks)
+    world.broadcast(None)
+
+    def compute(block: Block) -> Rows:
+        return {name: values[: block[1] - block[0]] for name, values in template.items()}
+
+    with delivery(target, world, compute) as delivered:
+
+        def take(block: Block, result: Any) -> None:
+            delivered.take(block, result)
+
+        world.broadcast(None)
+        began = time.perf_counter()
+        farm.run(delivered.work, iter(blocks), take, world)
+    seconds = time.perf_counter() - began
+    if world.is_master:
+        require_rows(target.path, blocks, template)
+    return seconds
+
+
+def template_of(scene: Scene, blocks: Sequence[Block]) -> Rows:
+    """Finished rows for the largest block; the fields random, as zeros could be cheaper."""
+    rows = {}
+    count, random = max(stop - start for start, stop in blocks), np.random.default_rng(0)
+    for column in columns_for(scene.store):
+        shape = column.shape(count, scene.surface.nodes)
+        filled = np.full(shape, column.fill, column.dtype)
+        rows[column.name] = random.normal(size=shape) if column.shape_of else filled
+    rows["status"][:] = Status.DONE
+    return rows
+
+
+def require_rows(path: Path, blocks: Sequence[Block], template: Rows) -> None:
+    """Raise ValueError unless all rows have arrived, each in its place."""
+    with database.Reader(path) as reader:
+        if reader.counts().done != len(reader.column("status")):
+            raise ValueError(f"rows are missing: {reader.counts()}")
+        for start, stop in blocks:
+            if not np.array_equal(
+                reader.column("pressure", stop - 1, stop)[0], template["pressure"][stop - 1 - start]
+            ):
+                raise ValueError(f"row {stop - 1} is not what was written")
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Read the specification, a JSON file, and print the seconds as JSON."""
+    specification = Path(arguments[0])
+    spec = Spec(**json.loads(specification.read_text()))
+    world = farm.this_world()
+    seconds = time_writers(spec, specification.with_name("writers.h5"), world)
+    if world.is_master:
+        sys.stdout.write(json.dumps(seconds) + "\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
+    farm.leave()

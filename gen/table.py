@@ -1,0 +1,32 @@
+"""Small tables that people take on to other programs: CSV files, written whole or not at all."""
+
+import csv
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from gen.errors import InputError
+
+Row = dict[str, float | int | str]
+
+
+def write_csv(path: Path, rows: Sequence[Row]) -> None:
+    """Write rows under a header; a file that is there is replaced only by a whole one.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written
+    """
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        try:
+            with unfinished.open("w", encoding="utf-8", newline="") as file:
+                writer = csv.DictWriter(file, list(rows[0]))
+                writer.writeheader()
+                writer.writerows(rows)
+            unfinished.replace(path)
+        finally:
+            unfinished.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None

@@ -1,0 +1,152 @@
+"""A search that fits into a time: successive halving on the training size.
+
+All candidates are fitted to few rows, the best third to three times as many, and so on; every
+step gets an equal share of the time. Where the first step shows that the whole grid fits into the
+time, it is searched in full instead. scikit-learn's own halving serves neither purpose: it knows
+rows, not hours, shares no fits, and can be neither spread over machines nor resumed.
+
+What is found depends on the machine's speed: results say which part was searched.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gen import farm
+from gen.errors import InputError
+from learn.models import Model
+from learn.pruning import Grid
+from learn.search import Found, held, rank, tasks, work_off
+from learn.trials import Trials
+
+FACTOR = 3
+"""Of three candidates one goes on, with three times the rows."""
+
+LEAST_ROWS = 300
+"""Training rows of the first step at least."""
+
+GROWTH = {"gaussian-process": 3.0, "kernel-ridge": 3.0, "svm": 2.5}
+"""Power of the rows with which a fit's time grows, on the safe side; of the others, 1.5."""
+
+UNITS = {"s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
+
+
+@dataclass(frozen=True)
+class Searched:
+    """What a search has found, and how far it went.
+
+    Attributes
+    ----------
+    found : the scores on the largest number of rows that any candidate was finished with
+    rows : that number
+    how : the steps in words
+    """
+
+    found: Found
+    rows: int
+    how: str
+
+
+def seconds(text: str) -> float:
+    """Read a time: 90s, 30min, 2h, 1.5d.
+
+    Raises
+    ------
+    InputError
+        If it is none, or not above zero.
+    """
+    number = text.rstrip("abcdefghijklmnopqrstuvwxyz").strip()
+    unit = text[len(number) :].strip() or "s"
+    try:
+        value = float(number) * UNITS[unit]
+    except (ValueError, KeyError):
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise InputError(f"--budget {text!r}: give a time above zero, as 90s, 30min, 2h or 1.5d")
+    return value
+
+
+def steps(total: int) -> list[int]:
+    """Return the training rows of each step, the last of them all."""
+    sizes = [total]
+    while sizes[0] // FACTOR >= LEAST_ROWS:
+        sizes.insert(0, sizes[0] // FACTOR)
+    return sizes
+
+
+def search(
+    model: Model,
+    grid: Grid,
+    trials: Trials | None,
+    world: farm.World,
+    limit: float,
+    stopping: Callable[[], bool],
+) -> Searched | None:
+    """Search a grid within a time; every process of the world has to call it.
+
+    Parameters
+    ----------
+    model, grid : what to search
+    trials : where results are kept, on the master; None elsewhere
+    world : from `gen.farm`
+    limit : time to take [s]; a fit under way when it ends is finished
+    stopping : asked on the master before a fit
+
+    Returns
+    -------
+    Searched, on the master; None elsewhere, and on the master if no candidate was finished
+    """
+    began = time.monotonic()
+    total = held().target.size
+    sizes = steps(total)
+    order = np.random.default_rng(held().seed).permutation(len(grid.families))
+    numbers = [number for family in order for number in grid.families[family]]
+    best: Searched | None = None
+    told = []
+    for place, rows in enumerate(sizes):
+        share = limit * (place + 1) / len(sizes)
+        todo = [] if trials is None else tasks(model, grid, numbers, rows, trials)
+        work_off(
+            todo,
+            trials,
+            world,
+            stopping=lambda share=share: stopping() or time.monotonic() > began + share,  # type: ignore[misc]
+            title=f"{model.title}: {len(numbers)} candidates on {rows} rows",
+        )
+        whole = False
+        if trials is not None:
+            found = rank(grid, trials, rows)
+            scored = [number for number in numbers if not np.isnan(found.means[number])]
+            if scored:
+                told.append(f"{len(scored)} candidates on {rows} rows")
+                best = Searched(found, rows, f"successive halving: {', '.join(told)}")
+            left = limit - (time.monotonic() - began)
+            growth = (total / rows) ** GROWTH.get(model.name, 1.5)
+            tried = len(scored) == len(grid.differing)
+            whole = tried and rows < total and found.seconds * growth / world.workers < left
+            scored.sort(key=lambda number: -found.means[number])
+            numbers = scored[: max(1, -(-len(scored) // FACTOR))]
+        if world.broadcast(whole):
+            everything = range(len(grid.differing))
+            todo = [] if trials is None else tasks(model, grid, everything, total, trials)
+            work_off(
+                todo,
+                trials,
+                world,
+                stopping=lambda: stopping() or time.monotonic() > began + limit,
+                title=f"{model.title}: the whole grid fits into the time",
+            )
+            return _whole(grid, trials, total) or best
+    return best
+
+
+def _whole(grid: Grid, trials: Trials | None, total: int) -> Searched | None:
+    """The whole grid, if it was finished."""
+    if trials is None:
+        return None
+    found = rank(grid, trials, total)
+    if found.fits < len(grid.families) * found.scores.shape[1] or found.winner < 0:
+        return None
+    return Searched(found, total, "whole grid")

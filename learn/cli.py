@@ -1,0 +1,253 @@
+"""The commands of `python -m learn`. Each imports what it needs, and only that."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gen import command_line, farm
+from gen.errors import InputError
+
+if TYPE_CHECKING:
+    from learn.compare import Request
+
+app = typer.Typer(add_completion=False, rich_markup_mode=None)
+
+Database = Annotated[Path, typer.Argument(metavar="FILE", help="A database made by gen (HDF5).")]
+Output = Annotated[
+    Path, typer.Option("--output", "-o", metavar="DIR", help="The comparison folder.")
+]
+Comparison = Annotated[Path, typer.Argument(metavar="DIR", help="A comparison folder.")]
+Models = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--model",
+        metavar="NAME",
+        help="decision-tree, random-forest, adaboost, xgboost, gradient-boost, svm,"
+        " gaussian-process, kernel-ridge or mlp; may be repeated; all nine if left out.",
+    ),
+]
+Target = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="area, force, both, or mean_gap, largest_pressure, perimeter where they are stored.",
+    ),
+]
+AreaMax = Annotated[
+    float | None,
+    typer.Option(metavar="PERCENT", help="Leave larger areas out; 16.56 is the paper's range."),
+]
+Normalise = Annotated[
+    str,
+    typer.Option(
+        metavar="HOW",
+        help="l2 (each row to unit length, the paper's), standard, min-max or none.",
+    ),
+]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the split and of the models.")]
+TrainRows = Annotated[
+    int | None, typer.Option(metavar="N", help="Train on N rows at most, drawn with the seed.")
+]
+Again = Annotated[bool, typer.Option("--again", help="Measure anew what is there already.")]
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run one command line; return its exit code."""
+    world = farm.World()
+    try:
+        world = farm.this_world()
+        return command_line.call(app, "learn", arguments, speaking=world.is_master)
+    except InputError as error:
+        typer.echo(f"learn: {error}", err=True)
+        return 2
+    except Exception:
+        world.abort()
+
+
+@app.callback()
+def describe_program() -> None:
+    """Surrogates of contact databases: nine models compared, tuned, and judged by their errors."""
+
+
+@app.command()
+def compare(
+    file: Database,
+    output: Output,
+    model: Models = None,
+    target: Target = "area",
+    area_max: AreaMax = None,
+    normalise: Normalise = "l2",
+    seed: Seed = 0,
+    train_rows: TrainRows = None,
+    again: Again = False,
+) -> int:
+    """Fit the models with their libraries' settings: errors and times beside the paper's Table 4.
+
+    The fits run one after the other, so that their times are those of a process that works alone.
+    """
+    from learn import compare as jobs
+
+    request = _request(file, output, model, target, area_max, normalise, seed, train_rows, again)
+    world = farm.this_world()
+    ended = jobs.compare(request, world)
+    return _show(request, world, ended.signal)
+
+
+@app.command()
+def tune(
+    file: Database,
+    output: Output,
+    model: Models = None,
+    budget: Annotated[
+        str,
+        typer.Option(
+            metavar="TIME",
+            help="Time for the searches, as 2h or 30min: successive halving where a grid is too"
+            " large for it. Without it, whole grids.",
+        ),
+    ] = "",
+    target: Target = "area",
+    area_max: AreaMax = None,
+    normalise: Normalise = "l2",
+    seed: Seed = 0,
+    train_rows: TrainRows = None,
+    again: Again = False,
+) -> int:
+    """Search the grids of the paper's Table 2, and fit and time the winners.
+
+    Every finished fit is kept: interrupted or killed, the same command goes on. Started as
+    `mpiexec -n 65 python -m mpi4py -m learn tune ...` rank 0 hands out the fits, the others do
+    them.
+    """
+    from learn import compare as jobs
+    from learn.budget import seconds
+
+    limit = seconds(budget) if budget else None
+    request = _request(
+        file, output, model, target, area_max, normalise, seed, train_rows, again, limit
+    )
+    world = farm.this_world()
+    ended = jobs.tune(request, world)
+    return _show(request, world, ended.signal)
+
+
+@app.command()
+def show(
+    folder: Comparison,
+    pictures: Annotated[bool, typer.Option(help="Draw the pictures too.")] = True,
+) -> None:
+    """Print a comparison's tables beside the paper's; write them and the pictures into the folder.
+
+    scores.csv and times.csv are the paper's Table 4, tuning.csv is its Table 3; parity.png is like
+    its figures 8 and 10, scores.png and times.png are like its figure 9.
+    """
+    if farm.this_world().is_master:
+        _write_and_print(folder, pictures=pictures)
+
+
+@app.command()
+def importance(
+    file: Database,
+    output: Output,
+    model: Annotated[str, typer.Option(metavar="NAME", help="The model to ask.")] = "kernel-ridge",
+    target: Target = "area",
+    area_max: AreaMax = None,
+    normalise: Normalise = "l2",
+    seed: Seed = 0,
+    train_rows: TrainRows = None,
+) -> None:
+    """Rank the inputs by what shuffling each does to the error, and drop the weakest.
+
+    With the settings that `tune` has found, if the folder holds them, else with the paper's
+    optimum: DIR/TARGET/importance.csv, selection.csv and importance.png.
+    """
+    request = _request(file, output, [model], target, area_max, normalise, seed, train_rows, False)
+    if not farm.this_world().is_master:
+        return
+    from learn.importance import write_report
+
+    for path in write_report(request, typer.echo):
+        typer.echo(f"wrote {path}")
+
+
+@app.command()
+def appendix(
+    file: Database,
+    output: Output,
+    area_max: AreaMax = None,
+    seed: Seed = 0,
+    train_rows: TrainRows = None,
+) -> None:
+    """Compare Gaussian process and kernel ridge with equal kernels, as the paper's Appendix A.
+
+    DIR/area/appendix.csv and appendix.png.
+    """
+    request = _request(file, output, None, "area", area_max, "l2", seed, train_rows, False)
+    if not farm.this_world().is_master:
+        return
+    from learn.appendix import write_report
+
+    for path in write_report(request, typer.echo):
+        typer.echo(f"wrote {path}")
+
+
+def _request(
+    file: Path,
+    output: Path,
+    models: list[str] | None,
+    target: str,
+    area_max: float | None,
+    normalise: str,
+    seed: int,
+    train_rows: int | None,
+    again: bool,
+    limit: float | None = None,
+) -> Request:
+    """Put the options together."""
+    from learn.compare import Request
+
+    return Request(
+        database=file,
+        output=output,
+        targets=("area", "force") if target == "both" else (target,),
+        models=tuple(models or ()),
+        area_max=area_max,
+        normalisation=normalise,
+        seed=seed,
+        train_rows=train_rows,
+        again=again,
+        limit=limit,
+    )
+
+
+def _show(request: Request, world: Any, signal: int) -> int:
+    """Print what there is after a job; 128 and the signal's number if it was stopped."""
+    if signal:
+        if world.is_master:
+            import signal as signals
+
+            name = signals.Signals(signal).name
+            typer.echo(f"stopped by {name}; the same command goes on with what is left")
+        return 128 + signal
+    if world.is_master:
+        _write_and_print(request.output, pictures=False)
+        typer.echo(f"pictures: python -m learn show {request.output}")
+    return 0
+
+
+def _write_and_print(folder: Path, *, pictures: bool) -> None:
+    from learn import tables
+    from learn.folder import targets
+
+    for part in targets(folder):
+        tables.write(part)
+        tables.show(part)
+        if pictures:
+            from learn.pictures import draw
+
+            for path in draw(part):
+                typer.echo(f"wrote {path}")

@@ -1,0 +1,209 @@
+"""From a database to inputs and targets: what is left out and why, and what goes into training."""
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.database import Reader
+from gen.errors import InputError
+from gen.schema import REASONS, Column, Status, statistics_columns
+
+Values = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+INPUTS: tuple[str, ...] = ("delta", *(column.name for column in statistics_columns()))
+"""The 23 inputs: Delta and the 22 statistics, in the order of the paper's Table 1."""
+
+TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}
+"""Short names of the two targets that every database has, and their columns."""
+
+FURTHER_TARGETS = ("contact_nodes", "mean_gap", "largest_pressure", "perimeter")
+"""Other results that can be learnt, where the database stores them."""
+
+SMALLEST = 10
+"""Usable rows at least: of these two are for testing, and a score needs two."""
+
+DOMINANT = 1e6
+"""An input this many times larger than all others together leaves nothing of them to a row's
+norm: they fall to the single precision in which trees see their inputs, and below."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """The usable rows of a database.
+
+    Attributes
+    ----------
+    inputs : (n, d) inputs, in the units of `gen.schema`
+    target : (n,) what is to be predicted, in the unit of its column
+    rows : (n,) row of each sample in the database
+    groups : (n,) number of the surface of each sample; samples of one surface share it
+    names : the d inputs' columns
+    target_name : the target's column
+    unit : the target's unit
+    dropped : rows left out, by reason
+    source : where the rows come from, recorded beside all results
+    """
+
+    inputs: Values
+    target: Values
+    rows: Indices
+    groups: Indices
+    names: tuple[str, ...]
+    target_name: str
+    unit: str
+    dropped: dict[str, int]
+    source: dict[str, str]
+
+    @property
+    def size(self) -> int:
+        """Number of usable rows."""
+        return self.target.size
+
+    def keeping(self, names: tuple[str, ...]) -> "Dataset":
+        """Return the same rows with some of the inputs only, in the order given."""
+        columns = [self.names.index(name) for name in names]
+        return replace(self, inputs=self.inputs[:, columns], names=names)
+
+
+def read(path: Path, target: str = "area", area_max: float | None = None) -> Dataset:
+    """Read and clean a database.
+
+    Parameters
+    ----------
+    path : a database made by `gen`
+    target : "area", "force", or one of `FURTHER_TARGETS` that the database stores
+    area_max : largest area that is kept [%], None for all; 16.56 is the paper's range
+
+    Returns
+    -------
+    Dataset
+
+    Raises
+    ------
+    InputError
+        If the file is no database or lacks the target, or too few rows are left, or the target is
+        constant.
+    """
+    with Reader(path) as reader:
+        column = _target_column(reader, target)
+        status, reason = reader.column("status"), reader.column("reason")
+        inputs = np.stack([reader.column(name) for name in INPUTS], axis=1)
+        values = np.asarray(reader.column(column.name), dtype=np.float64)
+        area = reader.column("area_percent")
+        source = {
+            "database": str(path),
+            "database_sha256": _digest(status, inputs, values, area),
+            "scene": reader.scene.text(),
+            "versions": str(reader.attributes["versions"]),
+        }
+    reasons = _reasons(status, reason, inputs, values)
+    if area_max is not None:
+        reasons[(reasons == "") & (area > area_max)] = f"area above {area_max:g} %"
+    kept = np.flatnonzero(reasons == "")
+    counted = zip(*np.unique(reasons[reasons != ""], return_counts=True), strict=True)
+    dropped = {str(why): int(number) for why, number in counted}
+    _check(path, column.name, values[kept], dropped)
+    return Dataset(
+        inputs=inputs[kept],
+        target=values[kept],
+        rows=kept,
+        groups=_surfaces(inputs[kept]),
+        names=INPUTS,
+        target_name=column.name,
+        unit=column.unit,
+        dropped=dropped,
+        source=source,
+    )
+
+
+def remarks(dataset: Dataset, normalisation: str) -> list[str]:
+    """Say what a user should know about the inputs before training on them.
+
+    Parameters
+    ----------
+    dataset : the usable rows
+    normalisation : one of `learn.models.NORMALISATIONS`
+
+    Returns
+    -------
+    Lines of text, none if there is nothing to say
+    """
+    lines = [f"left out {number} rows: {why}" for why, number in sorted(dataset.dropped.items())]
+    constant = np.flatnonzero(np.ptp(dataset.inputs, axis=0) == 0)
+    if constant.size:
+        names = ", ".join(dataset.names[index] for index in constant)
+        lines.append(f"warning: constant over all rows, so of no use to a model: {names}")
+    whole = np.unique(np.column_stack([dataset.inputs, dataset.target]), axis=0)
+    if len(whole) < dataset.size:
+        lines.append(f"warning: {dataset.size - len(whole)} rows repeat others exactly")
+    sizes = np.median(np.abs(dataset.inputs), axis=0)
+    largest = int(np.argmax(sizes))
+    others = float(np.linalg.norm(np.delete(sizes, largest)))
+    if normalisation == "l2" and sizes[largest] > DOMINANT * others:
+        lines.append(
+            f"warning: {dataset.names[largest]} is {sizes[largest] / max(others, 1e-300):.1e} times"
+            " all other inputs: scaled to unit length, rows say nothing else; try --normalise"
+            " standard"
+        )
+    return lines
+
+
+def _target_column(reader: Reader, target: str) -> Column:
+    """Find the column of a target, if the database stores it."""
+    name = TARGETS.get(target, target)
+    results = (*TARGETS.values(), *FURTHER_TARGETS)
+    fit = {column.name: column for column in reader.columns() if column.name in results}
+    if name not in fit:
+        known = ", ".join([*TARGETS, *(each for each in FURTHER_TARGETS if each in fit)])
+        raise InputError(f"--target {target!r}: {reader.path} stores {known}")
+    return fit[name]
+
+
+def _reasons(
+    status: NDArray[np.uint8], reason: NDArray[np.uint8], inputs: Values, target: Values
+) -> NDArray[np.object_]:
+    """Why each row cannot be used, "" if it can."""
+    found = np.full(status.size, "", dtype=object)
+    with np.errstate(over="ignore", invalid="ignore"):
+        square = np.einsum("ij,ij->i", inputs, inputs)
+    found[~np.isfinite(target)] = "target not finite"
+    found[~np.isfinite(square)] = "input not finite, or too large to be squared"
+    found[status == Status.PENDING] = "not computed yet"
+    for code in np.unique(reason[status == Status.FAILED]):
+        text = REASONS.get(int(code), f"reason {code}") or "no reason given"
+        found[(status == Status.FAILED) & (reason == code)] = f"failed: {text}"
+    return found
+
+
+def _check(path: Path, name: str, target: Values, dropped: dict[str, int]) -> None:
+    """Refuse what nothing can be learnt from."""
+    if target.size < SMALLEST:
+        why = "; ".join(f"{number} {text}" for text, number in sorted(dropped.items()))
+        raise InputError(
+            f"{path}: {target.size} usable rows, {SMALLEST} at least are needed"
+            + (f" (left out: {why})" if why else "")
+        )
+    if np.ptp(target) == 0:
+        raise InputError(f"{path}: {name} is {target[0]:g} in all {target.size} usable rows")
+
+
+def _surfaces(inputs: Values) -> Indices:
+    """Number the surfaces: rows of one surface have its 22 statistics in common, bit for bit.
+
+    Not by the column `surface`: where all surfaces are read from one file they differ in number
+    only.
+    """
+    _, group = np.unique(inputs[:, 1:], axis=0, return_inverse=True)
+    return np.asarray(group.ravel(), dtype=np.int64)
+
+
+def _digest(*columns: NDArray[np.generic]) -> str:
+    """Fingerprint of what was read; times, ranks and hosts do not count."""
+    digest = hashlib.sha256()
+    for column in columns:
+        digest.update(np.ascontiguousarray(column).tobytes())
+    return digest.hexdigest()

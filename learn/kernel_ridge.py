@@ -1,0 +1,155 @@
+"""Kernel ridge regression that survives tiny alphas, and all alphas of a search from one kernel."""
+
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import norm as matrix_norm
+from scipy.linalg.lapack import dpocon, dpotrf, dpotrs
+from sklearn.kernel_ridge import KernelRidge
+
+Values = NDArray[np.float64]
+
+EPSILON = float(np.finfo(float).eps)
+
+NEGLIGIBLE = 1e-30
+"""Kernel values below this share of the diagonal are set to zero: far beneath rounding, their
+products would become denormal numbers, which are several times slower."""
+
+
+SHIFT = 1e3
+"""Shift of a singular matrix over the rounding of its entries: the answer is then that of kernel
+ridge with the larger alpha, to about one part in a thousand in the weakest directions."""
+
+
+class IllConditioned(UserWarning):
+    """A kernel matrix with alpha on its diagonal is singular to working precision."""
+
+
+class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
+    """scikit-learn's kernel ridge, solved with a shift of the diagonal where it is singular.
+
+    Where the matrix is not singular to working precision the coefficients are scikit-learn's, to
+    rounding. Where it is, alpha is raised until it is not, and a warning (`IllConditioned`) gives
+    the estimate of the condition and the alpha that was used instead, also in `alpha_used_`.
+    """
+
+    def fit(self, X: Any, y: Any, sample_weight: Any = None) -> "SafeKernelRidge":
+        """Fit to inputs (n, d) and one target (n,).
+
+        Raises
+        ------
+        ValueError
+            For sample weights or several alphas: the project has no use for them.
+        """
+        if sample_weight is not None or np.ndim(self.alpha):
+            raise ValueError("give one alpha and no sample weights")
+        inputs, target = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
+        self.X_fit_ = inputs
+        self.n_features_in_ = inputs.shape[1]
+        kernel = flushed(np.asarray(self._get_kernel(inputs)))
+        self.dual_coef_, self.alpha_used_ = dual_coefficients(kernel, target, float(self.alpha))
+        return self
+
+
+def flushed(kernel: Values) -> Values:
+    """Set values that cannot matter to zero, in place."""
+    kernel[np.abs(kernel) < NEGLIGIBLE * np.abs(kernel.diagonal()).max()] = 0.0
+    return kernel
+
+
+def dual_coefficients(kernel: Values, target: Values, alpha: float) -> tuple[Values, float]:
+    """Solve (K + alpha I) a = y by Cholesky, with a larger alpha where that is singular.
+
+    Parameters
+    ----------
+    kernel : (n, n) symmetric kernel matrix K, left as it is
+    target : (n,) y
+    alpha : regularisation, 0 or more
+
+    Returns
+    -------
+    (n,) coefficients a, and the alpha that they belong to
+
+    Raises
+    ------
+    ValueError
+        If the kernel matrix is not finite.
+
+    Warns
+    -----
+    IllConditioned
+        If the condition of K + alpha I is beyond 1 / machine epsilon.
+    """
+    diagonal = kernel.diagonal().copy()
+    rounding = EPSILON * max(float(diagonal.max()), np.finfo(float).tiny) * len(kernel)
+    shift, estimate = alpha, 0.0
+    while True:
+        factor = np.array(kernel.T, order="F")  # symmetric; the transpose is Fortran's order
+        np.fill_diagonal(factor, diagonal + shift)
+        norm = float(matrix_norm(factor, 1, check_finite=False))
+        if not np.isfinite(norm):
+            raise ValueError("the kernel matrix is not finite: the inputs are too large")
+        factor, failed = dpotrf(factor, overwrite_a=1, clean=0)
+        reciprocal = 0.0 if failed else float(dpocon(factor, anorm=norm)[0])
+        if reciprocal > EPSILON:
+            break
+        # A failed factorisation has no estimate: the norm over what rounding leaves of the rest.
+        estimate = estimate or (1 / reciprocal if reciprocal else norm / max(alpha, rounding))
+        shift = max(SHIFT * rounding, 10 * shift)
+    if shift > alpha:
+        warnings.warn(
+            f"kernel ridge with alpha = {alpha:g} is singular to working precision (condition"
+            f" about {max(estimate, 1 / EPSILON):.0e}): solved with alpha = {shift:.1e}",
+            IllConditioned,
+            stacklevel=3,
+        )
+    solution, _ = dpotrs(factor, target)
+    return np.asarray(solution).reshape(target.shape), shift
+
+
+def predictions(
+    train: Values, target: Values, test: Values, settings: dict[str, Any], alphas: Sequence[float]
+) -> list[Values]:
+    """Predict with every alpha, the kernel matrices built once.
+
+    Parameters
+    ----------
+    train, test : (n, d), (m, d) scaled inputs
+    target : (n,) of the training rows
+    settings : of kernel ridge other than alpha
+    alphas : regularisations
+
+    Returns
+    -------
+    (m,) predictions for each alpha; equal to those of `SafeKernelRidge` to rounding
+    """
+    if settings.get("kernel", "linear") == "linear" and train.shape[1] < train.shape[0]:
+        return _linear(train, target, test, alphas)
+    model = SafeKernelRidge(**settings)
+    kernel = flushed(np.asarray(model._get_kernel(train)))
+    coefficients = [dual_coefficients(kernel, target, alpha)[0] for alpha in alphas]
+    del kernel
+    between = np.asarray(model._get_kernel(test, train))
+    return [between @ each for each in coefficients]
+
+
+def _linear(train: Values, target: Values, test: Values, alphas: Sequence[float]) -> list[Values]:
+    """The linear kernel has as many eigenvalues as inputs: ridge regression in their basis."""
+    left, singular, basis = np.linalg.svd(train, full_matrices=False)
+    for alpha in alphas:
+        if singular[0] ** 2 * EPSILON > alpha:
+            condition = singular[0] ** 2 / max(alpha, EPSILON**2 * singular[0] ** 2)
+            warnings.warn(
+                f"kernel ridge with a linear kernel and alpha = {alpha:g} is singular to working"
+                f" precision (condition about {condition:.0e}): solved by singular values",
+                IllConditioned,
+                stacklevel=3,
+            )
+    kept = singular > EPSILON * len(train) * singular[0]
+    singular, basis = singular[kept], basis[kept]
+    weights = left[:, kept].T @ target
+    projected = test @ basis.T
+    return [projected @ (singular / (singular**2 + alpha) * weights) for alpha in alphas]

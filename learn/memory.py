@@ -1,0 +1,110 @@
+"""Memory: what a fit needs, what this machine has, and room for fits that run side by side.
+
+What a fit needs was measured: bytes per pair of rows for the kernel methods, per row for the
+others, on top of what a process takes with its libraries and data.
+"""
+
+import fcntl
+import os
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from gen.errors import InputError
+
+MIB = 2**20
+USABLE = 0.85
+"""Share of the machine's memory that fits may take; the rest is the system's."""
+
+PROCESS = 350 * MIB
+"""Bytes of a process with its libraries, before any fit."""
+
+PAIR_BYTES = {"gaussian-process": 62.0, "kernel-ridge": 19.0}
+"""Peak bytes per pair of training rows; a matrix of double precision has 8."""
+
+BASELINE_PAIR_BYTES = {"gaussian-process": 32.0}
+"""The same for a baseline, where it differs: its kernel is not fitted."""
+
+FLAT = {"random-forest": 3072 * MIB, "adaboost": 2048 * MIB, "svm": 512 * MIB}
+"""Bytes that do not grow with the pairs: up to 2,000 deep trees, the cache of kernel rows."""
+
+FLAT_ROWS = 10_000
+"""Rows for which the numbers of `FLAT` hold: trees grow in proportion to the rows."""
+
+
+def needed(model: str, rows: int, *, baseline: bool = False) -> int:
+    """Estimate the peak memory of one process that fits a model [bytes].
+
+    Parameters
+    ----------
+    model : name of the model
+    rows : training rows
+    baseline : True for the baseline, False for the dearest candidate of the search
+    """
+    pairs = PAIR_BYTES.get(model, 0.0)
+    if baseline:
+        pairs = BASELINE_PAIR_BYTES.get(model, pairs)
+    flat = 0 if baseline else FLAT.get(model, 256 * MIB)
+    return int(PROCESS + pairs * rows**2 + flat * max(1.0, rows / FLAT_ROWS))
+
+
+def available() -> int:
+    """Memory that fits may take on this machine [bytes]; limits of containers and jobs count."""
+    limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
+    for name in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
+        with suppress(OSError, ValueError):
+            limits.append(int(Path(name).read_text(encoding="ascii")))
+    with suppress(KeyError, ValueError):  # set by Slurm, in MiB
+        limits.append(int(os.environ["SLURM_MEM_PER_NODE"]) * MIB)
+    return int(USABLE * min(limits))
+
+
+def check(model: str, rows: int, *, baseline: bool = False) -> None:
+    """Refuse a model that this machine cannot hold.
+
+    Raises
+    ------
+    InputError
+        With what it needs, what there is, and how many rows would fit.
+    """
+    need, limit = needed(model, rows, baseline=baseline), available()
+    if need > limit:
+        fit = rows
+        while fit > 2 and needed(model, fit, baseline=baseline) > limit:
+            fit = int(0.98 * fit)
+        raise InputError(
+            f"{model} needs about {need / 2**30:.1f} GiB for {rows} training rows, this machine has"
+            f" {limit / 2**30:.1f} to give: --train-rows {fit} would fit, or leave it out with"
+            " --model"
+        )
+
+
+@contextmanager
+def reserved(size: int) -> Iterator[None]:
+    """Hold memory of this machine for one fit; wait while other fits hold it.
+
+    Each fit locks as many bytes' worth of a range as it needs, one MiB a byte, in a file that all
+    processes of a user on this machine share. The kernel drops the locks of a process that dies.
+
+    Parameters
+    ----------
+    size : bytes, at most `available()`; more is held as all of it
+    """
+    limit = max(1, available() // MIB)
+    length = max(1, min(-(-size // MIB), limit))
+    path = Path(tempfile.gettempdir()) / f"asperity-memory-{os.getuid()}"
+    with path.open("ab") as file:
+        while not _lock_somewhere(file.fileno(), length, limit):
+            time.sleep(0.05)
+        yield  # closing the file gives the range back
+
+
+def _lock_somewhere(descriptor: int, length: int, limit: int) -> bool:
+    """Lock the first free range of a length below the limit, if there is one."""
+    for start in range(0, limit - length + 1, max(1, min(length, limit // 64))):
+        with suppress(BlockingIOError, PermissionError):
+            fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB, length, start)
+            return True
+    return False

@@ -1,0 +1,126 @@
+"""The pictures of a comparison, like the paper's figures 8 to 10; the home of matplotlib here."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gen.errors import InputError
+from learn import tables
+from learn.folder import KINDS, Folder
+from learn.models import MODELS
+
+COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}
+DPI = 120
+
+
+def new_figure(width: float, height: float) -> Any:
+    """Make an empty figure [inches].
+
+    Raises
+    ------
+    InputError
+        If matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise InputError("drawing needs matplotlib: install the extra 'plot'") from None
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save(figure: Any, path: Path) -> Path:
+    """Write a figure as PNG, under its name only once it is whole."""
+    unfinished = path.with_name(f".{path.name}")
+    try:
+        figure.savefig(unfinished, dpi=DPI, format="png")
+        unfinished.replace(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+    return path
+
+
+def draw(folder: Folder) -> list[Path]:
+    """Draw all that a folder has results for.
+
+    Returns
+    -------
+    parity.png (like figures 8 and 10), scores.png and times.png (like figure 9)
+    """
+    record = folder.record()
+    shown = [
+        (model, kind, result)
+        for model, kind, result in tables.results(folder)
+        if result.get("test") is not None
+    ]
+    if not shown:
+        return []
+    quantity = f"{record['conditions']['target'].replace('_percent', '')} [{record['unit']}]"
+    return [
+        save(_parity(folder, shown, quantity), folder.path / "parity.png"),
+        save(_scores(shown, str(record["conditions"]["target"])), folder.path / "scores.png"),
+        save(_times(shown), folder.path / "times.png"),
+    ]
+
+
+Shown = list[tuple[str, str, dict[str, Any]]]
+
+
+def _parity(folder: Folder, shown: Shown, quantity: str) -> Any:
+    """Prediction over truth, baseline and tuned, and the line on which they would be equal."""
+    models = list(dict.fromkeys(model for model, _, _ in shown))
+    columns = min(3, len(models))
+    rows = -(-len(models) // columns)
+    figure = new_figure(3.6 * columns, 3.5 * rows)
+    axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
+    for model, axis in zip(models, axes, strict=False):
+        for kind in (kind for name, kind, _ in shown if name == model):
+            truth, prediction = folder.prediction(kind, model)
+            axis.plot(truth, prediction, ".", ms=2, color=COLOURS[kind], label=kind)
+            ends = [truth.min(), truth.max()]
+        axis.plot(ends, ends, "r-", lw=1)
+        axis.set(title=MODELS[model].title, xlabel=f"solved {quantity}", ylabel="predicted")
+        axis.legend(markerscale=4, loc="upper left")
+    for axis in axes[len(models) :]:
+        axis.set_axis_off()
+    return figure
+
+
+def _scores(shown: Shown, target: str) -> Any:
+    """Every score of every model; the worst of each score fills the height."""
+    wanted = tables.names(target)
+    figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(wanted))
+    axes = figure.subplots(len(wanted), 1, sharex=True, squeeze=False)[:, 0]
+    for name, axis in zip(wanted, axes, strict=True):
+        _bars(axis, shown, {(m, k): result["test"][name] for m, k, result in shown}, "{:.2f}")
+        axis.set_ylabel(f"{tables.SCORES[name]} [%]")
+    lowest = min(0.0, *(result["test"]["r2"] for _, _, result in shown))
+    axes[wanted.index("r2")].set_ylim(max(lowest, -100.0), 115)
+    axes[0].legend(ncols=2)
+    return figure
+
+
+def _times(shown: Shown) -> Any:
+    """Times of fit and prediction, on a logarithmic axis."""
+    titles = {"fit": "fit [s]", "test": "prediction of the test set [s]", "row": "of one row [s]"}
+    figure = new_figure(1.6 + 1.15 * len(MODELS), 7)
+    axes = figure.subplots(len(titles), 1, sharex=True)
+    for (name, title), axis in zip(titles.items(), axes, strict=True):
+        _bars(axis, shown, {(m, k): result["times"][name] for m, k, result in shown}, "{:.2g}")
+        axis.set(ylabel=title, yscale="log")
+    axes[0].legend(ncols=2)
+    return figure
+
+
+def _bars(axis: Any, shown: Shown, values: dict[tuple[str, str], float], form: str) -> None:
+    models = list(dict.fromkeys(model for model, _, _ in shown))
+    for shift, kind in zip((-0.2, 0.2), KINDS, strict=True):
+        there = [(place, values[m, kind]) for place, m in enumerate(models) if (m, kind) in values]
+        if there:
+            places, heights = zip(*there, strict=True)
+            bars = axis.bar(
+                np.array(places) + shift, heights, 0.38, color=COLOURS[kind], label=kind
+            )
+            axis.bar_label(bars, [form.format(height) for height in heights], fontsize=7)
+    axis.set_xticks(range(len(models)), [MODELS[m].title.replace(" ", "\n") for m in models])
+    axis.margins(y=0.2)

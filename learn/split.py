@@ -1,0 +1,110 @@
+"""Which rows train, which test, and the five folds of the grid search: drawn once, for all models.
+
+Rows of one surface stay together, so that no model is tested on a surface that it has seen.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.errors import InputError
+from learn.dataset import Dataset, Indices
+
+FOLDS = 5
+TEST_SHARE = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Positions in a dataset.
+
+    Attributes
+    ----------
+    train : (m,) positions of the training rows, in random order
+    test : (k,) positions of the test rows
+    folds : (m,) fold of each training row, 0 to `FOLDS` - 1
+    seed : the draw's seed
+    by_surface : False if all rows share one surface, so that rows had to be drawn one by one
+    """
+
+    train: Indices
+    test: Indices
+    folds: NDArray[np.int8]
+    seed: int
+    by_surface: bool
+
+
+def draw(dataset: Dataset, seed: int = 0, train_rows: int | None = None) -> Split:
+    """Split a dataset 80:20, and the training rows into folds.
+
+    Parameters
+    ----------
+    dataset : the usable rows
+    seed : of the draw
+    train_rows : rows to train on at most, the first of the draw; None for all
+
+    Returns
+    -------
+    Split
+        With groups of one row, the test set has exactly a fifth of the rows, rounded down: 3,175
+        of 15,878
+
+    Raises
+    ------
+    InputError
+        If there are too few rows or surfaces, or the test target is constant.
+    """
+    groups, by_surface = dataset.groups, True
+    if np.ptp(groups) == 0:
+        groups, by_surface = np.arange(dataset.size), False
+    order = np.random.default_rng(seed).permutation(np.unique(groups))
+    place = np.empty(order.size, dtype=np.int64)
+    place[order] = np.arange(order.size)
+    shuffled = np.argsort(place[groups], kind="stable")
+    # Whole surfaces up to a fifth of the rows; at least one on either side.
+    ends = np.flatnonzero(np.diff(groups[shuffled], append=-1)) + 1
+    last = np.searchsorted(ends, int(TEST_SHARE * dataset.size), side="right") - 1
+    cut = int(ends[max(int(last), 0)])
+    test, train = shuffled[:cut], shuffled[cut:]
+    if train_rows is not None:
+        train = train[:train_rows]
+    _check(dataset, train, test, train_rows)
+    return Split(train, test, _folds(groups[train]), seed, by_surface)
+
+
+def _folds(groups: Indices) -> NDArray[np.int8]:
+    """Cut rows, sorted by group, into folds of about the same size that share no group."""
+    starts = np.flatnonzero(np.diff(groups, prepend=-1))
+    middles = (starts + np.append(starts[1:], groups.size)) / 2
+    fold_of_group = np.minimum(FOLDS * middles / groups.size, FOLDS - 1).astype(np.int8)
+    number = np.cumsum(np.diff(groups, prepend=-1) != 0) - 1
+    return np.asarray(fold_of_group[number], dtype=np.int8)
+
+
+def _check(dataset: Dataset, train: Indices, test: Indices, train_rows: int | None) -> None:
+    if train_rows is not None and train_rows < 2:
+        raise InputError(f"--train-rows {train_rows}: give 2 rows at least")
+    for name, rows in (("training", train), ("test", test)):
+        if rows.size < 2 or np.ptp(dataset.target[rows]) == 0:
+            raise InputError(
+                f"{dataset.source['database']}: {dataset.target_name} does not vary over the"
+                f" {rows.size} {name} rows drawn from {np.unique(dataset.groups).size} surfaces:"
+                " more are needed"
+            )
+
+
+def check_folds(split: Split) -> None:
+    """Refuse a training set that is too small to be searched with cross-validation.
+
+    Raises
+    ------
+    InputError
+        If a fold has fewer than two rows: its score would be undefined.
+    """
+    sizes = np.bincount(split.folds, minlength=FOLDS)
+    if sizes.min() < 2:
+        raise InputError(
+            f"{split.train.size} training rows in folds of {', '.join(map(str, sizes))}: a search"
+            f" needs {FOLDS} folds of 2 rows at least, of different surfaces"
+        )

@@ -1,0 +1,217 @@
+"""The tables of a comparison, beside the paper's: printed, and written as CSV.
+
+Scores and times go into separate files: the scores are the same for the same seeds whatever the
+number of processes, the times are not.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from learn import paper
+from learn.folder import KINDS, Folder
+from learn.models import MODELS
+
+SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}
+"""The four scores and what the paper calls them [%]."""
+
+OUR_AREA = "area_percent"
+"""The target of the paper's tables: beside any other its numbers would mislead."""
+
+
+def names(target: str) -> list[str]:
+    """Return the scores that make sense for a target: nMSE carries the unit of all but the area."""
+    return [name for name in SCORES if name != "nmse" or target == OUR_AREA]
+
+
+def improvement(baseline: float, tuned: float, name: str) -> float:
+    """Return by how much tuning improves a score [% of the baseline]; positive is better."""
+    change = 100 * (tuned - baseline) / abs(baseline) if baseline else 0.0
+    return change if name == "r2" else 0.0 - change
+
+
+def write(folder: Folder) -> list[Path]:
+    """Write scores.csv, times.csv, tuning.csv and comparison of settings into a folder.
+
+    Returns
+    -------
+    The files
+    """
+    target = str(folder.record()["conditions"]["target"])
+    header = ["model", "result", *names(target), *(f"train_{name}" for name in names(target))]
+    paper_header = [f"paper_{name}" for name in names(target)] if target == OUR_AREA else []
+    times = ["model", "result", "fit_s", "fits", "predict_test_s", "predict_row_s"]
+    search = [
+        "model",
+        "searched",
+        "rows",
+        "candidates",
+        "candidates_differing",
+        "candidates_scored",
+        "fits_nominal",
+        "fits",
+        "settings",
+    ]
+    return [
+        folder.write_table(
+            "scores.csv", [*header, *paper_header, "failure"], _score_rows(folder, target)
+        ),
+        folder.write_table("times.csv", times, _time_rows(folder)),
+        folder.write_table("tuning.csv", search, _search_rows(folder)),
+        folder.write_table(
+            "tuning-times.csv", ["model", "fit_seconds", "paper_s"], _search_time_rows(folder)
+        ),
+    ]
+
+
+def show(folder: Folder) -> None:
+    """Print the tables."""
+    record = folder.record()
+    conditions = record["conditions"]
+    console = Console(width=None if Console().is_terminal else 140)
+    area_max = conditions["area_max"]
+    limited = "" if area_max is None else f", areas to {area_max:g} %"
+    console.print(
+        f"{folder.path}: {conditions['target']}, {conditions['train_rows']} training rows,"
+        f" {conditions['test_rows']} test rows{limited}; {record['threads']} thread",
+        highlight=False,
+    )
+    console.print(_score_table(folder, str(conditions["target"])))
+    if any(folder.result("tuned", model) for model in MODELS):
+        console.print(_search_table(folder, str(conditions["target"])))
+
+
+def results(folder: Folder) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Give model, kind and result of all that a folder holds, in Table 4's order."""
+    for model in MODELS:
+        for kind in KINDS:
+            result = folder.result(kind, model)
+            if result is not None:
+                yield model, kind, result
+
+
+def _score_rows(folder: Folder, target: str) -> Iterator[list[object]]:
+    for model, kind, result in results(folder):
+        row: list[object] = [model, kind]
+        for part in ("test", "train"):
+            found = result.get(part) or {}
+            row += [found.get(name, "") for name in names(target)]
+        if target == OUR_AREA:
+            row += [getattr(paper.TEST[kind][model], name) for name in names(target)]
+        yield [*row, result.get("failure", "")]
+
+
+def _time_rows(folder: Folder) -> Iterator[list[object]]:
+    for model, kind, result in results(folder):
+        times = result.get("times")
+        if times:
+            yield [model, kind, times["fit"], times["fits"], times["test"], times["row"]]
+
+
+def _search_rows(folder: Folder) -> Iterator[list[object]]:
+    for model in MODELS:
+        result = folder.result("tuned", model)
+        if result and "search" in result:
+            found = result["search"]
+            numbers = [
+                found[name]
+                for name in (
+                    "how",
+                    "rows",
+                    "candidates",
+                    "candidates_differing",
+                    "candidates_scored",
+                    "fits_nominal",
+                    "fits",
+                )
+            ]
+            yield [model, *numbers, _settings(result)]
+
+
+def _search_time_rows(folder: Folder) -> Iterator[list[object]]:
+    for model in MODELS:
+        result = folder.result("tuned", model)
+        if result and "times" in result:
+            yield [model, result["times"]["search"], paper.TUNING_SECONDS[model]]
+
+
+def _settings(result: dict[str, Any]) -> str:
+    return ", ".join(f"{name}={value}" for name, value in sorted(result["settings"].items()))
+
+
+def _score_table(folder: Folder, target: str) -> Table:
+    """Like Table 4; the paper's numbers in brackets."""
+    table = Table(title="Scores on the test rows [%] and times [s]; the paper's in brackets")
+    for column in ("Model", "", *(SCORES[name] for name in names(target))):
+        table.add_column(column, justify="left" if column in {"Model", ""} else "right")
+    for column in ("fit", "test set", "one row"):
+        table.add_column(column, justify="right")
+    for model in MODELS:
+        both = [folder.result(kind, model) for kind in KINDS]
+        for kind, result in zip(KINDS, both, strict=True):
+            if result is not None:
+                table.add_row(*_score_cells(model, kind, result, target))
+        scored = [result["test"] for result in both if result and result.get("test")]
+        if len(scored) == len(KINDS):
+            better = [
+                f"{improvement(scored[0][name], scored[1][name], name):+.2f} %"
+                for name in names(target)
+            ]
+            table.add_row(MODELS[model].title, "improvement", *better, "", "", "")
+        if any(both):
+            table.add_section()
+    return table
+
+
+def _score_cells(model: str, kind: str, result: dict[str, Any], target: str) -> list[str]:
+    cells = [MODELS[model].title, kind]
+    scored, times = result.get("test"), result.get("times") or {}
+    if not scored:
+        return [*cells, f"failed: {result.get('failure')}"]
+    beside = target == OUR_AREA
+    for name in names(target):
+        theirs = f" ({getattr(paper.TEST[kind][model], name):.2f})" if beside else ""
+        cells.append(f"{scored[name]:.2f}{theirs}")
+    fit, test = paper.TIMES[kind][model]
+    their_fit, their_test = (f" ({fit:.3g})", f" ({test:.3g})") if beside else ("", "")
+    return [
+        *cells,
+        f"{_seconds(times['fit'])}{their_fit}",
+        f"{_seconds(times['test'])}{their_test}",
+        _seconds(times["row"]),
+    ]
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.0f}" if value >= 1000 else f"{value:.3g}"
+
+
+def _search_table(folder: Folder, target: str) -> Table:
+    """Like Table 3, with what was searched."""
+    table = Table(title="Searches: sum of the fits' times [s]; the paper's tuning time in brackets")
+    for column in ("Model", "Searched", "Best settings"):
+        table.add_column(column)
+    for column in ("candidates", "differ", "fits", "of", "time"):
+        table.add_column(column, justify="right")
+    for model, kind, result in results(folder):
+        if kind != "tuned":
+            continue
+        found = result.get("search")
+        if not found:
+            table.add_row(MODELS[model].title, f"failed: {result.get('failure')}")
+            continue
+        theirs = f" ({paper.TUNING_SECONDS[model]:.0f})" if target == OUR_AREA else ""
+        table.add_row(
+            MODELS[model].title,
+            str(found["how"]),
+            _settings(result),
+            str(found["candidates"]),
+            str(found["candidates_differing"]),
+            str(found["fits"]),
+            str(found["fits_nominal"]),
+            f"{_seconds(result['times']['search'])}{theirs}",
+        )
+    return table

@@ -1,0 +1,123 @@
+"""What is read from a database, what is left out, and what cannot be used."""
+
+import h5py
+import numpy as np
+import pytest
+
+from gen.errors import InputError
+from gen.schema import statistics_columns
+from learn import dataset
+from learn.models import pipeline
+
+
+def test_the_inputs_are_the_23_of_table_1_in_its_order(solved):
+    names = ("delta", *(column.name for column in statistics_columns()))
+    assert names == dataset.INPUTS
+    assert len(names) == 23
+    found = dataset.read(solved)
+    with h5py.File(solved) as file:
+        for place, name in enumerate(names):
+            np.testing.assert_array_equal(found.inputs[:, place], file[name][:])
+        np.testing.assert_array_equal(found.target, file["area_percent"][:])
+
+
+def test_rows_are_left_out_and_counted_by_reason(database, change):
+    change("status", [0, 1], 0)
+    change("status", [2, 3, 4], 2)
+    change("reason", [2, 3, 4], [1, 1, 4])
+    change("force", [5], np.nan)
+    change("height_max", [6], np.inf)
+    change("height_rms", [7], 1e200)
+    found = dataset.read(database, "force", area_max=20.0)
+    with h5py.File(database) as file:
+        beyond = np.flatnonzero(file["area_percent"][:] > 20.0)
+    large = set(beyond.tolist()) - set(range(8))
+    assert found.dropped == {
+        "not computed yet": 2,
+        "failed: not converged within the iteration bound": 2,
+        "failed: the sample raised an arithmetic or value error": 1,
+        "target not finite": 1,
+        "input not finite, or too large to be squared": 2,
+        "area above 20 %": len(large),
+    }
+    assert found.size == 90 - sum(found.dropped.values())
+    assert set(found.rows.tolist()) == set(range(8, 90)) - large
+    assert found.unit == "uN"
+
+
+def test_a_nan_in_the_area_does_not_matter_to_the_force(database, change):
+    change("area_percent", [3], np.nan)
+    assert dataset.read(database, "force").size == 90
+    assert dataset.read(database, "area").dropped == {"target not finite": 1}
+
+
+def test_times_and_hosts_do_not_change_the_fingerprint(solved, database, change):
+    change("runtime/solve_seconds", slice(None), 1.0)
+    first, second = dataset.read(solved), dataset.read(database)
+    assert first.source["database_sha256"] == second.source["database_sha256"]
+    change("delta", [0], 7.0)
+    assert dataset.read(database).source["database_sha256"] != first.source["database_sha256"]
+
+
+def test_samples_of_one_surface_share_a_group(tmp_path):
+    from gen import cli
+
+    (tmp_path / "s.toml").write_text(
+        "samples = 30\nsamples_per_surface = 3\n[surface]\nnodes = 33\n"
+    )
+    assert cli.main(["run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "s.h5")]) == 0
+    groups = dataset.read(tmp_path / "s.h5").groups
+    np.testing.assert_array_equal(groups[::3], groups[2::3])
+    assert np.unique(groups).size == 10
+
+
+@pytest.mark.parametrize(
+    ("column", "rows", "value", "said"),
+    [
+        ("status", slice(None), 2, "0 usable rows, 10 at least are needed (left out: 90 failed"),
+        ("status", slice(None), 0, "90 not computed yet"),
+        ("status", slice(5, None), 0, "5 usable rows, 10 at least"),
+        ("area_percent", slice(None), 3.5, "area_percent is 3.5 in all 90 usable rows"),
+        ("area_percent", slice(None), np.nan, "90 target not finite"),
+    ],
+)
+def test_what_nothing_can_be_learnt_from_is_refused(change, column, rows, value, said):
+    with pytest.raises(InputError) as caught:
+        dataset.read(change(column, rows, value))
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("target", ["mean_gap", "areas", "delta", "status", "host"])
+def test_a_target_that_is_not_stored_is_refused_with_those_that_are(solved, target):
+    with pytest.raises(InputError, match=r"stores area, force, contact_nodes"):
+        dataset.read(solved, target)
+
+
+def test_the_user_is_told_of_what_is_odd(database, change, solved):
+    assert dataset.remarks(dataset.read(solved), "l2") == []
+    change("asperity_density", slice(None), 0.1)
+    change("height_max", slice(None), 1e12)
+    with h5py.File(database, "r+") as file:
+        for name in (*dataset.INPUTS, "area_percent"):
+            file[name][1] = file[name][0]
+    text = "\n".join(dataset.remarks(dataset.read(database), "l2"))
+    assert "constant over all rows, so of no use to a model: asperity_density, height_max" in text
+    assert "1 rows repeat others exactly" in text
+    assert "height_max is " in text
+    assert "--normalise standard" in text
+    assert "standard" not in "\n".join(dataset.remarks(dataset.read(database), "standard"))
+
+
+@pytest.mark.parametrize("normalisation", ["standard", "min-max"])
+def test_one_huge_input_hides_the_others_only_from_unit_length(solved, normalisation):
+    from learn.models import MODELS
+
+    rows = dataset.read(solved)
+    huge = rows.inputs.copy()
+    huge[:, 5] *= 1e12 / np.median(huge[:, 5])
+    scores = {}
+    for name, inputs in (("as it is", rows.inputs), ("huge", huge)):
+        model = pipeline(MODELS["svm"], {"C": 100.0}, normalisation=normalisation)
+        scores[name] = model.fit(inputs, rows.target).score(inputs, rows.target)
+    assert scores["huge"] == pytest.approx(scores["as it is"], abs=1e-6)
+    assert scores["huge"] > 0.9

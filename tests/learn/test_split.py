@@ -1,0 +1,80 @@
+"""The split: sizes, surfaces, folds, seeds."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gen.errors import InputError
+from learn import split
+from learn.dataset import Dataset
+
+
+def rows_of(sizes, seed=0):
+    """A dataset whose surfaces have these numbers of samples."""
+    groups = np.repeat(np.arange(len(sizes)), sizes)
+    groups = np.random.default_rng(seed).permutation(groups)
+    size = groups.size
+    inputs = np.random.default_rng(seed).normal(size=(size, 3))
+    return Dataset(
+        inputs=inputs,
+        target=inputs[:, 0],
+        rows=np.arange(size),
+        groups=groups,
+        names=("a", "b", "c"),
+        target_name="area_percent",
+        unit="%",
+        dropped={},
+        source={"database": "x.h5"},
+    )
+
+
+def test_sizes_are_the_papers():
+    drawn = split.draw(rows_of([1] * 15878))
+    assert (drawn.train.size, drawn.test.size) == (12703, 3175)
+    assert np.ptp(np.bincount(drawn.folds)) <= 1
+
+
+@given(st.lists(st.integers(1, 9), min_size=12, max_size=60), st.integers(0, 99))
+def test_surfaces_stay_together_and_rows_are_used_once(sizes, seed):
+    rows = rows_of(sizes, seed)
+    drawn = split.draw(rows, seed)
+    together = np.concatenate([drawn.train, drawn.test])
+    np.testing.assert_array_equal(np.sort(together), np.arange(rows.size))
+    assert not set(rows.groups[drawn.train]) & set(rows.groups[drawn.test])
+    for fold in range(split.FOLDS):
+        inside, outside = drawn.train[drawn.folds == fold], drawn.train[drawn.folds != fold]
+        assert not set(rows.groups[inside]) & set(rows.groups[outside])
+    assert abs(drawn.test.size - 0.2 * rows.size) <= 9 + 1
+
+
+def test_a_seed_gives_the_same_split_another_one_another():
+    rows = rows_of([1] * 50)
+    first, again, other = split.draw(rows, 1), split.draw(rows, 1), split.draw(rows, 2)
+    np.testing.assert_array_equal(first.train, again.train)
+    np.testing.assert_array_equal(first.folds, again.folds)
+    assert (first.train != other.train).any()
+
+
+def test_fewer_training_rows_are_the_first_of_more():
+    rows = rows_of([1] * 100)
+    few, many = split.draw(rows, 0, 30), split.draw(rows, 0)
+    np.testing.assert_array_equal(few.train, many.train[:30])
+    np.testing.assert_array_equal(few.test, many.test)
+    np.testing.assert_array_equal(np.bincount(few.folds), [6] * 5)
+
+
+def test_rows_of_a_single_surface_are_split_one_by_one():
+    drawn = split.draw(rows_of([40]))
+    assert not drawn.by_surface
+    assert drawn.test.size == 8
+
+
+def test_too_little_is_refused():
+    with pytest.raises(InputError, match="--train-rows 1"):
+        split.draw(rows_of([1] * 20), 0, 1)
+    with pytest.raises(InputError, match="does not vary"):
+        split.draw(rows_of([19, 1]), 1)
+    with pytest.raises(InputError, match="5 folds of 2 rows"):
+        split.check_folds(split.draw(rows_of([1] * 10)))
+    split.check_folds(split.draw(rows_of([1] * 13)))

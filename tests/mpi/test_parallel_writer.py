@@ -1,0 +1,281 @@
+"""Every worker writes its own rows: the single writer's bytes, whatever happens on the way.
+
+Where h5py has MPI, the other tests of this folder run with the parallel writer too, those of
+signals and of a second writer among them.
+"""
+
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from databases import deterministic_bytes, status
+from launch import TIMEOUT, command, environment, launch, mpiexec
+
+HAS_MPI = bool(h5py.get_config().mpi)
+
+pytestmark = [
+    pytest.mark.mpi,
+    pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'"),
+]
+needs_parallel_hdf5 = pytest.mark.skipif(
+    not HAS_MPI, reason="this h5py has no MPI: make test-parallel runs these"
+)
+
+SCENE = """samples = {}
+samples_per_surface = 3
+[surface]
+nodes = 17
+[store]
+heights = true
+pressure = true
+perimeter = true
+"""
+
+SPYING = """
+import pickle, sys
+from gen import cli, delivery, farm
+from gen.database import Writer
+write_block, take = Writer.write_block, delivery.FromWorkers.take
+def tell(verb, number):
+    with open(f"{verb}-{farm.this_world().rank}.txt", "a") as file:
+        print(number, file=file)
+def write_and_tell(self, start, stop, columns):
+    tell("wrote", stop - start)
+    write_block(self, start, stop, columns)
+def take_and_tell(self, block, result):
+    tell("took", len(pickle.dumps(result)))
+    return take(self, block, result)
+Writer.write_block, delivery.FromWorkers.take = write_and_tell, take_and_tell
+sys.exit(cli.main(["run", "scene.toml", "-o", "spied.h5"]))
+"""
+
+DYING = """
+import os, signal, sys
+from gen import cli, farm
+from gen.database import ParallelWriter
+flushes = []
+def die_between_columns_and_status(self):
+    flushes.append(1)
+    if farm.this_world().rank == 1 and len(flushes) == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+ParallelWriter._flush = die_between_columns_and_status
+sys.exit(cli.main(["run", "scene.toml", "-o", sys.argv[1]]))
+"""
+
+WITHOUT_ROOM = """
+import resource, signal, sys
+from gen import cli, delivery, farm
+work = delivery.FromWorkers.work
+def work_without_room(self, block):
+    if farm.this_world().rank == 1:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+    return work(self, block)
+delivery.FromWorkers.work = work_without_room
+sys.exit(cli.main(["run", "scene.toml", "-o", "full.h5"]))
+"""
+
+ELSEWHERE = """
+import os, sys
+from gen import cli, farm
+if farm.this_world().rank == 1:
+    os.chdir("elsewhere")
+sys.exit(cli.main(["run", os.path.join(sys.path[0], "scene.toml"), "-o", "here.h5"]))
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("parallel")
+    (folder / "scene.toml").write_text(SCENE.format(90))
+    done = launch(0, "run", "scene.toml", "-o", "serial.h5", folder=folder)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def run(folder, output, *options, ranks=4):
+    done = launch(ranks, "run", "scene.toml", "-o", output, *options, folder=folder)
+    assert done.returncode == 0, done.stderr
+    return done.stderr
+
+
+@needs_parallel_hdf5
+@pytest.mark.parametrize("ranks", [2, 4, 8])
+def test_the_bytes_are_those_of_the_single_writer(folder, ranks):
+    told = run(folder, f"{ranks}.h5", ranks=ranks)
+    assert "parallel writer" in told
+    assert deterministic_bytes(folder / f"{ranks}.h5") == deterministic_bytes(folder / "serial.h5")
+    with h5py.File(folder / f"{ranks}.h5", "r") as file:
+        assert 0 not in file["runtime/rank"][:]
+        assert file["pressure"][:].max() > 0
+
+
+@needs_parallel_hdf5
+def test_workers_write_and_the_master_hears_numbers_only(folder):
+    (folder / "spying.py").write_text(SPYING)
+    done = launch(4, folder=folder, module="spying")
+    assert done.returncode == 0, done.stderr
+    wrote, took = (
+        {path.stem: np.loadtxt(path, dtype=int, ndmin=1) for path in folder.glob(f"{verb}-*.txt")}
+        for verb in ("wrote", "took")
+    )
+    assert sum(rows.sum() for rows in wrote.values()) == 90
+    assert "wrote-0" not in wrote
+    assert took.keys() == {"took-0"}
+    assert took["took-0"].max() < 200  # bytes; one row's fields have 4,624
+
+
+@needs_parallel_hdf5
+@pytest.mark.parametrize(("first", "second"), [("single", "parallel"), ("parallel", "single")])
+def test_either_writer_goes_on_with_what_the_other_has_left(folder, first, second):
+    output = f"{first}-{second}.h5"
+    assert f"{first} writer" in run(folder, output, "--writer", first, "--rows", "0:40")
+    assert np.count_nonzero(status(folder / output)) == 40
+    told = run(folder, output, "--writer", second)
+    assert "50 to do" in told
+    assert f"{second} writer" in told
+    assert deterministic_bytes(folder / output) == deterministic_bytes(folder / "serial.h5")
+
+
+@needs_parallel_hdf5
+def test_an_extended_file_and_failed_rows_are_written_in_parallel_too(folder):
+    text = SCENE.format(30) + "[contact]\nmax_iterations = 2\n"
+    (folder / "hasty.toml").write_text(text)
+    (folder / "longer.toml").write_text(text.replace("30", "60", 1))
+    for output, writer in (("one.h5", "single"), ("all.h5", "parallel")):
+        for scene, options in (("hasty", ()), ("longer", ("--retry-failed",))):
+            done = launch(
+                3, "run", f"{scene}.toml", "-o", output, "--writer", writer, *options, folder=folder
+            )
+            assert done.returncode == 0, done.stderr
+            assert f"{writer} writer" in done.stderr
+    assert set(status(folder / "all.h5")) == {1, 2}
+    assert deterministic_bytes(folder / "one.h5") == deterministic_bytes(folder / "all.h5")
+
+
+def finished_rows(path: Path) -> dict[str, np.ndarray]:
+    """Deterministic columns of the rows that are done."""
+    with h5py.File(path, "r", locking=False) as file:
+        done = file["status"][:] == 1
+        return {
+            name: np.where(done.reshape(-1, *[1] * (data.ndim - 1)), data[:], 0)
+            for name, data in file.items()
+            if "long_name" in data.attrs and isinstance(data, h5py.Dataset)
+        } | {"done": done}
+
+
+def assert_done_rows_are_right(path: Path, whole: Path) -> int:
+    """Compare every done row with an undisturbed run's; return their number."""
+    found, wanted = finished_rows(path), finished_rows(whole)
+    done = found.pop("done")
+    for name, values in found.items():
+        assert values[done].tobytes() == wanted[name][done].tobytes(), name
+    return int(done.sum())
+
+
+@needs_parallel_hdf5
+@pytest.mark.parametrize("writer", ["single", "parallel"])
+def test_a_worker_that_dies_before_its_status_costs_its_rows_only(folder, writer):
+    (folder / "dying.py").write_text(DYING)
+    output = f"dying-{writer}.h5"
+    done = launch(3, output, folder=folder, module="dying")
+    assert done.returncode not in {0, 2}
+    assert 0 < assert_done_rows_are_right(folder / output, folder / "serial.h5") < 90
+    run(folder, output, "--writer", writer)
+    assert deterministic_bytes(folder / output) == deterministic_bytes(folder / "serial.h5")
+
+
+def process_of(rank: int, output: str) -> int:
+    """Id of the process of a rank of the run that writes `output`."""
+    for process in Path("/proc").iterdir():
+        try:
+            arguments = (process / "cmdline").read_bytes().split(b"\0")
+            variables = (process / "environ").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        ranks = {f"OMPI_COMM_WORLD_RANK={rank}".encode(), f"PMI_RANK={rank}".encode()}
+        if output.encode() in arguments and ranks & set(variables):
+            return int(process.name)
+    raise LookupError(f"no process of rank {rank}")
+
+
+@needs_parallel_hdf5
+@pytest.mark.parametrize("victim", [0, 1, None], ids=["master", "worker", "mpiexec"])
+def test_a_killed_run_resumes(folder, victim):
+    (folder / "long.toml").write_text(SCENE.format(1200))
+    if not (folder / "long.h5").exists():
+        done = launch(0, "run", "long.toml", "-o", "long.h5", folder=folder)
+        assert done.returncode == 0, done.stderr
+    output = f"killed-{victim}.h5"
+    with subprocess.Popen(
+        command(3, "run", "long.toml", "-o", output),
+        cwd=folder,
+        env=environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    ) as started:
+        limit = time.monotonic() + TIMEOUT
+        while not (folder / output).exists() or not (status(folder / output) != 0).any():
+            assert time.monotonic() < limit
+            assert started.poll() is None
+            time.sleep(0.02)
+        os.kill(started.pid if victim is None else process_of(victim, output), signal.SIGKILL)
+        assert started.wait(timeout=TIMEOUT) != 0
+    ended = time.monotonic() + TIMEOUT
+    while True:  # a killed launcher leaves its ranks some moments, and them the lock
+        again = launch(3, "run", "long.toml", "-o", output, folder=folder)
+        if "is being written" not in again.stderr or time.monotonic() > ended:
+            break
+    assert again.returncode == 0, again.stderr
+    assert int(again.stderr.split(" rows, ")[1].split(" to do")[0]) < 1200
+    assert deterministic_bytes(folder / output) == deterministic_bytes(folder / "long.h5")
+
+
+@needs_parallel_hdf5
+def test_a_worker_without_room_ends_the_run_with_one_line(folder):
+    (folder / "without_room.py").write_text(WITHOUT_ROOM)
+    done = launch(3, folder=folder, module="without_room")
+    assert done.returncode == 2, done.stderr
+    problem = [line for line in done.stderr.splitlines() if line.startswith("gen: ")]
+    assert len(problem) == 1
+    assert "make room and run the same command again" in problem[0]
+    assert "Traceback" not in done.stderr
+    assert_done_rows_are_right(folder / "full.h5", folder / "serial.h5")
+    run(folder, "full.h5")
+    assert deterministic_bytes(folder / "full.h5") == deterministic_bytes(folder / "serial.h5")
+
+
+@needs_parallel_hdf5
+def test_a_path_that_leads_elsewhere_on_one_rank_is_refused(folder):
+    (folder / "elsewhere").mkdir()
+    (folder / "elsewhere.py").write_text(ELSEWHERE)
+    done = launch(3, folder=folder, module="elsewhere")
+    assert done.returncode == 2, done.stderr
+    assert "rank 1 on" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not list((folder / "elsewhere").iterdir())
+
+
+@needs_parallel_hdf5
+def test_one_process_cannot_be_parallel(folder):
+    done = launch(1, "run", "scene.toml", "-o", "x.h5", "--writer", "parallel", folder=folder)
+    assert done.returncode == 2
+    assert "one process" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not (folder / "x.h5").exists()
+
+
+@pytest.mark.skipif(HAS_MPI, reason="this h5py has MPI")
+def test_without_mpi_in_h5py_the_parallel_writer_is_refused_and_auto_is_single(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE.format(6))
+    refused = launch(3, "run", "scene.toml", "-o", "x.h5", "--writer", "parallel", folder=tmp_path)
+    assert refused.returncode == 2
+    assert "h5py has no MPI" in refused.stderr
+    assert refused.stderr.count("\n") == 1
+    assert not (tmp_path / "x.h5").exists()
+    assert "single writer" in run(tmp_path, "x.h5", ranks=2)
