@@ -4,11 +4,11 @@ nine models; each asserts its answer.
 
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pytest_benchmark.fixture import BenchmarkFixture
 
 from gen.farm import World
 from learn import pruning, search
@@ -85,7 +85,7 @@ def best_of_ours(name: str, samples: Samples, folds: Folds, path: Path) -> float
 @pytest.mark.parametrize("name", SPACES)
 @pytest.mark.parametrize("whose", ["ours", "scikit-learn"])
 def test_search(
-    benchmark: BenchmarkFixture,
+    benchmark: Any,
     samples: Samples,
     folds: Folds,
     name: str,
@@ -108,7 +108,7 @@ def test_search(
 
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("what", ["fit", "predict"])
-def test_baseline(benchmark: BenchmarkFixture, samples: Samples, name: str, what: str) -> None:
+def test_baseline(benchmark: Any, samples: Samples, name: str, what: str) -> None:
     benchmark.group = f"{what}: {ROWS} rows"
     model = pipeline(MODELS[name])
     with warnings.catch_warnings():

@@ -49,10 +49,13 @@ def test_python_shown_runs(tmp_path, monkeypatch):
 
     monkeypatch.chdir(tmp_path)
     np.save("surface.npy", np.random.default_rng(0).normal(size=(17, 17)))
-    (code,) = re.findall(r"```python\n(import numpy.*?)```", README, flags=re.DOTALL)
+    contact, scan = re.findall(r"```python\n(import numpy.*?)```", README, flags=re.DOTALL)
     names: dict[str, object] = {}
-    exec(code, names)
+    exec(contact, names)
     assert names["contact"].area_percent > 0
+    pytest.importorskip("SurfaceTopography")
+    exec(scan, {})
+    assert (tmp_path / "scan.x3p").exists()
 
 
 def test_reading_with_xarray_as_shown(tmp_path, monkeypatch):

@@ -1,7 +1,7 @@
 """What the simulation is fed with: costs of rows, messages, scheduling and writing, measured here.
 
-On a machine with other users the smallest of many short measurements counts: it was the least
-disturbed.
+All are processor times, so that they bear the presence of other users alike; the smallest of many
+short measurements counts. Writing is to a local disk, through the kernel's cache.
 """
 
 import json
@@ -120,7 +120,7 @@ def scene_with(nodes: int) -> Scene:
 
 
 def measure_write(count: int) -> float:
-    """Time to write a block of some rows, flushes included [s]."""
+    """Processor time to write a block of some rows, flushes included [s]."""
     scene = scene_of(count * WRITES)
     rows = empty_rows(scene, count)
     with tempfile.TemporaryDirectory() as folder:
@@ -150,7 +150,7 @@ def _bookkeeping_round(in_flight: int, blocks: int, workers: int) -> float:
     arrivals: list[float] = []
 
     def take(task: int, result: None) -> None:
-        arrivals.append(time.perf_counter())
+        arrivals.append(time.process_time())
 
     tasks = in_flight + blocks
     farm._supervise(
@@ -209,12 +209,12 @@ def _row_seconds(nodes: int, count: int) -> tuple[float, ...]:
 
 
 def _least(calls: Iterator[Callable[[], None]]) -> float:
-    """Tenth percentile of what calls take [s]: free of what else the machine does."""
+    """Tenth percentile of the processor time of calls [s]: the least disturbed."""
     seconds = []
     for call in calls:
-        began = time.perf_counter()
+        began = time.process_time()
         call()
-        seconds.append(time.perf_counter() - began)
+        seconds.append(time.process_time() - began)
     return float(np.quantile(seconds, 0.1))
 
 
