@@ -54,11 +54,11 @@ clean:
 	"make parallel needs packages of Debian: apt-get install --no-install-recommends $(DEBIAN)" \
 	"(no Debian, no root: see Parallel HDF5 in the README)"; exit 2; }
 	$(PYTHON) -m venv .venv-parallel
-	printf '#!/bin/sh\nexec mpiexec.openmpi "$$@"\n' | tee $(PARALLEL)/mpiexec > $(PARALLEL)/mpirun
+	@printf '#!/bin/sh\nexec mpiexec.openmpi "$$@"\n' | tee $(PARALLEL)/mpiexec > $(PARALLEL)/mpirun
 	chmod +x $(PARALLEL)/mpiexec $(PARALLEL)/mpirun
 	python -m pip install --quiet --editable ".[mpi]" "pytest>=8.2" "hypothesis>=6.100" \
 	  cython pkgconfig "setuptools>=77"
-	set -e; \
+	@set -e; \
 	h5py=$$(python -c "from importlib.metadata import version; print(version('h5py'))"); \
 	mpi4py=$$(python -c "from importlib.metadata import version; print(version('mpi4py'))"); \
 	tag=$$(python -c "import sys; print('cp%d%d' % sys.version_info[:2])"); \
@@ -71,5 +71,5 @@ clean:
 	    --no-build-isolation --no-deps --no-cache-dir --no-binary=h5py "h5py==$$h5py"; \
 	fi; \
 	python -m pip install --quiet --force-reinstall --no-deps "$$kept/h5py-$$h5py-$$tag"-*.whl
-	python -c "import h5py, sys; sys.exit(not h5py.get_config().mpi and 'this h5py has no MPI')"
+	@python -c "import h5py, sys; sys.exit(not h5py.get_config().mpi and 'this h5py has no MPI')"
 	touch $@

@@ -82,6 +82,10 @@ def show(folder: Folder) -> None:
     console.print(_score_table(folder, str(conditions["target"])))
     if any(folder.result("tuned", model) for model in MODELS):
         console.print(_search_table(folder, str(conditions["target"])))
+    for model, kind, result in results(folder):
+        if result.get("failure"):
+            text = f"{MODELS[model].title}, {kind}, failed: {result['failure']}"
+            console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 def results(folder: Folder) -> Iterator[tuple[str, str, dict[str, Any]]]:
@@ -170,7 +174,7 @@ def _score_cells(model: str, kind: str, result: dict[str, Any], target: str) -> 
     cells = [MODELS[model].title, kind]
     scored, times = result.get("test"), result.get("times") or {}
     if not scored:
-        return [*cells, f"failed: {result.get('failure')}"]
+        return [*cells, "failed"]
     beside = target == OUR_AREA
     for name in names(target):
         theirs = f" ({getattr(paper.TEST[kind][model], name):.2f})" if beside else ""
@@ -201,7 +205,7 @@ def _search_table(folder: Folder, target: str) -> Table:
             continue
         found = result.get("search")
         if not found:
-            table.add_row(MODELS[model].title, f"failed: {result.get('failure')}")
+            table.add_row(MODELS[model].title, "failed")
             continue
         theirs = f" ({paper.TUNING_SECONDS[model]:.0f})" if target == OUR_AREA else ""
         table.add_row(

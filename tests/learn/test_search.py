@@ -37,7 +37,7 @@ REDUCED = {
         "learning_rate": [2.0],
     },
     "gradient-boost": {
-        "learning_rate": [0.1, 2.0],
+        "learning_rate": [2.0],
         "loss": ["squared_error", "huber"],
         "max_depth": [2],
         "n_estimators": [2, 5, 9],
@@ -50,7 +50,7 @@ REDUCED = {
         "gamma": [0.0, 1.0],
     },
     "svm": {
-        "C": [0.1, 10.0],
+        "C": [10.0],
         "degree": [3, 7],
         "kernel": ["linear", "rbf", "poly", "sigmoid"],
         "gamma": ["scale", "auto"],
@@ -67,7 +67,7 @@ REDUCED = {
         "alpha": [1e-3],
         "hidden_layer_sizes": [(4, 3)],
         "learning_rate": ["constant", "adaptive"],
-        "solver": ["sgd", "adam", "lbfgs"],
+        "solver": ["sgd", "lbfgs"],
     },
 }
 
