@@ -2,7 +2,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: quickstart test check parallel test-parallel clean
+# Tests of batch scripts stand apart: see slurm-test.
+.PHONY: quickstart test slurm-test check parallel test-parallel clean
 
 quickstart: .venv/quickstart-installed
 	$(BIN)/mpiexec -n 3 $(BIN)/python -m mpi4py -m gen run quick -o quick.h5
@@ -10,7 +11,11 @@ quickstart: .venv/quickstart-installed
 	$(BIN)/python -m gen plot quick.h5 -o quick.png
 
 test: .venv/test-installed
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -m "not slurm"
+
+# The batch scripts on a Slurm of their own, which is installed where root may do so.
+slurm-test: .venv/test-installed
+	$(BIN)/python -m pytest tests/slurm
 
 # What CI runs besides the two above.
 check: .venv/test-installed

@@ -21,7 +21,8 @@ def mpiexec() -> str | None:
 def is_open_mpi() -> bool:
     """Whether the launcher is Open MPI, which kills its ranks 1 s after a SIGTERM or SIGINT."""
     version = [str(mpiexec()), "--version"]
-    return b"Open MPI" in subprocess.run(version, capture_output=True, check=True).stdout
+    told = subprocess.run(version, capture_output=True, text=True, check=True).stdout
+    return "Open MPI" in told or "OpenRTE" in told
 
 
 def command(ranks: int, *arguments: object, module: str = "gen") -> list[str]:

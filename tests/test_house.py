@@ -23,7 +23,7 @@ ONE_HOME = {
     "tomllib": {"gen/scene.py"},
     "SurfaceTopography": {"gen/topography.py"},
     "matplotlib": {"gen/picture.py", "learn/pictures.py", "bench"},
-    "sklearn": {"learn"},
+    "sklearn": {"learn", "bench"},
     "xgboost": {"learn/models.py"},
 }
 BEM_NEEDS = {"numpy", "scipy", "pyfftw"}

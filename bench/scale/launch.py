@@ -56,7 +56,8 @@ def launch(ranks: int, module: str, arguments: dict[str, Any], folder: Path) -> 
         check=False,
     )
     if done.returncode:
-        raise InputError(f"scale: {module} on {ranks} ranks fails: {done.stderr.strip()[-500:]}")
+        reason = f"exit code {done.returncode}: {done.stderr.strip()[-500:]}"
+        raise InputError(f"scale: {module} on {ranks} ranks fails with {reason}")
     return json.loads(done.stdout.splitlines()[-1])
 
 
