@@ -11,7 +11,7 @@ quickstart: .venv/quickstart-installed
 	$(BIN)/python -m gen plot quick.h5 -o quick.png
 
 test: .venv/test-installed
-	$(BIN)/python -m pytest -m "not slurm"
+	$(BIN)/python -m pytest -m "not slurm and not campaign"
 
 # The batch scripts on a Slurm of their own, which is installed where root may do so.
 slurm-test: .venv/test-installed

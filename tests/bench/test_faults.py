@@ -35,6 +35,7 @@ SHORT = (
 
 
 @pytest.mark.mpi
+@pytest.mark.campaign
 @pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
 def test_disturbed_runs_lose_nothing(tmp_path):
     rounds = list(campaign(tmp_path, rounds=len(SHORT), seed=3, samples=200, kinds=SHORT))
