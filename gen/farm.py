@@ -9,9 +9,10 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import Future
 from contextvars import ContextVar
 from dataclasses import dataclass
+from queue import SimpleQueue
 from typing import Any, NoReturn, TypeVar
 
 from gen.errors import InputError
@@ -163,21 +164,23 @@ def _supervise(
     world: World,
     stopping: Callable[[], bool],
 ) -> None:
-    """Keep every worker busy until the tasks run out."""
+    """Keep every worker busy until the tasks run out, at a cost that no number of them raises."""
     in_flight: dict[Future[Result], Task] = {}
+    finished: SimpleQueue[Future[Result]] = SimpleQueue()
     drained = False
     while in_flight or not drained:
         while not drained and len(in_flight) < IN_FLIGHT * world.workers:
             task = None if stopping() else next(tasks, None)
             drained = task is None
             if task is not None:
-                in_flight[executor.submit(work, task)] = task
-        finished, _ = wait(in_flight, return_when=FIRST_COMPLETED)
-        for future in finished:
-            task = in_flight.pop(future)
+                future = executor.submit(work, task)
+                in_flight[future] = task
+                future.add_done_callback(finished.put)
+        if in_flight:
+            future = finished.get()
             if future.exception() is not None:
                 _abort_with(future, world)
-            on_result(task, future.result())
+            on_result(in_flight.pop(future), future.result())
 
 
 def _abort_with(future: "Future[Any]", world: World) -> NoReturn:

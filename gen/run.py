@@ -29,10 +29,15 @@ if TYPE_CHECKING:  # a worker that writes nothing needs neither HDF5 nor a progr
     from gen.database import Counts
 
 BLOCK_ROWS = 64
-"""Rows of a block at most: contiguous rows are written together, and a stop waits for them."""
+"""Rows of a block at most, for few workers: contiguous rows are written together, and a stop waits
+for them."""
 
 BLOCK_NODES = 64 * 129**2
 """Nodes of a block at most, unless one row has more: a stop waits for what is in flight."""
+
+MASTER_NODES = 129**2 / 4
+"""Nodes of a block at least, for each worker: many workers ask often, and the one master has to
+answer them all in the time of a block (`python -m bench scale` shows what that takes)."""
 
 BLOCK_BYTES = 8 * 2**20
 """Bytes of a block at most, unless one row has more: fields make blocks small."""
@@ -158,13 +163,15 @@ def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Bloc
     workers : number of workers that the blocks are for
     """
     nodes = scene.surface.nodes
-    block_rows = BLOCK_BYTES // row_bytes(scene.store, nodes)
+    most = max(1, BLOCK_BYTES // row_bytes(scene.store, nodes))
+    least = min(most, max(1, int(workers * MASTER_NODES) // nodes**2))
     return plan.blocks(
         pending,
         samples=scene.samples,
         samples_per_surface=scene.samples_per_surface,
         workers=workers,
-        largest=max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes**2, block_rows)),
+        largest=min(most, max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes**2), 2 * least - 1)),
+        smallest=least,
     )
 
 

@@ -22,7 +22,7 @@ def draw(figure: Any, points: Sequence[Point]) -> None:
     figure.set_size_inches(5 * len(grids), 7)
     figure.suptitle("Simulation of the farm, from measured costs")
     panels = figure.subplots(2, len(grids), squeeze=False, sharex=True, sharey="row")
-    own = [point for point in points if not point.largest and point.loop == "measured"]
+    own = [point for point in points if not point.largest]
     for column, nodes in enumerate(grids):
         efficiency, busy = panels[:, column]
         here = [point for point in own if point.nodes == nodes]

@@ -95,13 +95,13 @@ def _goal_lines(points: Sequence[Point]) -> list[str]:
         for point in points
         if point.ranks == GOAL_RANKS and point.rows == GOAL_ROWS[point.nodes]
     ]
-    for nodes, writer, loop in dict.fromkeys((p.nodes, p.writer, p.loop) for p in at_goal):
-        mine = [p for p in at_goal if (p.nodes, p.writer, p.loop) == (nodes, writer, loop)]
+    for nodes, writer in dict.fromkeys((p.nodes, p.writer) for p in at_goal):
+        mine = [p for p in at_goal if (p.nodes, p.writer) == (nodes, writer)]
         own = next(point for point in mine if not point.largest)
         best = max(mine, key=lambda point: point.efficiency)
         best_blocks = f"{best.smallest} to {best.largest}" if best.largest else "the program's own"
         lines.append(
-            f"  {own.rows:,} rows, {nodes} nodes, {writer} writer, {loop} loop:"
+            f"  {own.rows:,} rows, {nodes} nodes, {writer} writer:"
             f" {own.efficiency:.1%}, master {own.busy:.0%} busy, idle tail {own.tail:.1%};"
             f" best {best.efficiency:.1%} with blocks of {best_blocks} rows"
         )

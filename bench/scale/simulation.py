@@ -4,7 +4,7 @@ The blocks are those of `gen.run.blocks_of`, the number in flight is `gen.farm.I
 master is one server (its two threads share one interpreter) with two things to do in turn:
 
 - messages: receive a block's rows from a worker and send it the next task that waits, if one does;
-- rounds of the farm's loop: write all blocks that have come, then top up the tasks in flight.
+- turns of the farm's loop: write one block that has come, then top up the tasks in flight.
 
 A worker is idle from the end of its block until the message with its next task arrives.
 """
@@ -90,7 +90,6 @@ class _Farm:
         self._idle: deque[int] = deque(range(workers))
         self._arrivals: list[tuple[float, int, Block]] = []  # a heap: when, from whom, what
         self._received: deque[Block] = deque()  # futures that are done
-        self._round: deque[Block] = deque()  # those that the loop's current round deals with
         self._last = np.zeros(workers)
         self._send = 0.5 * costs.message.fixed  # of the two messages, tasks are the short one
         # What a worker waits beyond the master's own work: the way of two messages, and polling.
@@ -101,11 +100,10 @@ class _Farm:
         message_next = True
         while self._in_flight:
             arrived = bool(self._arrivals) and self._arrivals[0][0] <= self._now
-            at_hand = bool(self._round or self._received)
-            if arrived and (message_next or not at_hand):
+            if arrived and (message_next or not self._received):
                 self._receive()
                 message_next = False
-            elif at_hand:
+            elif self._received:
                 self._take()
                 message_next = True
             else:
@@ -138,17 +136,14 @@ class _Farm:
         self._hand_out()
 
     def _take(self) -> None:
-        """Write one block; after the last of a round, hand in new tasks."""
-        if not self._round:
-            self._round, self._received = self._received, deque()
-        start, stop = self._round.popleft()
+        """Write one block, and hand in new tasks."""
+        start, stop = self._received.popleft()
         self._spend(self._costs.bookkeeping(self._workers))
         if self._write == "master":
             self._spend(self._costs.write(stop - start))
         self._held -= stop - start
         self._in_flight -= 1
-        if not self._round:
-            self._top_up()
+        self._top_up()
 
     def _top_up(self) -> None:
         """Draw tasks until enough are in flight."""

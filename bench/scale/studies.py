@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.scale.costs import Costs, Line, scene_with
+from bench.scale.costs import Costs, scene_with
 from bench.scale.simulation import Block, Outcome, simulate
 from gen import plan
 from gen.farm import IN_FLIGHT
@@ -45,7 +45,6 @@ class Point:
     rows : of the database
     largest, smallest : rows that a block may and should have; 0 for the program's own rule
     writer : "single", or "parallel": every worker its own rows
-    loop : "measured", or "constant": as if the farm's loop took as long for many workers as for 10
     seconds : makespan [s]
     efficiency : of the workers [1]
     tail : mean idle time at the end over the makespan [1]
@@ -60,7 +59,6 @@ class Point:
     largest: int
     smallest: int
     writer: str
-    loop: str
     seconds: float
     efficiency: float
     tail: float
@@ -82,10 +80,8 @@ def sweep(costs: Costs, remark: Callable[[str], None] = lambda line: None) -> It
         remark(f"{nodes} x {nodes} nodes, blocks of other sizes")
         seconds = row_seconds(costs, nodes, GOAL_ROWS[nodes])
         for writer in ("single", "parallel"):
-            yield simulated(costs, nodes, ranks, seconds, writer, loop="constant")
-            for loop in ("measured", "constant"):
-                for largest, smallest in BLOCKS[nodes]:
-                    yield simulated(costs, nodes, ranks, seconds, writer, largest, smallest, loop)
+            for largest, smallest in BLOCKS[nodes]:
+                yield simulated(costs, nodes, ranks, seconds, writer, largest, smallest)
 
 
 def row_seconds(costs: Costs, nodes: int, rows: int) -> NDArray[np.float64]:
@@ -101,7 +97,6 @@ def simulated(
     writer: str = "single",
     largest: int = 0,
     smallest: int = 1,
-    loop: str = "measured",
 ) -> Point:
     """Simulate one run.
 
@@ -115,8 +110,6 @@ def simulated(
     largest, smallest : rows that a block may and should have; 0 for the program's own rule
     """
     rows, workers = len(seconds), ranks - 1
-    if loop == "constant":
-        costs = replace(costs, bookkeeping=Line(costs.bookkeeping(10), 0.0))
     single = writer == "single"
     outcome = simulate(
         blocks(nodes, rows, workers, largest, smallest),
@@ -132,7 +125,6 @@ def simulated(
         largest=largest,
         smallest=smallest if largest else 0,
         writer=writer,
-        loop=loop,
         seconds=outcome.makespan,
         efficiency=outcome.efficiency,
         tail=outcome.tail,
