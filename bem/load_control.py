@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy import optimize
 
 from bem.direct import FEW_NODES, influence_matrix, solve_directly
 from bem.equilibrium import Equilibrium, on_rigid_far_field, overlap, started, unfold
@@ -215,6 +214,8 @@ def _by_root(problem: Problem, load: float, failed: Equilibrium) -> Equilibrium:
             spent.convolutions += solved[delta].iterate.convolutions
         return float(solved[delta].pressure.sum()) * delta / load - 1
 
+    from scipy.optimize import brentq  # a quarter of a worker's start-up; most runs never need it
+
     low = high = _guess(problem, load)
     arrived = True
     try:
@@ -222,7 +223,7 @@ def _by_root(problem: Problem, load: float, failed: Equilibrium) -> Equilibrium:
             low /= 2
         while excess(high) < 0:
             high *= 2
-        optimize.brentq(excess, low, high, xtol=1e-300, rtol=ROOT_RTOL)
+        brentq(excess, low, high, xtol=1e-300, rtol=ROOT_RTOL)
     except _OutOfIterations:
         arrived = False
     best = min(solved, key=lambda delta: abs(excess(delta)), default=None)

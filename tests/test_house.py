@@ -111,6 +111,14 @@ def test_importing_the_solver_imports_no_more(tmp_path):
     assert not loaded & (NUMERICS - BEM_NEEDS | {"gen", "pydantic", "typer", "rich"})
 
 
+def test_a_worker_starts_without_what_few_runs_need(tmp_path):
+    script = (
+        "import sys, gen.sample, gen.run;"
+        "assert not {'scipy.optimize', 'h5py', 'rich', 'typer', 'mpi4py'} & sys.modules.keys()"
+    )
+    subprocess.run([sys.executable, "-c", script], cwd=tmp_path, check=True, timeout=60)
+
+
 def test_describe_needs_numpy_only(tmp_path, surface):
     loaded = loaded_by(command("describe", surface, "--side", "100"), tmp_path)
     assert loaded & NUMERICS == {"numpy"}
