@@ -151,12 +151,36 @@ def speedup(
 ) -> None:
     """Generate the same rows alone, with one MPI worker and with two, in turn, and compare.
 
-    Start-up is not in the times. Each line says how busy the whole machine was: with other users on
-    it, two workers do not get two processors.
+    Start-up is not in the times. Two copies side by side show what two processors of this machine
+    gain at best. Each line says how busy the whole machine was: with other users on it, two workers
+    do not get two processors.
     """
     from bench.scale.speedup import measure, summary
 
     typer.echo(summary(measure(rows, rounds, _remark)))
+
+
+@app.command()
+def memory(
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
+    ] = None,
+    model: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="May be repeated; all nine if left out."),
+    ] = None,
+    rows: Annotated[
+        int, typer.Option(min=10, help="Training rows; the paper's are 12,703.")
+    ] = 12_703,
+) -> None:
+    """Measure what fits of the nine models take at their peak, the dearest of each search space.
+
+    Prints a table and writes DIR/memory.csv if asked to.
+    """
+    from bench.memory import measure, report
+
+    typer.echo(report(measure(model or [], rows, _remark), output))
 
 
 @app.command()

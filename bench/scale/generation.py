@@ -18,17 +18,29 @@ from gen.scene import load
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Read the specification, a JSON file with scene and output, and print the times as JSON."""
+    """Read the specification, a JSON file, and print the times as JSON.
+
+    It names scene and output, and may name a folder in which so many peers meet before they begin.
+    """
     content = json.loads(Path(arguments[0]).read_text())
     world = farm.this_world()
     compute_rows(load(content["scene"]), 0, 1)
     world.broadcast(None)
+    if content.get("meeting"):
+        _meet(Path(content["meeting"]), content["peers"])
     before, began = _jiffies(), time.perf_counter()
     generate_database(Request(content["scene"], Path(content["output"])), world)
     wall = time.perf_counter() - began
     busy = (_jiffies() - before) / os.sysconf("SC_CLK_TCK") / wall / (os.cpu_count() or 1)
     if world.is_master:
         sys.stdout.write(json.dumps({"wall": wall, "busy": busy}) + "\n")
+
+
+def _meet(folder: Path, peers: int) -> None:
+    """Wait until all peers are here; whoever started them bounds the wait."""
+    (folder / str(os.getpid())).touch()
+    while len(list(folder.iterdir())) < peers:
+        time.sleep(0.001)
 
 
 def _jiffies() -> int:

@@ -174,5 +174,6 @@ def test_a_real_farm_is_not_faster_than_a_free_one(tmp_path):
 
 
 def test_the_speed_up_is_a_median_of_rounds():
-    turns = [Turn({0: 1.9, 2: 2.0, 3: time}, {0: 1, 2: 1, 3: 1}) for time in (1.0, 1.25, 2.0)]
+    others = {"alone": 1.9, "1 worker": 2.0, "2 copies": 2.0}
+    turns = [Turn(others | {"2 workers": time}, {}) for time in (1.0, 1.25, 2.0)]
     assert "over 1 worker: 1.60 (median of 3 rounds, 1.00 to 2.00)" in summary(turns)

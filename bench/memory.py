@@ -1,0 +1,150 @@
+"""Peak memory of the nine models, beside what `learn.memory` reckons with.
+
+Each fit runs in a process of its own, since the peak of a process never falls. Ensembles are fitted
+with a tenth and a twentieth of their largest number of trees: their memory is a line in it, which
+is then carried on. The tuned Gaussian process takes a single step of its likelihood's ascent; the
+further ones need the same memory again, not more.
+"""
+
+import csv
+import multiprocessing
+import resource
+import sys
+import warnings
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gen.errors import InputError
+from learn import memory
+from learn.models import MODELS, STEP, pipeline
+from learn.spaces import OPTIMA, SPACES
+
+INPUTS = 23
+SHARES = (0.05, 0.1)
+"""Of the trees of an ensemble that are fitted."""
+
+LARGEST: dict[str, dict[str, Any]] = {
+    "decision-tree": {"max_depth": 30},
+    "random-forest": {"max_depth": 100, "max_features": "sqrt"},
+    "adaboost": {"estimator__max_depth": 35},
+    "xgboost": {"max_depth": 15, "learning_rate": 0.01},
+    "gradient-boost": {"max_depth": 100, "max_features": "sqrt"},
+    "svm": OPTIMA["svm"],
+    "gaussian-process": {"alpha": 0.0374},
+    "kernel-ridge": {"alpha": 1e-5, "gamma": 5.0, "kernel": "rbf"},
+    "mlp": {"hidden_layer_sizes": (50, 100, 200, 100, 50), "solver": "lbfgs", "max_iter": 5},
+}
+"""Settings of the search spaces that take the most memory."""
+
+
+@dataclass(frozen=True)
+class Peak:
+    """Memory of one model.
+
+    Attributes
+    ----------
+    model : name
+    rows : training rows
+    estimators : trees of the dearest candidate, 1 for a model without
+    measured : peak of the largest fit made [GiB]
+    peak : of the dearest candidate, carried on from the fits made [GiB]
+    reckoned : what `learn.memory.needed` says [GiB]
+    """
+
+    model: str
+    rows: int
+    estimators: int
+    measured: float
+    peak: float
+    reckoned: float
+
+
+def measure(
+    names: list[str], rows: int, remark: Callable[[str], None] = lambda line: None
+) -> list[Peak]:
+    """Fit models to random rows and take their peaks.
+
+    Parameters
+    ----------
+    names : of models, all nine if empty
+    rows : training rows
+    remark : told of each model
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or a fit needs more than this machine has.
+    """
+    unknown = set(names) - MODELS.keys()
+    if unknown:
+        raise InputError(f"--model {min(unknown)!r}: give some of {', '.join(MODELS)}")
+    found = []
+    for name in names or list(MODELS):
+        memory.check(name, rows)
+        peak = _peak(name, rows)
+        remark(f"{name}: {peak.peak:.2f} GiB, reckoned with {peak.reckoned:.2f}")
+        found.append(peak)
+    return found
+
+
+def report(peaks: list[Peak], output: Path | None) -> str:
+    """Lines of Markdown for people, and `memory.csv` in a folder if one is given."""
+    lines = ["| model | training rows | peak [GiB] | reckoned with [GiB] |", "|---|---|---|---|"]
+    lines += [f"| {p.model} | {p.rows:,} | {p.peak:.2f} | {p.reckoned:.2f} |" for p in peaks]
+    if output is not None:
+        try:
+            output.mkdir(parents=True, exist_ok=True)
+            with (output / "memory.csv").open("w", encoding="utf-8", newline="") as file:
+                writer = csv.writer(file)
+                writer.writerow(field.name for field in fields(Peak))
+                writer.writerows(map(astuple, peaks))
+        except OSError as error:
+            raise InputError(f"{output} cannot be written to: {error.strerror}") from None
+    return "\n".join(lines)
+
+
+def _peak(name: str, rows: int) -> Peak:
+    """Measure one model."""
+    reckoned = memory.needed(name, rows) / 2**30
+    most = max(SPACES[name].get("n_estimators", [1]))
+    if most == 1:
+        measured = _in_its_own_process(name, rows, 1)
+        return Peak(name, rows, 1, measured, measured, reckoned)
+    few, more = (max(1, round(share * most)) for share in SHARES)
+    low, high = (_in_its_own_process(name, rows, number) for number in (few, more))
+    each = max(high - low, 0.0) / (more - few)
+    return Peak(name, rows, most, high, high + each * (most - more), reckoned)
+
+
+def _in_its_own_process(name: str, rows: int, estimators: int) -> float:
+    """Peak of a fit [GiB]."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return float(pool.apply(_fit, (name, rows, estimators)))
+
+
+def _fit(name: str, rows: int, estimators: int) -> float:
+    """Fit, predict a fifth as many rows, and return this process's peak [GiB]."""
+    generator = np.random.default_rng(0)
+    inputs = generator.uniform(0.1, 1.0, (rows, INPUTS))
+    target = inputs[:, 0] ** 2 + inputs[:, 1] + 0.1 * generator.normal(size=rows)
+    model = pipeline(MODELS[name], LARGEST[name], tuned=True)
+    if "n_estimators" in SPACES[name]:
+        model.set_params(**{f"{STEP}__n_estimators": estimators})
+    if name == "gaussian-process":
+        model.set_params(**{f"{STEP}__optimizer": _one_step})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of epochs cut short, which is meant
+        model.fit(inputs, target)
+        model.predict(inputs[: max(rows // 5, 1)])
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**30
+
+
+def _one_step(objective: Any, start: Any, bounds: Any) -> tuple[Any, float]:
+    """An optimiser that evaluates once, with the gradient."""
+    value, _ = objective(start)
+    return start, float(value)
