@@ -2,22 +2,25 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-# Tests of batch scripts stand apart: see slurm-test.
-.PHONY: quickstart test slurm-test check parallel test-parallel clean
+.PHONY: quickstart test slurm-test campaign check debian parallel test-parallel clean
 
 quickstart: .venv/quickstart-installed
 	$(BIN)/mpiexec -n 3 $(BIN)/python -m mpi4py -m gen run quick -o quick.h5
 	$(BIN)/python -m gen info quick.h5
 	$(BIN)/python -m gen plot quick.h5 -o quick.png
 
+# On two processors; the batch scripts' tests and the fault campaign stand apart.
 test: .venv/test-installed
-	$(BIN)/python -m pytest -m "not slurm and not campaign"
+	$(BIN)/python -m pytest -m "not slurm and not campaign" -n 2 --dist loadgroup
 
 # The batch scripts on a Slurm of their own, which is installed where root may do so.
 slurm-test: .venv/test-installed
 	$(BIN)/python -m pytest tests/slurm
 
-# What CI runs besides the two above.
+# The short form of `python -m bench faults`.
+campaign: .venv/test-installed
+	$(BIN)/python -m pytest -m campaign
+
 check: .venv/test-installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -30,6 +33,10 @@ WHEELS ?= $(HOME)/.cache/asperity-wheels
 PARALLEL := .venv-parallel/bin
 DEBIAN := libhdf5-openmpi-dev openmpi-bin gcc python3-dev
 HDF5 = $(firstword $(wildcard /usr/lib/*/hdf5/openmpi))
+
+debian:
+	@dpkg -s $(DEBIAN) > /dev/null 2>&1 || { test "$$(id -u)" = 0 && apt-get update --quiet && \
+	  DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(DEBIAN); }
 
 parallel: .venv-parallel/installed
 	@echo "made: . .venv-parallel/bin/activate && mpiexec -n 9 python -m mpi4py -m gen run ..."
