@@ -4,6 +4,7 @@ nine models; each asserts its answer.
 
 import warnings
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -83,25 +84,18 @@ def best_of_ours(name: str, samples: Samples, folds: Folds, path: Path) -> float
 
 
 @pytest.mark.parametrize("name", SPACES)
-@pytest.mark.parametrize("whose", ["ours", "scikit-learn"])
-def test_search(
-    benchmark: Any,
-    samples: Samples,
-    folds: Folds,
-    name: str,
-    whose: str,
-    tmp_path: Path,
-) -> None:
-    """Compare the two rows of a model: ours is to take a third of the time at most."""
-    benchmark.group = f"search: {name}"
+def test_search(benchmark: Any, samples: Samples, folds: Folds, name: str, tmp_path: Path) -> None:
+    """Ours is to take a third of scikit-learn's time at most, on the same single core."""
+    benchmark.group = "search"
     path = tmp_path / "trials.jsonl"
-    if whose == "ours":
-        score = benchmark.pedantic(best_of_ours, args=(name, samples, folds, path), rounds=2)
-    else:
-        score = benchmark.pedantic(best_of_scikit_learn, args=(name, samples, folds), rounds=2)
-    other = best_of_ours(name, samples, folds, path)
-    assert score == pytest.approx(other, abs=1e-10)
-    benchmark.extra_info["best R2"] = score
+    ours = benchmark.pedantic(best_of_ours, args=(name, samples, folds, path), rounds=3)
+    began = perf_counter()
+    theirs = best_of_scikit_learn(name, samples, folds)
+    seconds = perf_counter() - began
+    assert ours == pytest.approx(theirs, abs=1e-10)
+    benchmark.extra_info["best R2"] = ours
+    if benchmark.enabled:
+        benchmark.extra_info["scikit_learn_over_ours"] = seconds / benchmark.stats.stats.median
 
 
 @pytest.mark.parametrize("name", MODELS)

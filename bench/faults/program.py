@@ -33,10 +33,10 @@ def returns_nan(scene: Scene, heights: Heights, delta: float) -> bem.Contact:
     return replace(_healthy(scene, heights, delta), force=float("nan"))
 
 
-def does_not_converge(scene: Scene, heights: Heights, delta: float) -> bem.Contact:
-    """Give the solver a single iteration."""
+def does_not_converge(scene: Scene, heights: Heights, delta: float) -> NoReturn:
+    """Give the solver a single iteration; a contact for which that is enough is given up too."""
     starved = scene.contact.model_copy(update={"max_iterations": 1})
-    return _healthy(scene.model_copy(update={"contact": starved}), heights, delta)
+    raise bem.NotConverged(_healthy(scene.model_copy(update={"contact": starved}), heights, delta))
 
 
 def never_ends(scene: Scene, heights: Heights, delta: float) -> NoReturn:
