@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
+from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,9 +36,12 @@ for them."""
 BLOCK_NODES = 64 * 129**2
 """Nodes of a block at most, unless one row has more: a stop waits for what is in flight."""
 
-MASTER_NODES = 129**2 / 4
-"""Nodes of a block at least, for each worker: many workers ask often, and the one master has to
-answer them all in the time of a block (`python -m bench scale` shows what that takes)."""
+ANSWER_NODES = 129**2 / 10
+"""Nodes of which the contact is solved in the time that the master takes for one block: hand out,
+receive, write (measured by `python -m bench scale`)."""
+
+MASTER_SHARE = 1.5
+"""A block is to keep its worker so many times as long as the master takes for one of each worker."""
 
 BLOCK_BYTES = 8 * 2**20
 """Bytes of a block at most, unless one row has more: fields make blocks small."""
@@ -164,7 +168,7 @@ def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Bloc
     """
     nodes = scene.surface.nodes
     most = max(1, BLOCK_BYTES // row_bytes(scene.store, nodes))
-    least = min(most, max(1, int(workers * MASTER_NODES) // nodes**2))
+    least = max(1, min(most, _least_rows(nodes, sum(b - a for a, b in pending), workers)))
     return plan.blocks(
         pending,
         samples=scene.samples,
@@ -173,6 +177,16 @@ def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Bloc
         largest=min(most, max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes**2), 2 * least - 1)),
         smallest=least,
     )
+
+
+def _least_rows(nodes: int, rows: int, workers: int) -> int:
+    """Rows of a block below which many workers would wait for the one master.
+
+    It has to answer all workers in the time of a block. Where there are few rows for each worker it
+    is enough that it deals with all blocks there are in that time: larger ones would idle workers.
+    """
+    answer = ANSWER_NODES / nodes**2  # the master's time for a block, in solves
+    return int(min(MASTER_SHARE * workers * answer, sqrt(rows * answer)))
 
 
 def _work_off(

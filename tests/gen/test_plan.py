@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gen.plan import CHUNK, Parameters, blocks, parameters, surface_random
+from gen.run import BLOCK_BYTES, blocks_of
 from gen.scene import Scene, load
 
 
@@ -257,3 +258,28 @@ def test_blocks_need_workers_and_rows(zero: str) -> None:
     numbers = {"samples": 10, "samples_per_surface": 1, "workers": 1, "largest": 9} | {zero: 0}
     with pytest.raises(ValueError, match=f"{zero}=0"):
         list(blocks([(0, 10)], **numbers))
+
+
+@pytest.mark.parametrize(
+    ("workers", "rows", "fewest", "most"),
+    [
+        (1, 10_000, 1, 64),
+        (8, 10_000, 1, 64),
+        (499, 1_000_000, 70, 160),  # the master has to answer 499 workers in the time of a block
+        (499, 10_000, 25, 64),  # 20 rows for each: larger blocks would leave most without any
+    ],
+)
+def test_blocks_grow_with_the_workers_that_one_master_answers(workers, rows, fewest, most):
+    paper = load("paper").model_copy(update={"samples": rows})
+    sizes = [stop - start for start, stop in blocks_of(paper, [(0, rows)], workers)]
+    assert sum(sizes) == rows
+    assert fewest <= min(sizes[:-1])
+    assert max(sizes) <= most
+
+
+def test_fields_bound_blocks_whatever_the_number_of_workers():
+    paper = load("paper")
+    store = paper.store.model_copy(update={"pressure": True, "heights": True})
+    heavy = paper.model_copy(update={"store": store})
+    sizes = [stop - start for start, stop in blocks_of(heavy, [(0, heavy.samples)], 5000)]
+    assert max(sizes) * 2 * 8 * 129**2 <= BLOCK_BYTES
