@@ -41,7 +41,7 @@ ANSWER_NODES = 129**2 / 10
 receive, write (measured by `python -m bench scale`)."""
 
 MASTER_SHARE = 1.5
-"""A block is to keep its worker so many times as long as the master takes for one of each worker."""
+"""A block keeps its worker so many times as long as the master takes for one of each worker."""
 
 BLOCK_BYTES = 8 * 2**20
 """Bytes of a block at most, unless one row has more: fields make blocks small."""
