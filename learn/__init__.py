@@ -1,1 +1,20 @@
-"""Turn contact databases into surrogates: so far, the scores they are judged by."""
+"""Turn contact databases into surrogates: nine models compared, tuned, judged, and put to use.
+
+`from learn import Surrogate` loads what `python -m learn fit` has made.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from learn.surrogate import Prediction, Surrogate
+
+__all__ = ["Prediction", "Surrogate"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what needs numerics only when it is asked for: `--help` does not."""
+    if name in __all__:
+        from learn import surrogate
+
+        return getattr(surrogate, name)
+    raise AttributeError(f"module 'learn' has no attribute {name!r}")

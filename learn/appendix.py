@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gen.farm import World
 from learn import dataset, memory, split
-from learn.compare import Request
+from learn.compare import Request, pressed_for
 from learn.folder import Folder, conditions
 from learn.metrics import Scores, scores
 from learn.models import MODELS, pipeline
@@ -50,12 +51,15 @@ class Agreement:
     ridge_scores: Scores
 
 
-def agreements(rows: dataset.Dataset, parts: split.Split) -> list[Agreement]:
+def agreements(
+    rows: dataset.Dataset, parts: split.Split, normalisation: str = "l2"
+) -> list[Agreement]:
     """Fit both models in both cases.
 
     Parameters
     ----------
     rows, parts : the data
+    normalisation : one of `learn.models.NORMALISATIONS`
     """
     found = []
     truth = rows.target[parts.test]
@@ -63,7 +67,7 @@ def agreements(rows: dataset.Dataset, parts: split.Split) -> list[Agreement]:
         process_settings = {"kernel": _kernel(case), "alpha": settings["alpha"]}
         predictions = []
         for name, own in (("gaussian-process", process_settings), ("kernel-ridge", settings)):
-            fitted = pipeline(MODELS[name], own).fit(
+            fitted = pipeline(MODELS[name], own, normalisation=normalisation).fit(
                 rows.inputs[parts.train], rows.target[parts.train]
             )
             predictions.append(np.asarray(fitted.predict(rows.inputs[parts.test]), dtype=float))
@@ -92,13 +96,14 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
     -------
     The files
     """
-    rows = dataset.read(request.database, "area", request.area_max)
+    pressed = pressed_for(request, World(), lambda: False)
+    rows = dataset.read(request.database, "area", request.area_max, request.features, pressed)
     parts = split.draw(rows, request.seed, request.train_rows)
     memory.check("gaussian-process", parts.train.size, baseline=True)
     folder = Folder(request.output / "area")
-    agreed = conditions(rows, parts, "l2", {"area_max": request.area_max})
+    agreed = conditions(rows, parts, request.normalisation, {"area_max": request.area_max})
     folder.begin(rows, parts, agreed)
-    found = agreements(rows, parts)
+    found = agreements(rows, parts, request.normalisation)
     for each in found:
         say(
             f"{each.case}: R2 {each.process_scores.r2:.4f} % (Gaussian process),"

@@ -10,6 +10,7 @@ import typer
 
 from gen import command_line, farm
 from gen.errors import InputError
+from learn import commands
 
 if TYPE_CHECKING:
     from learn.compare import Request
@@ -45,7 +46,16 @@ Normalise = Annotated[
     str,
     typer.Option(
         metavar="HOW",
-        help="l2 (each row to unit length, the paper's), standard, min-max or none.",
+        help="l2 (each row to unit length, the paper's), standard, min-max or none; l2 for paper"
+        " features and standard for others if left out.",
+    ),
+]
+Features = Annotated[
+    str,
+    typer.Option(
+        metavar="SET",
+        help="paper (Delta and the 22 statistics), dimensionless (the same without units: any scan"
+        " length), or hybrid (with bearing area and a coarse contact solve of each surface).",
     ),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the split and of the models.")]
@@ -53,6 +63,10 @@ TrainRows = Annotated[
     int | None, typer.Option(metavar="N", help="Train on N rows at most, drawn with the seed.")
 ]
 Again = Annotated[bool, typer.Option("--again", help="Measure anew what is there already.")]
+
+
+for _command in (commands.fit, commands.card, commands.predict, commands.law):
+    app.command()(_command)
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -80,7 +94,8 @@ def compare(
     model: Models = None,
     target: Target = "area",
     area_max: AreaMax = None,
-    normalise: Normalise = "l2",
+    features: Features = "paper",
+    normalise: Normalise = "",
     seed: Seed = 0,
     train_rows: TrainRows = None,
     again: Again = False,
@@ -91,7 +106,9 @@ def compare(
     """
     from learn import compare as jobs
 
-    request = _request(file, output, model, target, area_max, normalise, seed, train_rows, again)
+    request = _request(
+        file, output, model, target, area_max, features, normalise, seed, train_rows, again
+    )
     world = farm.this_world()
     ended = jobs.compare(request, world)
     return _show(request, world, ended.signal)
@@ -112,7 +129,8 @@ def tune(
     ] = "",
     target: Target = "area",
     area_max: AreaMax = None,
-    normalise: Normalise = "l2",
+    features: Features = "paper",
+    normalise: Normalise = "",
     seed: Seed = 0,
     train_rows: TrainRows = None,
     again: Again = False,
@@ -128,7 +146,7 @@ def tune(
 
     limit = seconds(budget) if budget else None
     request = _request(
-        file, output, model, target, area_max, normalise, seed, train_rows, again, limit
+        file, output, model, target, area_max, features, normalise, seed, train_rows, again, limit
     )
     world = farm.this_world()
     ended = jobs.tune(request, world)
@@ -156,7 +174,8 @@ def importance(
     model: Annotated[str, typer.Option(metavar="NAME", help="The model to ask.")] = "kernel-ridge",
     target: Target = "area",
     area_max: AreaMax = None,
-    normalise: Normalise = "l2",
+    features: Features = "paper",
+    normalise: Normalise = "",
     seed: Seed = 0,
     train_rows: TrainRows = None,
 ) -> None:
@@ -165,7 +184,9 @@ def importance(
     With the settings that `tune` has found, if the folder holds them, else with the paper's
     optimum: DIR/TARGET/importance.csv, selection.csv and importance.png.
     """
-    request = _request(file, output, [model], target, area_max, normalise, seed, train_rows, False)
+    request = _request(
+        file, output, [model], target, area_max, features, normalise, seed, train_rows, False
+    )
     if not farm.this_world().is_master:
         return
     from learn.importance import write_report
@@ -179,6 +200,8 @@ def appendix(
     file: Database,
     output: Output,
     area_max: AreaMax = None,
+    features: Features = "paper",
+    normalise: Normalise = "",
     seed: Seed = 0,
     train_rows: TrainRows = None,
 ) -> None:
@@ -186,7 +209,9 @@ def appendix(
 
     DIR/area/appendix.csv and appendix.png.
     """
-    request = _request(file, output, None, "area", area_max, "l2", seed, train_rows, False)
+    request = _request(
+        file, output, None, "area", area_max, features, normalise, seed, train_rows, False
+    )
     if not farm.this_world().is_master:
         return
     from learn.appendix import write_report
@@ -201,6 +226,7 @@ def _request(
     models: list[str] | None,
     target: str,
     area_max: float | None,
+    features: str,
     normalise: str,
     seed: int,
     train_rows: int | None,
@@ -209,7 +235,9 @@ def _request(
 ) -> Request:
     """Put the options together."""
     from learn.compare import Request
+    from learn.features import chosen
 
+    normalise = normalise or chosen(features).normalisation
     return Request(
         database=file,
         output=output,
@@ -217,6 +245,7 @@ def _request(
         models=tuple(models or ()),
         area_max=area_max,
         normalisation=normalise,
+        features=features,
         seed=seed,
         train_rows=train_rows,
         again=again,

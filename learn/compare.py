@@ -12,7 +12,8 @@ from gen import farm
 from gen.errors import InputError
 from gen.interruption import Interruption
 from gen.progress import RunProgress
-from learn import budget, dataset, memory, pruning, search, split
+from learn import budget, dataset, features, memory, pruning, search, split
+from learn.dataset import Values
 from learn.folder import Folder, conditions
 from learn.models import NORMALISATIONS, Model, chosen
 from learn.spaces import SPACES, Space
@@ -32,6 +33,7 @@ class Request:
     models : names; all nine for none
     area_max : largest area that is kept [%], None for all
     normalisation : one of `learn.models.NORMALISATIONS`
+    features : a name of `learn.features.SETS`
     seed : of the split and of the models
     train_rows : training rows at most, None for all
     again : True to measure anew what is there
@@ -45,6 +47,7 @@ class Request:
     models: tuple[str, ...] = ()
     area_max: float | None = None
     normalisation: str = "l2"
+    features: str = "paper"
     seed: int = 0
     train_rows: int | None = None
     again: bool = False
@@ -68,11 +71,12 @@ def compare(request: Request, world: farm.World) -> Ended:
         On every process alike, for input that cannot be used.
     """
     with _job(request, world) as (interruption, models):
+        pressed = pressed_for(request, world, interruption.requested)
         for target in request.targets:
-            with _prepared(request, target, models, world, searched=False) as folder:
-                _measure_all(request, models, folder, world, interruption)
             if world.broadcast(interruption.requested()):
                 break
+            with _prepared(request, target, models, world, pressed, searched=False) as folder:
+                _measure_all(request, models, folder, world, interruption)
     return _ended(interruption, world)
 
 
@@ -87,15 +91,16 @@ def tune(request: Request, world: farm.World) -> Ended:
     end = None if request.limit is None else time.monotonic() + request.limit
     with _job(request, world) as (interruption, models):
         left = len(models) * len(request.targets)
+        pressed = pressed_for(request, world, interruption.requested)
         for target in request.targets:
-            with _prepared(request, target, models, world, searched=True) as folder:
+            if world.broadcast(interruption.requested()):
+                break
+            with _prepared(request, target, models, world, pressed, searched=True) as folder:
                 for model in models:
                     limit = None if end is None else max(end - time.monotonic(), 0.0) / left
                     left -= 1
                     if not world.broadcast(interruption.requested()):
                         _tune_model(request, model, folder, world, interruption, limit)
-            if world.broadcast(interruption.requested()):
-                break
     return _ended(interruption, world)
 
 
@@ -110,9 +115,31 @@ def _job(request: Request, world: farm.World) -> Iterator[tuple[Interruption, li
         yield interruption, models
 
 
+def pressed_for(request: Request, world: farm.World, stopping: Callable[[], bool]) -> Values | None:
+    """What the database's surfaces add to the features, if they need it; collective.
+
+    Parameters
+    ----------
+    request : says which features
+    world : whose processes generate the surfaces
+    stopping : asked on the master between surfaces
+    """
+    if not features.chosen(request.features).needs_surface:
+        return None
+    from learn.features.regeneration import pressed_rows
+
+    return pressed_rows(request.database, world, stopping)
+
+
 @contextmanager
 def _prepared(
-    request: Request, target: str, models: list[Model], world: farm.World, *, searched: bool
+    request: Request,
+    target: str,
+    models: list[Model],
+    world: farm.World,
+    pressed: Values | None,
+    *,
+    searched: bool,
 ) -> Iterator[Folder | None]:
     """Read the data on the master and give it to all; the folder on the master, None elsewhere."""
     folder: Folder | None = None
@@ -120,7 +147,7 @@ def _prepared(
     refusal = ""
     if world.is_master:
         try:
-            training, folder = _read(request, target, models, searched=searched)
+            training, folder = _read(request, target, models, pressed, searched=searched)
         except InputError as error:
             refusal = str(error)
     refusal = world.broadcast(refusal)
@@ -131,10 +158,15 @@ def _prepared(
 
 
 def _read(
-    request: Request, target: str, models: list[Model], *, searched: bool
+    request: Request,
+    target: str,
+    models: list[Model],
+    pressed: Values | None,
+    *,
+    searched: bool,
 ) -> tuple[search.Training, Folder]:
     """Read the rows, split them, refuse what is too large, and open the folder."""
-    rows = dataset.read(request.database, target, request.area_max)
+    rows = dataset.read(request.database, target, request.area_max, request.features, pressed)
     parts = split.draw(rows, request.seed, request.train_rows)
     if searched:
         split.check_folds(parts)
@@ -147,7 +179,7 @@ def _read(
         folder.begin(rows, parts, agreed)
         progress.say(
             f"{request.database}: {rows.target_name}, {parts.train.size} training rows,"
-            f" {parts.test.size} test rows"
+            f" {parts.test.size} test rows, {rows.features} features"
         )
         for line in dataset.remarks(rows, request.normalisation):
             progress.say(f"  {line}")

@@ -9,7 +9,10 @@ from numpy.typing import NDArray
 
 from gen.database import Reader
 from gen.errors import InputError
+from gen.scene import Scene
 from gen.schema import REASONS, Column, Status, statistics_columns
+from learn.features import FeatureSet, chosen
+from learn.features.sets import build, target_scale
 
 Values = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -46,6 +49,9 @@ class Dataset:
     unit : the target's unit
     dropped : rows left out, by reason
     source : where the rows come from, recorded beside all results
+    described : (n, 23) Delta and the 22 statistics, whatever the inputs are, in um
+    scale : (n,) what the target was divided by, 1 unless the features are free of units
+    features : name of the feature set
     """
 
     inputs: Values
@@ -57,6 +63,9 @@ class Dataset:
     unit: str
     dropped: dict[str, int]
     source: dict[str, str]
+    described: Values
+    scale: Values
+    features: str = "paper"
 
     @property
     def size(self) -> int:
@@ -68,8 +77,26 @@ class Dataset:
         columns = [self.names.index(name) for name in names]
         return replace(self, inputs=self.inputs[:, columns], names=names)
 
+    def at(self, positions: Indices) -> "Dataset":
+        """Return some of the rows only, in the order given."""
+        return replace(
+            self,
+            inputs=self.inputs[positions],
+            target=self.target[positions],
+            rows=self.rows[positions],
+            groups=self.groups[positions],
+            described=self.described[positions],
+            scale=self.scale[positions],
+        )
 
-def read(path: Path, target: str = "area", area_max: float | None = None) -> Dataset:
+
+def read(
+    path: Path,
+    target: str = "area",
+    area_max: float | None = None,
+    features: str = "paper",
+    pressed: Values | None = None,
+) -> Dataset:
     """Read and clean a database.
 
     Parameters
@@ -77,6 +104,9 @@ def read(path: Path, target: str = "area", area_max: float | None = None) -> Dat
     path : a database made by `gen`
     target : "area", "force", or one of `FURTHER_TARGETS` that the database stores
     area_max : largest area that is kept [%], None for all; 16.56 is the paper's range
+    features : a name of `learn.features.SETS`; targets are free of units if it is
+    pressed : (rows of the database, 7) what the surfaces add to hybrid features, from
+        `learn.features.regeneration`
 
     Returns
     -------
@@ -88,8 +118,10 @@ def read(path: Path, target: str = "area", area_max: float | None = None) -> Dat
         If the file is no database or lacks the target, or too few rows are left, or the target is
         constant.
     """
+    wanted = chosen(features)
     with Reader(path) as reader:
         column = _target_column(reader, target)
+        scene = reader.scene
         status, reason = reader.column("status"), reader.column("reason")
         inputs = np.stack([reader.column(name) for name in INPUTS], axis=1)
         values = np.asarray(reader.column(column.name), dtype=np.float64)
@@ -97,27 +129,55 @@ def read(path: Path, target: str = "area", area_max: float | None = None) -> Dat
         source = {
             "database": str(path),
             "database_sha256": _digest(status, inputs, values, area),
-            "scene": reader.scene.text(),
+            "scene": scene.text(),
             "versions": str(reader.attributes["versions"]),
         }
     reasons = _reasons(status, reason, inputs, values)
     if area_max is not None:
         reasons[(reasons == "") & (area > area_max)] = f"area above {area_max:g} %"
+    made = _features(wanted, inputs, scene.surface.side, pressed)
+    odd = (reasons == "") & ~np.isfinite(made).all(axis=1)
+    reasons[odd] = f"{features} features not finite"
     kept = np.flatnonzero(reasons == "")
     counted = zip(*np.unique(reasons[reasons != ""], return_counts=True), strict=True)
     dropped = {str(why): int(number) for why, number in counted}
     _check(path, column.name, values[kept], dropped)
+    described = inputs[kept]
+    scale = target_scale(
+        wanted,
+        column.name,
+        described[:, 1:],
+        described[:, 0],
+        scene.surface.side,
+        modulus(scene),
+    )
     return Dataset(
-        inputs=inputs[kept],
-        target=values[kept],
+        inputs=made[kept],
+        target=values[kept] / scale,
         rows=kept,
-        groups=_surfaces(inputs[kept]),
-        names=INPUTS,
+        groups=_surfaces(described),
+        names=wanted.columns,
         target_name=column.name,
-        unit=column.unit,
+        unit=column.unit if (scale == 1).all() else "1",
         dropped=dropped,
         source=source,
+        described=described,
+        scale=scale,
+        features=features,
     )
+
+
+def modulus(scene: Scene) -> float:
+    """E* of a scene [MPa]."""
+    return scene.contact.modulus / (1 - scene.contact.poisson**2)
+
+
+def _features(wanted: FeatureSet, inputs: Values, side: float, pressed: Values | None) -> Values:
+    """Features of all rows of a database, finite where they can be used."""
+    if wanted.name == "paper":
+        return inputs
+    with np.errstate(over="ignore", invalid="ignore"):
+        return build(wanted, inputs[:, 1:], inputs[:, 0], side, pressed)
 
 
 def remarks(dataset: Dataset, normalisation: str) -> list[str]:

@@ -60,6 +60,7 @@ def conditions(
     return {
         "database_sha256": dataset.source["database_sha256"],
         "target": dataset.target_name,
+        "features": dataset.features,
         "inputs": list(dataset.names),
         "normalisation": normalisation,
         "seed": split.seed,
@@ -92,7 +93,7 @@ class Folder:
         """
         record = self.path / "comparison.json"
         if record.exists():
-            found = self.record()["conditions"]
+            found = {"features": "paper"} | self.record()["conditions"]
             for name in sorted(agreed.keys() | found.keys()):
                 if found.get(name) != agreed.get(name):
                     raise InputError(

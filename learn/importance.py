@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gen.farm import World
 from learn import dataset, memory, split
-from learn.compare import Request
+from learn.compare import Request, pressed_for
 from learn.folder import Folder, conditions
 from learn.metrics import Scores, scores
 from learn.models import chosen, pipeline
@@ -27,7 +28,7 @@ from learn.spaces import OPTIMA
 Values = NDArray[np.float64]
 
 SHUFFLES = 5
-SIZES = (23, 20, 16, 12, 8, 6, 4, 3, 2, 1)
+SIZES = (30, 23, 20, 16, 12, 8, 6, 4, 3, 2, 1)
 """Numbers of inputs that are kept, the strongest first."""
 
 
@@ -148,7 +149,8 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
     The files
     """
     target = request.targets[0]
-    rows = dataset.read(request.database, target, request.area_max)
+    pressed = pressed_for(request, World(), lambda: False)
+    rows = dataset.read(request.database, target, request.area_max, request.features, pressed)
     parts = split.draw(rows, request.seed, request.train_rows)
     (model,) = chosen(list(request.models))
     memory.check(model.name, parts.train.size)

@@ -1,6 +1,6 @@
 """Memory: what a fit needs, what this machine has, and room for fits that run side by side.
 
-What a fit needs was measured: bytes per pair of rows for the kernel methods, per row for the
+What a fit needs was measured (`python -m bench memory`): bytes per pair of rows for the kernel methods, per row for the
 others, on top of what a process takes with its libraries and data.
 """
 
@@ -27,7 +27,13 @@ PAIR_BYTES = {"gaussian-process": 62.0, "kernel-ridge": 19.0}
 BASELINE_PAIR_BYTES = {"gaussian-process": 32.0}
 """The same for a baseline, where it differs: its kernel is not fitted."""
 
-FLAT = {"random-forest": 3072 * MIB, "adaboost": 2048 * MIB, "svm": 512 * MIB}
+FLAT = {
+    "random-forest": 2048 * MIB,
+    "adaboost": 1536 * MIB,
+    "xgboost": 2560 * MIB,
+    "gradient-boost": 1792 * MIB,
+    "svm": 512 * MIB,
+}
 """Bytes that do not grow with the pairs: up to 2,000 deep trees, the cache of kernel rows."""
 
 FLAT_ROWS = 10_000

@@ -26,6 +26,8 @@ def rows_of(sizes, seed=0):
         unit="%",
         dropped={},
         source={"database": "x.h5"},
+        described=inputs,
+        scale=np.ones(size),
     )
 
 

@@ -1,0 +1,297 @@
+"""The commands of surrogates in use: fit, card, predict, law. Each imports what it needs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gen import farm
+from gen.errors import InputError
+
+if TYPE_CHECKING:
+    from learn.surrogate.sources import Options
+
+File = Annotated[Path, typer.Argument(metavar="FILE", help="A surrogate made by learn fit.")]
+Inputs = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="INPUT...",
+        help="Surfaces (.npy, text, instruments' files), folders of them, or tables of statistics"
+        " as gen describe --csv writes them.",
+    ),
+]
+Deltas = Annotated[
+    str,
+    typer.Option(metavar="UM", help="Far-field displacement: 2, 1,2,5 or start:stop:count."),
+]
+Side = Annotated[
+    str, typer.Option(metavar="UM", help="Scan length where a file has none; 1000,500 if oblong.")
+]
+Unit = Annotated[str, typer.Option(metavar="UNIT", help="Of a file that says none: m, mm, um, nm.")]
+Fill = Annotated[bool, typer.Option("--fill", help="Close holes harmonically.")]
+Level = Annotated[
+    str, typer.Option(metavar="HOW", help="Take away the mean, the plane or the quadratic fit.")
+]
+Crop = Annotated[str, typer.Option(metavar="X0:X1,Y0:Y1", help="Keep this part only, in um.")]
+Invert = Annotated[bool, typer.Option("--invert", help="Turn upside down.")]
+Young = Annotated[
+    list[float] | None,
+    typer.Option(metavar="MPA", help="Young's modulus, twice for two elastic bodies."),
+]
+Poisson = Annotated[
+    list[float] | None, typer.Option(metavar="NU", help="Poisson's ratio, as often.")
+]
+EStar = Annotated[
+    float | None, typer.Option(metavar="MPA", help="Or E*; that of the training if left out.")
+]
+Coverage = Annotated[
+    float, typer.Option(metavar="SHARE", help="Coverage of the intervals, as 0.9.")
+]
+
+
+def fit(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A database made by gen (HDF5).")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="The surrogate to write.")
+    ],
+    model: Annotated[
+        str, typer.Option(metavar="NAME", help="One of the nine models, as in learn compare.")
+    ] = "kernel-ridge",
+    features: Annotated[
+        str,
+        typer.Option(
+            metavar="SET",
+            help="paper, dimensionless (any scan length) or hybrid (most exact; needs surfaces);"
+            " dimensionless if left out.",
+        ),
+    ] = "",
+    target: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="area, force, both, or mean_gap, largest_pressure, perimeter where they are"
+            " stored; several with commas.",
+        ),
+    ] = "both",
+    source: Annotated[
+        Path | None,
+        typer.Option("--from", metavar="DIR", help="Take the winner that learn tune found there."),
+    ] = None,
+    area_max: Annotated[
+        float | None,
+        typer.Option(metavar="PERCENT", help="Leave larger areas out; 16.56 is the paper's range."),
+    ] = None,
+    normalise: Annotated[
+        str,
+        typer.Option(
+            metavar="HOW",
+            help="l2, standard, min-max or none; l2 for paper features, standard for others.",
+        ),
+    ] = "",
+    seed: Annotated[int | None, typer.Option(min=0, help="Of the split and the model [0].")] = None,
+    train_rows: Annotated[
+        int | None, typer.Option(metavar="N", help="Train and calibrate on N rows at most.")
+    ] = None,
+) -> int:
+    """Fit a surrogate: area and force with intervals, in one file that holds its own model card.
+
+    A tenth of the training rows calibrates the intervals; the test rows judge. Started as
+    `mpiexec -n 9 python -m mpi4py -m learn fit ...`, the workers generate surfaces anew.
+    """
+    from gen.interruption import Interruption
+    from learn.compare import Request
+    from learn.features import chosen
+    from learn.models import chosen as chosen_models
+    from learn.surrogate import training
+    from learn.surrogate.settings import normalisation_of
+
+    world = farm.this_world()
+    _writable(output)
+    chosen_models([model])
+    given = {"features": features, "area_max": area_max, "seed": seed, "normalisation": normalise}
+    given = {name: value for name, value in given.items() if value not in {"", None}}
+    wanted = chosen(features or "dimensionless")
+    request = Request(
+        database=file,
+        output=output,
+        targets=_targets(target),
+        models=(model,),
+        area_max=area_max,
+        normalisation=normalisation_of(wanted.normalisation, normalise),
+        features=wanted.name,
+        seed=seed or 0,
+        train_rows=train_rows,
+    )
+    if source is not None:
+        request = training.request_from(request, source, given)
+    with Interruption(listening=world.is_master) as interruption:
+        surrogate = training.fit(
+            request, world, _say, source=source, stopping=interruption.requested
+        )
+        signal = int(world.broadcast(interruption.signal))
+    if surrogate is not None:
+        surrogate.save(output)
+        typer.echo(f"wrote {output}: python -m learn card {output}")
+        return 0
+    if signal and world.is_master:
+        _say("stopped; the same command goes on with what is left")
+    return 128 + signal if signal else 0
+
+
+def card(file: File) -> None:
+    """Print a surrogate's model card: what it was made of, its scores, intervals and ranges."""
+    if not farm.this_world().is_master:
+        return
+    from learn.surrogate import Surrogate
+    from learn.surrogate.card import show
+
+    show(Surrogate.load(file))
+
+
+def predict(
+    file: File,
+    inputs: Inputs,
+    delta: Deltas = "",
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="CSV", help="Write all rows.")
+    ] = None,
+    interval: Coverage = 0.9,
+    side: Side = "",
+    unit: Unit = "",
+    fill: Fill = False,
+    level: Level = "",
+    crop: Crop = "",
+    invert: Invert = False,
+    young: Young = None,
+    poisson: Poisson = None,
+    e_star: EStar = None,
+) -> None:
+    """Predict area and force of surfaces, with intervals, and a flag for what is unknown ground."""
+    if not farm.this_world().is_master:
+        return
+    from gen.progress import RunProgress
+    from gen.table import Row, write_csv
+    from learn.surrogate import Surrogate
+    from learn.surrogate.answers import Question, answers, show
+    from learn.surrogate.conformal import checked_level
+    from learn.surrogate.sources import deltas_from
+
+    surrogate = Surrogate.load(file)
+    for remark in surrogate.remarks:
+        _say(f"warning: {remark}")
+    question = Question(
+        deltas=deltas_from(delta) if delta else None,
+        e_star=_modulus(young, poisson, e_star),
+        level=checked_level(interval),
+        options=_options(side, unit, fill, level, crop, invert),
+    )
+    rows: list[Row] = []
+    with RunProgress(len(inputs), "inputs") as progress:
+        for path in inputs:
+            rows += answers(surrogate, [path], question, progress.say)
+            progress.advance(1, 0)
+    show(rows, interval)
+    if output is not None:
+        write_csv(output, rows)
+        typer.echo(f"wrote {output}")
+
+
+def law(
+    file: File,
+    inputs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="INPUT...",
+            help="One surface, a folder of them, a database, or a scene: a population.",
+        ),
+    ],
+    delta: Deltas = "",
+    pressure: Annotated[
+        str, typer.Option(metavar="MPA", help="Nominal pressures, start:stop:count.")
+    ] = "",
+    table: Annotated[
+        Path | None, typer.Option("--csv", metavar="FILE", help="Write the table.")
+    ] = None,
+    header: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a C header for finite elements.")
+    ] = None,
+    solver: Annotated[
+        bool, typer.Option("--solver", help="Solve every contact instead of predicting it.")
+    ] = False,
+    surfaces: Annotated[
+        int, typer.Option(min=2, help="Surfaces of a database's or scene's population.")
+    ] = 50,
+    interval: Coverage = 0.9,
+    side: Side = "",
+    unit: Unit = "",
+    fill: Fill = False,
+    level: Level = "",
+    crop: Crop = "",
+    invert: Invert = False,
+    young: Young = None,
+    poisson: Poisson = None,
+    e_star: EStar = None,
+) -> None:
+    """Tabulate area, force and mean gap against Delta and nominal pressure, monotone, with slopes.
+
+    Bands are the surrogate's intervals for one surface, and quantiles over the surfaces of a
+    population.
+    """
+    if not farm.this_world().is_master:
+        return
+    from learn.surrogate import Surrogate
+    from learn.surrogate.conformal import checked_level
+    from learn.surrogate.law import Order, make, show, write
+
+    surrogate = Surrogate.load(file)
+    order = Order(
+        inputs=tuple(inputs),
+        delta=delta,
+        pressure=pressure,
+        solver=solver,
+        surfaces=surfaces,
+        level=checked_level(interval),
+        e_star=_modulus(young, poisson, e_star),
+        options=_options(side, unit, fill, level, crop, invert),
+    )
+    found = make(surrogate, order, _say)
+    show(found)
+    for path in write(found, table, header):
+        typer.echo(f"wrote {path}")
+
+
+def _targets(text: str) -> tuple[str, ...]:
+    """Targets from "both" or "area,force,mean_gap"."""
+    found = ("area", "force") if text == "both" else tuple(text.split(","))
+    if len(set(found)) < len(found) or not all(found):
+        raise InputError(f"--target {text!r}: give each once, as area,force")
+    return found
+
+
+def _writable(path: Path) -> None:
+    """Refuse early what could not be written after a long fit."""
+    if path.is_dir() or not path.absolute().parent.is_dir():
+        raise InputError(f"--output {path}: give a file in a folder that exists")
+
+
+def _modulus(
+    young: list[float] | None, poisson: list[float] | None, e_star: float | None
+) -> float | None:
+    """E* if anything says it."""
+    if young is None and poisson is None and e_star is None:
+        return None
+    from gen.material import combined_modulus
+
+    return combined_modulus(young or [], poisson or [], e_star)
+
+
+def _options(side: str, unit: str, fill: bool, level: str, crop: str, invert: bool) -> Options:
+    from learn.surrogate.sources import Options
+
+    return Options(side, unit, fill, level, crop, invert)
+
+
+def _say(line: str) -> None:
+    typer.echo(line, err=True)

@@ -1,0 +1,232 @@
+"""What a surface adds to its features, for the rows of a database, which stores no surfaces.
+
+Rows are pure functions of the scene, so each surface is generated anew, on the farm, and must show
+the statistics that its row has. The values are kept in a file beside the database,
+`paper.h5` -> `paper.h5.pressed.npz`, each with the inputs that it belongs to: a database that has
+changed or grown costs what has changed, and an interrupted run goes on.
+"""
+
+import hashlib
+import os
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen import farm
+from gen.database import Reader
+from gen.errors import InputError
+from gen.plan import parameters
+from gen.progress import RunProgress
+from gen.sample import surface_of
+from gen.scene import Scene
+from gen.schema import PHYSICS, Status
+from learn.features.sets import PRESSED, STATISTICS
+from learn.features.surface import BLOCKS, LOOSE, SurfaceFeatures
+
+Values = NDArray[np.float64]
+
+VERSION = 1
+"""Raised whenever `SurfaceFeatures.pressed` changes its values."""
+
+BLOCK_ROWS = 32
+SAVE_SECONDS = 20.0
+AGREEMENT = 1e-6
+"""Relative difference of statistics that other processors may cause."""
+
+Block = tuple[int, int]
+
+
+def pressed_rows(path: Path, world: farm.World, stopping: Callable[[], bool]) -> Values | None:
+    """Find or compute the values of all finished rows; every process has to call it.
+
+    Parameters
+    ----------
+    path : the database
+    world : from `gen.farm`
+    stopping : asked on the master between blocks
+
+    Returns
+    -------
+    (n, 7) `PRESSED` for every row of the database, on the master; NaN where there is none, or where
+    it was stopped before. None elsewhere
+
+    Raises
+    ------
+    InputError
+        On every process, if the file is no database, or its surfaces cannot be generated anew.
+    """
+    job: _Job | None = None
+    refusal = text = ""
+    if world.is_master:
+        try:
+            job = _Job(path)
+            text = job.scene.text() if job.blocks else ""
+        except InputError as error:
+            refusal = str(error)
+    refusal, text = world.broadcast((refusal, text))
+    if text and not refusal:
+        refusal = world.broadcast(_work_off(job, Scene.from_text(text), world, stopping))
+    if refusal:
+        raise InputError(refusal)
+    return None if job is None else job.values
+
+
+def _work_off(
+    job: "_Job | None", scene: Scene, world: farm.World, stopping: Callable[[], bool]
+) -> str:
+    """Do the blocks that are left; what is wrong with them, "" if nothing is."""
+    compute = partial(compute_block, scene)
+    if job is None:
+        farm.run(compute, iter(()), _ignore, world)
+        return ""
+    faults: list[str] = []
+    rows = sum(stop - start for start, stop in job.blocks)
+    with RunProgress(rows, "surfaces") as progress:
+        progress.say(
+            f"{job.path}: generating {rows} surfaces anew for their hybrid features; they are kept"
+            f" in {job.cache}"
+        )
+
+        def keep(block: Block, found: tuple[Values, Values]) -> None:
+            fault = job.keep(block, *found)
+            if fault:
+                faults.append(fault)
+            progress.advance(block[1] - block[0], 0)
+
+        try:
+            farm.run(
+                compute,
+                iter(job.blocks),
+                keep,
+                world,
+                stopping=lambda: stopping() or bool(faults),
+            )
+        finally:
+            note = "" if faults else job.save()
+            if note:
+                progress.say(note)
+    return faults[0] if faults else ""
+
+
+def _ignore(block: Block, found: tuple[Values, Values]) -> None:
+    """Drop results: only the master has any."""
+
+
+def compute_block(scene: Scene, block: Block) -> tuple[Values, Values]:
+    """Inputs (k, 23) and values (k, 7) of the rows of a block, NaN where they are undefined."""
+    start, stop = block
+    plan = parameters(scene, start, stop)
+    inputs = np.full((stop - start, 1 + len(STATISTICS)), np.nan)
+    values = np.full((stop - start, len(PRESSED)), np.nan)
+    inputs[:, 0] = plan.delta
+    surface: SurfaceFeatures | None = None
+    for row in range(stop - start):
+        if row == 0 or plan.surface[row] != plan.surface[row - 1]:
+            surface = of_scene(scene, surface_of(scene, plan, row), f"row {start + row}")
+        assert surface is not None
+        try:
+            inputs[row, 1:] = surface.statistics
+            if plan.delta[row] > 0:
+                values[row] = surface.pressed(float(plan.delta[row]))
+        except InputError:  # a failed row of the database: it has no inputs either
+            continue
+    return inputs, values
+
+
+def of_scene(scene: Scene, heights: Values, name: str) -> SurfaceFeatures:
+    """A surface with a scene's side and spacing."""
+    side, spacing = scene.surface.side, scene.spacing
+    return SurfaceFeatures(heights, (side, side), (spacing, spacing), name)
+
+
+class _Job:
+    """The master's side: what the file beside the database has, and what it lacks."""
+
+    def __init__(self, path: Path) -> None:
+        with Reader(path) as reader:
+            self.scene = reader.scene
+            done = reader.column("status") == Status.DONE
+            names = ("delta", *STATISTICS)
+            self.inputs = np.stack([reader.column(name) for name in names], axis=1)
+            physics = reader.attributes.get("physics")
+        if physics != PHYSICS:
+            raise InputError(
+                f"{path}: was made with physics {physics}, this version has {PHYSICS}: its surfaces"
+                " cannot be generated anew; use --features paper or dimensionless"
+            )
+        self.path, self.cache = path, path.with_name(f"{path.name}.pressed.npz")
+        self.key = _key(self.scene)
+        self.values = self._kept()
+        self.last_save = time.monotonic()
+        usable = done & np.isfinite(self.inputs).all(axis=1)
+        self.left = set(np.flatnonzero(usable & ~np.isfinite(self.values).all(axis=1)).tolist())
+        self.blocks = list(_blocks(self.left, self.scene.samples_per_surface))
+
+    def keep(self, block: Block, inputs: Values, values: Values) -> str:
+        """Take a block's values in; why they cannot be the database's, "" if they can."""
+        start, stop = block
+        for row in range(start, stop):
+            if row not in self.left:
+                continue
+            own, again = self.inputs[row], inputs[row - start]
+            if not np.allclose(own, again, rtol=AGREEMENT, atol=AGREEMENT * 1e-3):
+                return (
+                    f"{self.path}: row {row}, generated anew from its scene, is another surface:"
+                    " use --features paper or dimensionless"
+                )
+            self.values[row] = values[row - start]
+            self.left.discard(row)
+        if time.monotonic() > self.last_save + SAVE_SECONDS:
+            self.save()
+        return ""
+
+    def save(self) -> str:
+        """Write the file beside the database; why that was not possible, "" if it was."""
+        self.last_save = time.monotonic()
+        unfinished = self.cache.with_name(f".{self.cache.name}.{os.getpid()}")
+        try:
+            with unfinished.open("wb") as file:
+                np.savez(file, key=self.key, inputs=self.inputs, values=self.values)
+            unfinished.replace(self.cache)
+        except OSError as error:
+            return f"warning: {self.cache} cannot be written ({error.strerror}): not kept"
+        finally:
+            unfinished.unlink(missing_ok=True)
+        return ""
+
+    def _kept(self) -> Values:
+        """Values of the rows that the file has, with the inputs that they have today."""
+        values = np.full((len(self.inputs), len(PRESSED)), np.nan)
+        try:
+            content = BytesIO(self.cache.read_bytes())  # numpy leaves a broken file open
+            with np.load(content, allow_pickle=False) as kept:
+                if str(kept["key"]) != self.key:
+                    return values
+                inputs, known = kept["inputs"], kept["values"]
+        except (OSError, ValueError, KeyError, BadZipFile, EOFError):
+            return values
+        rows = min(len(inputs), len(values))
+        if inputs.shape[1:] == self.inputs.shape[1:] and known.shape == (len(inputs), len(PRESSED)):
+            same = (inputs[:rows] == self.inputs[:rows]).all(axis=1)
+            values[:rows][same] = known[:rows][same]
+        return values
+
+
+def _key(scene: Scene) -> str:
+    """Fingerprint of what the values depend on besides the inputs."""
+    text = f"{VERSION} {BLOCKS} {LOOSE} {','.join(PRESSED)} {PHYSICS} {scene.fingerprint()}"
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _blocks(rows: set[int], samples_per_surface: int) -> Iterator[Block]:
+    """Runs of rows, of whole surfaces, at most about `BLOCK_ROWS` long."""
+    length = max(1, BLOCK_ROWS // samples_per_surface) * samples_per_surface
+    for number in sorted({row // length for row in rows}):
+        inside = [row for row in range(number * length, (number + 1) * length) if row in rows]
+        yield inside[0], inside[-1] + 1

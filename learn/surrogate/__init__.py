@@ -1,0 +1,13 @@
+"""Surrogates in use: fitted to a database, kept in one file, asked a million times.
+
+Examples
+--------
+>>> surrogate = Surrogate.load("area.surrogate")
+>>> pressed = surrogate.for_surface(heights, side=1000.0)
+>>> answer = pressed.predict([5.0, 10.0])
+>>> answer.area, answer.low["area"], answer.high["area"], answer.reasons
+"""
+
+from learn.surrogate.model import OnSurface, Prediction, Surrogate
+
+__all__ = ["OnSurface", "Prediction", "Surrogate"]

@@ -1,0 +1,170 @@
+"""Predictions for files, as tables: one row a surface and displacement."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table as Printed
+
+from gen.errors import InputError
+from gen.table import Row
+from learn.surrogate.model import Prediction, Surrogate
+from learn.surrogate.sources import Options, Table, files_in, is_table, read_surface, read_table
+
+Values = NDArray[np.float64]
+
+SHOWN = 40
+"""Rows that are printed at most; a file gets all of them."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked, besides about which file.
+
+    Attributes
+    ----------
+    deltas : (k,) far-field displacements, None where tables have their own [um]
+    e_star : E* that forces are for, None for the training's [MPa]
+    level : coverage of the intervals
+    options : how surfaces are read
+    """
+
+    deltas: Values | None
+    e_star: float | None
+    level: float
+    options: Options
+
+
+def answers(
+    surrogate: Surrogate,
+    paths: Sequence[Path],
+    question: Question,
+    say: Callable[[str], None],
+) -> Iterator[Row]:
+    """Predict for files and folders, one file after the other.
+
+    Parameters
+    ----------
+    surrogate : what is asked
+    paths : surfaces, tables of statistics, folders of surfaces
+    question : at which displacements, and how
+    say : called with what was done to each surface, and what to know about it
+
+    Yields
+    ------
+    One row for the table a surface and displacement
+
+    Raises
+    ------
+    InputError
+        For the first file that cannot be used.
+    """
+    files, others = files_in(paths)
+    if others:
+        say(f"left out {others} files that hold no surfaces")
+    for path in files:
+        if is_table(path):
+            table = read_table(path, question.options.side)
+            yield from _rows(surrogate, table.name, _of_table(surrogate, table, question))
+        else:
+            topography, warnings = read_surface(path, question.options)
+            if question.deltas is None:
+                raise InputError(f"{path}: give --delta, the far-field displacement in um")
+            say(f"{path}: {'; '.join(topography.steps)}")
+            for line in warnings:
+                say(f"  warning: {line}")
+            pressed = surrogate.for_surface(topography.heights, topography.sides, str(path))
+            found = pressed.predict(
+                question.deltas, e_star=question.e_star, level=question.level, std=True
+            )
+            yield from _rows(surrogate, str(path), found)
+
+
+def _of_table(surrogate: Surrogate, table: Table, question: Question) -> Prediction:
+    """Predict rows of statistics, each at its own Delta or at all that were given."""
+    deltas = question.deltas
+    if (table.delta is None) == (deltas is None):
+        said = "no Delta: give --delta" if deltas is None else "its own Delta: leave out --delta"
+        raise InputError(f"{table.name}: has {said}")
+    repeated = 1 if deltas is None else len(deltas)
+    rows = np.repeat(np.arange(len(table.statistics)), repeated)
+    delta = table.delta if deltas is None else np.tile(deltas, len(table.statistics))
+    assert delta is not None
+    unknown = np.isnan(table.sides).any()
+    if unknown and surrogate.features.scaled:
+        raise InputError(f"{table.name}: names no sides: give --side, the scan length in um")
+    notes = tuple(_note(surrogate, table, int(row)) for row in rows)
+    length = np.sqrt(table.sides[rows, 0] * table.sides[rows, 1])
+    try:
+        ready = surrogate.of_statistics(table.statistics[rows], delta, length, notes)
+    except InputError as error:
+        raise InputError(f"{table.name}: {error}") from None
+    return surrogate.predict_rows(ready, e_star=question.e_star, level=question.level, std=True)
+
+
+def _note(surrogate: Surrogate, table: Table, row: int) -> str:
+    """What is odd about a row's grid, as far as the table says."""
+    nodes = int(surrogate.card["nodes"]), int(surrogate.card["nodes"])
+    side = float(surrogate.card["side"])
+    if table.nodes[row].all():
+        nodes = int(table.nodes[row, 0]), int(table.nodes[row, 1])
+    sides = (side, side)
+    if not np.isnan(table.sides[row]).any():
+        sides = float(table.sides[row, 0]), float(table.sides[row, 1])
+    return surrogate.note(nodes, sides)
+
+
+def _rows(surrogate: Surrogate, name: str, found: Prediction) -> Iterator[Row]:
+    """Rows of the table."""
+    for place, (delta, reason) in enumerate(zip(found.delta, found.reasons, strict=True)):
+        row: Row = {"input": name, "delta_um": float(delta)}
+        for target, learnt in surrogate.learnt.items():
+            key = heading(learnt.column, learnt.unit)
+            row[key] = float(found.values[target][place])
+            row[f"{key}_low"] = float(found.low[target][place])
+            row[f"{key}_high"] = float(found.high[target][place])
+            if target in found.std:
+                row[f"{key}_std"] = float(found.std[target][place])
+        yield {**row, "flag": "outside" if reason else "inside", "reason": reason}
+
+
+def heading(column: str, unit: str) -> str:
+    """Name of a target's column, with its unit: area_percent, force_uN, mean_gap_um."""
+    return column if unit in {"%", "1"} else f"{column}_{unit}"
+
+
+def show(rows: Sequence[Row], level: float) -> None:
+    """Print the first rows of the table."""
+    console = Console(width=None if Console().is_terminal else 160)
+    names = [name for name in rows[0] if not name.endswith(("_low", "_high", "_std"))]
+    table = Printed(title=f"Predictions with {100 * level:g} % intervals")
+    for name in names:
+        table.add_column(name, justify="left" if name in {"input", "flag", "reason"} else "right")
+    for row in rows[:SHOWN]:
+        table.add_row(*(_cell(row, name) for name in names))
+    console.print(table)
+    outside = sum(row["flag"] == "outside" for row in rows)
+    if len(rows) > SHOWN:
+        console.print(f"... and {len(rows) - SHOWN} more: -o writes all of them", highlight=False)
+    if outside:
+        text = (
+            f"{outside} of {len(rows)} rows lie outside what the surrogate was trained on: no"
+            " interval holds there"
+        )
+        console.print(text, highlight=False, soft_wrap=True)
+
+
+def _cell(row: Row, name: str) -> str:
+    value = row[name]
+    if name == "reason":
+        first, _, others = str(value).partition("; ")
+        return f"{first}; and {others.count('; ') + 1} more" if others else first
+    if not isinstance(value, float):
+        return str(value)
+    if f"{name}_low" not in row:
+        return f"{value:.4g}"
+    spread = f" +- {row[f'{name}_std']:.2g}" if f"{name}_std" in row else ""
+    return f"{value:.4g}{spread} ({row[f'{name}_low']:.4g} to {row[f'{name}_high']:.4g})"

@@ -1,0 +1,174 @@
+"""The model card: what a surrogate was made of, how good it is, and how to read its answers."""
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gen.scene import Scene
+from learn.compare import Request
+from learn.dataset import Dataset, Indices, modulus
+from learn.features import chosen
+from learn.folder import versions
+from learn.metrics import scores
+from learn.models import MODELS
+from learn.surrogate.conformal import coverage
+from learn.surrogate.model import Learnt
+
+if TYPE_CHECKING:
+    from learn.surrogate.model import Surrogate
+
+LEVELS = (0.5, 0.9, 0.95)
+"""Intervals whose coverage is reported."""
+
+LICENCE = "BSD-3-Clause"
+LIBRARIES = ("asperity", "skops", "mapie")
+
+
+def make(
+    request: Request,
+    rows: Dataset,
+    parts: tuple[Indices, Indices, Indices],
+    judged: dict[str, dict[str, Any]],
+) -> dict[str, Any]:
+    """Put the card together; numbers, texts, lists and dictionaries only."""
+    scene = Scene.from_text(rows.source["scene"])
+    features = chosen(request.features)
+    train, calibration, test = parts
+    (model,) = request.models
+    return {
+        "title": f"{MODELS[model].title} for {', '.join(request.targets)}",
+        "model": model,
+        "features": features.name,
+        "columns": [list(pair) for pair in zip(features.columns, features.units, strict=True)],
+        "normalisation": request.normalisation,
+        "targets": judged,
+        "scene": scene.text(),
+        "nodes": scene.surface.nodes,
+        "side": scene.surface.side,
+        "spacing": scene.spacing,
+        "modulus": modulus(scene),
+        "delta": [float(end) for end in _ends(rows.described[train, 0])],
+        "area_max": request.area_max,
+        "rows": {
+            "train": int(train.size),
+            "calibration": int(calibration.size),
+            "test": int(test.size),
+            "left_out": {why: int(number) for why, number in rows.dropped.items()},
+        },
+        "seed": request.seed,
+        "database": rows.source["database"],
+        "database_sha256": rows.source["database_sha256"],
+        "versions": {**{name: _version(name) for name in LIBRARIES}, **versions()},
+        "licence": LICENCE,
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
+    """Score a target's model on the test rows, in the target's unit, and its intervals."""
+    from learn.surrogate.model import CEILING
+
+    raw, scale = learnt.raw(rows.inputs[test]), rows.scale[test]
+    truth = rows.target[test]
+    ceiling = CEILING.get(learnt.column, np.inf)
+    scored = vars(scores(truth * scale, np.clip(raw * scale, 0.0, ceiling)))
+    covered = [
+        {
+            "level": level,
+            "coverage": share,
+            "mean_width": float(np.mean(_width(raw, half, scale, ceiling))),
+        }
+        for level, share, half in coverage(learnt.calibration, raw, truth, LEVELS)
+    ]
+    low, high = _ends(truth * scale)
+    return {
+        "column": learnt.column,
+        "unit": learnt.unit,
+        "range": [float(low), float(high)],
+        "scores": {name: float(value) for name, value in scored.items()},
+        "intervals": covered,
+        "ranges_of_prediction": int(learnt.calibration.borders.size + 1),
+    }
+
+
+def _width(raw: Any, half: Any, scale: Any, ceiling: float) -> Any:
+    """Widths of the intervals as they are given, within what is possible."""
+    return np.clip((raw + half) * scale, 0.0, ceiling) - np.clip((raw - half) * scale, 0.0, ceiling)
+
+
+def lines(surrogate: "Surrogate") -> Iterator[str]:
+    """Lines of the card, without its tables."""
+    card = surrogate.card
+    yield f"{card['title']}, {card['features']} features, normalised: {card['normalisation']}"
+    rows = card["rows"]
+    left_out = sum(rows["left_out"].values())
+    yield (
+        f"rows      {rows['train']} trained, {rows['calibration']} calibrated, {rows['test']}"
+        f" tested (split by surface, seed {card['seed']}); {left_out} left out"
+    )
+    limit = "" if card["area_max"] is None else f", areas to {card['area_max']:g} %"
+    yield (
+        f"trained   on {card['nodes']} x {card['nodes']} nodes, side {card['side']:g} um, Delta"
+        f" {card['delta'][0]:.4g} to {card['delta'][1]:.4g} um, E* {card['modulus']:g} MPa{limit}"
+    )
+    for name, target in card["targets"].items():
+        settings = ", ".join(f"{key}={value}" for key, value in target["settings"].items())
+        yield f"{name:9} {settings} ({target['settings_from']})"
+        for remark in target["remarks"]:
+            yield f"          warning: {remark}"
+    yield f"data      {card['database']}, sha256 {card['database_sha256'][:16]}"
+    yield f"scene     {card['scene']}"
+    named = ", ".join(f"{name} {number}" for name, number in card["versions"].items() if number)
+    yield f"versions  {named}"
+    yield f"made      {card['made']}, licence {card['licence']}"
+
+
+def show(surrogate: "Surrogate") -> None:
+    """Print the card with its tables: scores, coverage of the intervals, training ranges."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(width=None if Console().is_terminal else 120)
+    for line in lines(surrogate):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    for remark in surrogate.remarks:
+        console.print(f"warning: {remark}", highlight=False, markup=False, soft_wrap=True)
+    table = Table(title="Scores on the test rows [%]")
+    for column in ("Target", "Unit", "from", "to", "nMSE", "nMAE", "nMaxE", "R2"):
+        table.add_column(column, justify="left" if column in {"Target", "Unit"} else "right")
+    for name, target in surrogate.card["targets"].items():
+        found, (low, high) = target["scores"], target["range"]
+        nmse = f"{found['nmse']:.3f}" if target["column"] == "area_percent" else "-"
+        others = (f"{found[score]:.3f}" for score in ("nmae", "nmaxe", "r2"))
+        table.add_row(name, target["unit"], f"{low:.4g}", f"{high:.4g}", nmse, *others)
+    console.print(table)
+    table = Table(title="Conformal intervals on the test rows")
+    for column in ("Target", "wanted", "covered", "mean width"):
+        table.add_column(column, justify="left" if column == "Target" else "right")
+    for name, target in surrogate.card["targets"].items():
+        for each in target["intervals"]:
+            wanted, covered = f"{100 * each['level']:.0f} %", f"{100 * each['coverage']:.1f} %"
+            table.add_row(name, wanted, covered, f"{each['mean_width']:.4g} {target['unit']}")
+    console.print(table)
+    table = Table(title="Inputs and their training ranges")
+    for column in ("Input", "Unit", "from", "to"):
+        table.add_column(column, justify="left" if column in {"Input", "Unit"} else "right")
+    for (name, unit), low, high in zip(
+        surrogate.card["columns"], surrogate.low, surrogate.high, strict=True
+    ):
+        table.add_row(str(name), str(unit), f"{low:.5g}", f"{high:.5g}")
+    console.print(table)
+
+
+def _ends(values: Any) -> tuple[Any, Any]:
+    return values.min(), values.max()
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return ""

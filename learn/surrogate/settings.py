@@ -1,0 +1,172 @@
+"""Settings of a surrogate's model: a tuned winner's, the paper's optimum, or a small search's.
+
+The paper's optima belong to its own features and scaling. For features without units, kernel
+methods are searched on a validation fold, with few enough rows to take seconds, and the kernel of
+the Gaussian process, one length an input, by maximum likelihood on a thousand rows; the trees' and
+the perceptron's settings do not depend on units as much, and are the paper's where they can be.
+"""
+
+import warnings
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.errors import InputError
+from learn.compare import Request
+from learn.folder import Folder
+from learn.models import MODELS, NORMALISATIONS, STEP, pipeline
+from learn.spaces import OPTIMA
+
+Values = NDArray[np.float64]
+
+SEARCH_ROWS = 3000
+"""Training rows of the small searches at most."""
+
+LIKELIHOOD_ROWS = 800
+"""Rows for the likelihood of a kernel with a length for every input."""
+
+ALPHAS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+GAMMAS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
+PENALTIES = (10.0, 100.0, 1000.0)
+
+
+class Settings(NamedTuple):
+    """Settings of an estimator, and where they come from.
+
+    Attributes
+    ----------
+    values : on top of the model's baseline
+    tuned : True where they are on top of what all candidates of a search share
+    origin : in words
+    """
+
+    values: dict[str, Any]
+    tuned: bool
+    origin: str
+
+
+def choose(
+    request: Request, folder: Folder | None, inputs: Values, target: Values, folds: NDArray[np.int8]
+) -> Settings:
+    """Find the settings of a fit.
+
+    Parameters
+    ----------
+    request : model, features, seed
+    folder : comparison that has tuned the model, None for none
+    inputs : (n, d) of the training rows
+    target : (n,) of mean 0 and deviation 1 unless the features are the paper's
+    folds : (n,) of the training rows; fold 0 is the validation
+    """
+    (name,) = request.models
+    if folder is not None:
+        return _tuned(folder, name)
+    if request.features == "paper" and request.normalisation == "l2":
+        return Settings({**OPTIMA[name], **MODELS[name].refit}, True, "the paper's optimum")
+    if name in {"kernel-ridge", "svm"}:
+        return _searched(request, inputs, target, folds)
+    if name == "gaussian-process":
+        return _most_likely(request, inputs, target)
+    if name == "mlp":
+        network: dict[str, Any] = {"hidden_layer_sizes": (100, 50), "activation": "tanh"}
+        bounds = {"solver": "lbfgs", "alpha": 1e-2, "max_iter": 3000, "max_fun": 6000}
+        return Settings({**network, **bounds}, False, "built in")
+    return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
+
+
+def tuned_conditions(folder: Folder, model: str) -> dict[str, Any]:
+    """What a tuned winner rests on.
+
+    Raises
+    ------
+    InputError
+        If the folder has none of this model.
+    """
+    conditions: dict[str, Any] = folder.record()["conditions"]
+    _tuned(folder, model)
+    return {"features": "paper", **conditions}
+
+
+def _tuned(folder: Folder, model: str) -> Settings:
+    result = folder.result("tuned", model)
+    if result is None or "settings" not in result:
+        raise InputError(
+            f"--from: {folder.path} has no tuned {model}: python -m learn tune --model {model}"
+        )
+    settings = {**result["settings"], **result.get("refit", {})}
+    if isinstance(settings.get("hidden_layer_sizes"), list):  # JSON has no tuples
+        settings["hidden_layer_sizes"] = tuple(settings["hidden_layer_sizes"])
+    return Settings(settings, True, f"tuned in {folder.path}")
+
+
+def _candidates(name: str) -> list[dict[str, Any]]:
+    if name == "kernel-ridge":
+        return [{"kernel": "rbf", "gamma": gamma, "alpha": a} for gamma in GAMMAS for a in ALPHAS]
+    return [
+        {"kernel": "rbf", "gamma": gamma, "C": penalty, "epsilon": 0.01}
+        for gamma in GAMMAS[2:]
+        for penalty in PENALTIES
+    ]
+
+
+def _searched(
+    request: Request, inputs: Values, target: Values, folds: NDArray[np.int8]
+) -> Settings:
+    """The candidate with the smallest error on fold 0, fitted to some of the others."""
+    (name,) = request.models
+    inside = np.flatnonzero(folds != 0)[:SEARCH_ROWS]
+    outside = folds == 0
+    best: tuple[float, dict[str, Any]] = (np.inf, {})
+    for settings in _candidates(name):
+        model = pipeline(
+            MODELS[name], settings, normalisation=request.normalisation, seed=request.seed
+        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # singular with a tiny alpha: the error will tell
+            predicted = model.fit(inputs[inside], target[inside]).predict(inputs[outside])
+        error = float(np.mean((predicted - target[outside]) ** 2))
+        if error < best[0]:
+            best = error, settings
+    if not best[1]:
+        raise InputError(f"{name}: no candidate of the built-in search could be fitted")
+    return Settings(best[1], False, f"best of {len(_candidates(name))} on a validation fold")
+
+
+def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
+    """A radial basis function with one length an input and noise, of the largest likelihood."""
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
+    lengths = np.full(inputs.shape[1], 10.0)
+    kernel = ConstantKernel(10.0, (1e-2, 1e5)) * RBF(lengths, (0.1, 1e4))
+    kernel += WhiteKernel(1e-3, (1e-9, 1.0))
+    settings = {"kernel": kernel, "optimizer": "fmin_l_bfgs_b", "alpha": 1e-10}
+    few = pipeline(
+        MODELS["gaussian-process"],
+        settings,
+        normalisation=request.normalisation,
+        seed=request.seed,
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # lengths at their bound: inputs that do not matter
+        few.fit(inputs[:LIKELIHOOD_ROWS], target[:LIKELIHOOD_ROWS])
+    found = few.named_steps[STEP].kernel_
+    rows = min(LIKELIHOOD_ROWS, len(inputs))
+    return Settings(
+        {"kernel": found, "optimizer": None, "alpha": 1e-10},
+        False,
+        f"kernel of the largest likelihood on {rows} rows",
+    )
+
+
+def normalisation_of(features_default: str, given: str) -> str:
+    """The scaling that was asked for, or the features' own.
+
+    Raises
+    ------
+    InputError
+        If there is no such scaling.
+    """
+    if given and given not in NORMALISATIONS:
+        raise InputError(f"--normalise {given!r}: give one of {', '.join(NORMALISATIONS)}")
+    return given or features_default

@@ -1,0 +1,199 @@
+"""What a surrogate is asked about: surfaces from files and folders, statistics from tables."""
+
+import csv
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.errors import InputError
+from gen.preparation import prepare, warnings_about
+from gen.single import chosen_load
+from gen.topography import OWN_SUFFIXES, Topography, read, sides_from
+from learn.features.sets import STATISTICS
+
+Values = NDArray[np.float64]
+
+INSTRUMENTS = {
+    *(".x3p", ".sur", ".al3d", ".opd", ".opdx", ".plu", ".plux", ".gwy", ".nc", ".di", ".ibw"),
+    *(".spm", ".mi", ".zon", ".zag", ".top", ".frt", ".os3d", ".sdf", ".bcrf", ".bcr", ".h5"),
+    *(".mat", ".xyz", ".vk4", ".vk6", ".vk7", ".jpk", ".gsf", ".nid", ".ezd", ".mnt", ".stp"),
+}
+"""Endings that are taken for surfaces where a whole folder is given."""
+
+DELTA_NAMES = ("delta_um", "delta")
+SIDE_NAMES = ("side_x_um", "side_y_um")
+NODE_NAMES = ("nodes_x", "nodes_y")
+
+
+class Options(NamedTuple):
+    """How surfaces are read, as `python -m gen contact` has it."""
+
+    side: str = ""
+    unit: str = ""
+    fill: bool = False
+    level: str = ""
+    crop: str = ""
+    invert: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Rows of statistics.
+
+    Attributes
+    ----------
+    name : of the file
+    statistics : (n, 22)
+    delta : (n,) [um], None if the file has none
+    sides : (n, 2) [um], NaN where the file has none
+    nodes : (n, 2), 0 where the file has none
+    """
+
+    name: str
+    statistics: Values
+    delta: Values | None
+    sides: Values
+    nodes: NDArray[np.int64]
+
+
+def deltas_from(text: str) -> Values:
+    """Displacements from "2", "1,2,5" or "5:45:9" [um].
+
+    Raises
+    ------
+    InputError
+        If they are no numbers above 0.
+    """
+    found: list[float] = []
+    for part in text.split(","):
+        found += chosen_load({"delta": part.strip() or "?", "force": "", "pressure": ""})[1]
+    values = np.array(found)
+    if not ((values > 0) & (values < np.inf)).all():
+        raise InputError(f"--delta {text!r}: give numbers above 0 um, as 2, 1,2,5 or 5:45:9")
+    return values
+
+
+def files_in(paths: Sequence[Path]) -> tuple[list[Path], int]:
+    """Files, and those of folders that can hold surfaces; and how many others were left out.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    found: list[Path] = []
+    others = 0
+    for path in paths:
+        if not path.is_dir():
+            if not path.is_file():
+                raise InputError(f"{path}: is neither a file nor a folder")
+            found.append(path)
+            continue
+        inside = [each for each in sorted(path.iterdir()) if each.is_file()]
+        inside = [each for each in inside if not each.name.startswith(".")]
+        wanted = [
+            each for each in inside if each.suffix.lower() in (OWN_SUFFIXES - {""}) | INSTRUMENTS
+        ]
+        if not wanted:
+            raise InputError(f"{path}: holds no surface")
+        others += len(inside) - len(wanted)
+        found += wanted
+    return found, others
+
+
+def is_table(path: Path) -> bool:
+    """Whether a file has rows of statistics, by the names in its first line."""
+    if path.suffix.lower() not in {".csv", ".txt"}:
+        return False
+    try:
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            names = {name.strip() for name in file.readline().split(",")}
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    return bool(names & set(STATISTICS))
+
+
+def read_surface(path: Path, options: Options) -> tuple[Topography, list[str]]:
+    """A surface as it is to be pressed, and what to know before trusting its contact."""
+    measured = read(path, options.side, options.unit)
+    topography = prepare(
+        measured,
+        crop=options.crop,
+        invert=options.invert,
+        level=options.level,
+        fill=options.fill,
+    )
+    return topography, warnings_about(topography)
+
+
+def read_table(path: Path, side: str = "") -> Table:
+    """Rows of statistics, as `python -m gen describe --csv` writes them.
+
+    Parameters
+    ----------
+    path : CSV with a header that names the 22 statistics; `delta_um` or `delta`, sides and nodes
+        are taken where they are there, other columns are ignored
+    side : scan length for rows that have none, or two [um]
+
+    Raises
+    ------
+    InputError
+        If a column is missing, or a value is no number; it names row and column.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.DictReader(file, skipinitialspace=True)
+            names = [name.strip() for name in reader.fieldnames or []]
+            reader.fieldnames = names
+            rows = list(reader)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path} cannot be read: {error}") from None
+    missing = [name for name in STATISTICS if name not in names]
+    if missing:
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        raise InputError(
+            f"{path}: has no column {', '.join(missing[:3])}{more}; python -m gen describe --csv"
+            " writes all 22"
+        )
+    if not rows:
+        raise InputError(f"{path}: has a header and no rows")
+    deltas = [name for name in DELTA_NAMES if name in names]
+    sides = np.full((len(rows), 2), np.nan)
+    if all(name in names for name in SIDE_NAMES):
+        sides = _columns(path, rows, SIDE_NAMES)
+    if side:
+        given = sides_from(side)
+        if not np.allclose(sides[~np.isnan(sides[:, 0])], given, rtol=1e-3):
+            raise InputError(f"{path}: names other sides than --side {side}: leave that out")
+        sides[:] = given
+    nodes = np.zeros((len(rows), 2))
+    if all(name in names for name in NODE_NAMES):
+        nodes = _columns(path, rows, NODE_NAMES)
+    return Table(
+        name=str(path),
+        statistics=_columns(path, rows, STATISTICS),
+        delta=_columns(path, rows, deltas[:1])[:, 0] if deltas else None,
+        sides=sides,
+        nodes=nodes.astype(np.int64),
+    )
+
+
+def _columns(path: Path, rows: list[dict[str, str]], names: Sequence[str]) -> Values:
+    """(n, k) finite numbers of some columns."""
+    return np.array([list(_numbers(path, number, row, names)) for number, row in enumerate(rows)])
+
+
+def _numbers(path: Path, number: int, row: dict[str, str], names: Sequence[str]) -> Iterator[float]:
+    for name in names:
+        try:
+            value = float(row[name])
+        except (TypeError, ValueError):
+            value = np.nan
+        if not np.isfinite(value):
+            text = str(row.get(name))[:40]
+            raise InputError(f"{path}, row {number + 1}: {name} is {text!r}; give finite numbers")
+        yield value

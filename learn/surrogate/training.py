@@ -1,0 +1,240 @@
+"""Fit surrogates: read, split in three by surface, choose settings, fit, calibrate, judge."""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.errors import InputError
+from gen.farm import World
+from learn import dataset, memory, split
+from learn.compare import Request, pressed_for
+from learn.dataset import Dataset, Indices
+from learn.features import chosen
+from learn.folder import Folder
+from learn.models import MODELS, pipeline
+from learn.models import chosen as chosen_models
+from learn.surrogate import card
+from learn.surrogate.conformal import calibrate
+from learn.surrogate.model import Learnt, Surrogate
+from learn.surrogate.settings import Settings, choose
+
+Values = NDArray[np.float64]
+
+CALIBRATION_SHARE = 0.1
+"""Share of the training rows that calibrates the intervals instead."""
+
+SMALLEST_CALIBRATION = 20
+"""Rows that calibrate at least, if there are five times as many: for intervals of 95 %."""
+
+
+def fit(
+    request: Request,
+    world: World,
+    say: Callable[[str], None],
+    *,
+    source: Path | None = None,
+    stopping: Callable[[], bool] = lambda: False,
+) -> Surrogate | None:
+    """Fit a surrogate to a database; every process of the world has to call it.
+
+    Parameters
+    ----------
+    request : database, targets, features, one model; its folder does not count
+    world : whose processes generate surfaces anew for hybrid features
+    say : called with lines for the user, on the master
+    source : comparison folder whose tuned settings are taken, None for none
+    stopping : asked on the master between surfaces
+
+    Returns
+    -------
+    The surrogate, on the master; None elsewhere, and if it was stopped
+
+    Raises
+    ------
+    InputError
+        For input that cannot be used, too little memory, or too few rows.
+    """
+    (model,) = chosen_models(list(request.models))
+    pressed = pressed_for(request, world, stopping)
+    if not world.is_master or stopping():
+        return None
+    sets = _read(request, pressed)
+    parts = split.draw(sets[0], request.seed, request.train_rows)
+    train, calibration = _without_calibration(sets[0], parts.train)
+    memory.check(model.name, train.size)
+    for line in dataset.remarks(sets[0], request.normalisation):
+        say(f"  {line}")
+    say(
+        f"{request.database}: {train.size} rows train, {calibration.size} calibrate,"
+        f" {parts.test.size} test; {request.features} features"
+    )
+    learnt: dict[str, Learnt] = {}
+    judged: dict[str, dict[str, Any]] = {}
+    folds = parts.folds[: train.size]
+    for target, rows in zip(request.targets, sets, strict=True):
+        folder = None if source is None else Folder(source / _folder_name(rows))
+        learnt[target], judged[target] = _fit_target(
+            request, rows, (train, calibration, parts.test), folds, folder, say
+        )
+    inputs = sets[0].inputs[train]
+    return Surrogate(
+        card=card.make(request, sets[0], (train, calibration, parts.test), judged),
+        learnt=learnt,
+        low=inputs.min(axis=0),
+        high=inputs.max(axis=0),
+    )
+
+
+def _read(request: Request, pressed: Values | None) -> list[Dataset]:
+    """One dataset per target, of the rows that all of them have."""
+    sets = [
+        dataset.read(request.database, target, request.area_max, request.features, pressed)
+        for target in request.targets
+    ]
+    common = sets[0].rows
+    for each in sets[1:]:
+        common = np.intersect1d(common, each.rows)
+    return [each.at(np.flatnonzero(np.isin(each.rows, common))) for each in sets]
+
+
+def _without_calibration(rows: Dataset, train: Indices) -> tuple[Indices, Indices]:
+    """Cut the last rows, whole surfaces, off the training: they are in random order already."""
+    wanted = max(int(CALIBRATION_SHARE * train.size), min(SMALLEST_CALIBRATION, train.size // 5))
+    groups = rows.groups[train]
+    starts = np.flatnonzero(np.diff(groups, prepend=-1))
+    if starts.size == 1:  # all rows share one surface
+        starts = np.arange(train.size)
+    before = int(np.searchsorted(starts, train.size - wanted, side="right")) - 1
+    cut = int(starts[max(before, 1)])
+    inside = train[:cut]
+    if inside.size < 2 or np.ptp(rows.target[inside]) == 0:
+        raise InputError(
+            f"{rows.source['database']}: {inside.size} rows of {starts.size} surfaces are left to"
+            " train on: more are needed"
+        )
+    return inside, train[cut:]
+
+
+def _fit_target(
+    request: Request,
+    rows: Dataset,
+    parts: tuple[Indices, Indices, Indices],
+    folds: NDArray[np.int8],
+    folder: Folder | None,
+    say: Callable[[str], None],
+) -> tuple[Learnt, dict[str, Any]]:
+    """Choose, fit, calibrate and judge one target's model."""
+    train, calibration, test = parts
+    scaled = chosen(request.features).scaled
+    mean = float(rows.target[train].mean()) if scaled else 0.0
+    deviation = float(rows.target[train].std()) if scaled else 1.0
+    inputs, target = rows.inputs[train], (rows.target[train] - mean) / deviation
+    settings = choose(request, folder, inputs, target, folds)
+    began = perf_counter()
+    fitted, remarks = _fitted(request, settings, inputs, target)
+    seconds = perf_counter() - began
+    unscaled = Learnt(
+        column=rows.target_name,
+        unit=_unit(rows),
+        pipeline=fitted,
+        mean=mean,
+        deviation=deviation,
+        calibration=calibrate(
+            _Raw(fitted, mean, deviation),
+            rows.inputs[calibration],
+            rows.target[calibration],
+            rows.target[train],
+        ),
+    )
+    judged = card.judge(unscaled, rows, test) | {
+        "settings": {name: str(value) for name, value in sorted(settings.values.items())},
+        "settings_from": settings.origin,
+        "fit_seconds": seconds,
+        "remarks": remarks,
+    }
+    scores = judged["scores"]
+    say(
+        f"{rows.target_name}: {settings.origin}; R2 {scores['r2']:.3f} %, nMAE"
+        f" {scores['nmae']:.2f} %, fit {seconds:.3g} s"
+    )
+    for remark in remarks:
+        say(f"  warning: {remark}")
+    return unscaled, judged
+
+
+class _Raw:
+    """A fitted model that predicts the target over its scale."""
+
+    def __init__(self, fitted: Any, mean: float, deviation: float) -> None:
+        self.fitted, self.mean, self.deviation = fitted, mean, deviation
+
+    def predict(self, inputs: Values) -> Values:
+        """Predict as `Learnt.raw` does."""
+        return np.asarray(self.mean + self.deviation * self.fitted.predict(inputs).reshape(-1))
+
+
+def _fitted(
+    request: Request, settings: Settings, inputs: Values, target: Values
+) -> tuple[Any, list[str]]:
+    """A fitted pipeline, and what its fit warned of."""
+    (name,) = request.models
+    unfitted = pipeline(
+        MODELS[name],
+        settings.values,
+        normalisation=request.normalisation,
+        seed=request.seed,
+        tuned=settings.tuned,
+    )
+    need = memory.needed(name, len(inputs))
+    with memory.reserved(need), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        fitted = unfitted.fit(inputs, target)
+    said = [" ".join(str(each.message).split())[:300] for each in caught]
+    return fitted, list(dict.fromkeys(said))
+
+
+def _unit(rows: Dataset) -> str:
+    from gen.schema import COLUMNS
+
+    return next(column.unit for column in COLUMNS if column.name == rows.target_name)
+
+
+def _folder_name(rows: Dataset) -> str:
+    short = {column: name for name, column in dataset.TARGETS.items()}
+    return short.get(rows.target_name, rows.target_name)
+
+
+def request_from(request: Request, source: Path, given: dict[str, Any]) -> Request:
+    """Take from a comparison folder what its winner rests on; what was given must agree.
+
+    Parameters
+    ----------
+    request : with one model and its targets
+    source : the comparison folder
+    given : options that the user gave: "features", "normalisation", "area_max", "seed"
+
+    Raises
+    ------
+    InputError
+        If the folder lacks the model, or rests on something else than was given.
+    """
+    from learn.surrogate.settings import tuned_conditions
+
+    column = dataset.TARGETS.get(request.targets[0], request.targets[0])
+    short = {column: name for name, column in dataset.TARGETS.items()}
+    folder = Folder(source / short.get(column, column))
+    conditions = tuned_conditions(folder, request.models[0])
+    names = ("features", "normalisation", "area_max", "seed")
+    for name in names:
+        if name in given and given[name] != conditions[name]:
+            raise InputError(
+                f"--from: {folder.path} was made with {name} {conditions[name]!r}, not"
+                f" {given[name]!r}: leave that out, or give another folder"
+            )
+    return replace(request, **{name: conditions[name] for name in names})
