@@ -1,7 +1,7 @@
 """Memory: what a fit needs, what this machine has, and room for fits that run side by side.
 
-What a fit needs was measured (`python -m bench memory`): bytes per pair of rows for the kernel methods, per row for the
-others, on top of what a process takes with its libraries and data.
+What a fit needs was measured (`python -m bench memory`): bytes per pair of rows for the kernel
+methods, per row for the others, on top of what a process takes with its libraries and data.
 """
 
 import fcntl
