@@ -280,6 +280,120 @@ def peers(
         typer.echo(path)
 
 
+PaperRows = Annotated[
+    int, typer.Option(min=1, help="Rows of the paper preset; all of them unless given.")
+]
+PaperDatabase = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="A database of the paper preset, not generated anew."),
+]
+AreaMax = Annotated[
+    float,
+    typer.Option(metavar="PERCENT", help="Rows of larger area are left out; the paper's range."),
+]
+
+
+@app.command()
+def generalisation(
+    output: Folder,
+    rows: PaperRows = 15_878,
+    database: PaperDatabase = None,
+    model: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="May be repeated; kernel-ridge.")
+    ] = None,
+    area_max: AreaMax = 16.56,
+) -> None:
+    """Test surrogates of the paper preset where they were not trained, as in section 4.3.
+
+    A finer grid, unseen Hurst exponents, another generator, other scan lengths, with each feature
+    set: scores, flagged rows, coverage of the 90 % intervals, and what mends a failure, which is
+    tried. Generates databases in DIR/databases, goes on there after Ctrl-C; DIR/generalisation.csv
+    and a picture for each model. Takes long with all rows; fewer give a look.
+    """
+    from bench.surrogates.generalisation import generalisation as measure
+    from bench.surrogates.generalisation_report import show, write_report
+
+    found = measure(
+        output,
+        rows,
+        models=model or ["kernel-ridge"],
+        given=database,
+        area_max=area_max,
+        remark=_remark,
+    )
+    show(found)
+    for path in write_report(output, found):
+        typer.echo(path)
+
+
+@app.command()
+def cost(
+    output: Folder,
+    rows: PaperRows = 15_878,
+    database: PaperDatabase = None,
+    comparison: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of learn tune: the time of its search is t_h, else 0."
+        ),
+    ] = None,
+    area_max: AreaMax = 16.56,
+    surfaces: Annotated[int, typer.Option(min=2, help="Surfaces that are timed.")] = 32,
+) -> None:
+    """Measure what a surrogate costs in all, and from how many queries on it pays (section 4.4).
+
+    Database, tuning, fit and prediction, for the paper's solver and for ours, with each feature set
+    of a kernel ridge surrogate, and its learning curves: DIR/cost.csv, learning.csv, cost.txt and
+    cost.png. Takes long with all rows; fewer give a look.
+    """
+    from bench.surrogates.cost import cost as measure
+    from bench.surrogates.cost_report import write_report
+
+    found = measure(
+        output,
+        rows,
+        given=database,
+        comparison=comparison,
+        area_max=area_max,
+        surfaces=surfaces,
+        remark=_remark,
+    )
+    paths, text = write_report(output, found)
+    typer.echo(text)
+    for path in paths:
+        typer.echo(path)
+
+
+@app.command()
+def throughput(
+    surrogate: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[SURROGATE]...", help="Files of learn fit; kernel ridge if none."),
+    ] = None,
+    rows: Annotated[
+        int, typer.Option(min=50, help="Rows of the paper preset to fit to, where none is given.")
+    ] = 2000,
+    database: PaperDatabase = None,
+    surfaces: Annotated[int, typer.Option(min=1, help="Surfaces of the paper preset.")] = 16,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
+    ] = None,
+) -> None:
+    """Measure contacts a second of surrogates, called in several ways, beside the solver's.
+
+    Single calls and batches, with and without intervals; processor times. Prints a table and writes
+    DIR/throughput.csv if asked to.
+    """
+    from bench.surrogates import throughput as calls
+
+    asked = calls.loaded(surrogate) if surrogate else calls.fitted(database, rows, _remark)
+    speeds = calls.throughput(asked, surfaces, _remark)
+    typer.echo(calls.markdown_table(speeds))
+    if output is not None:
+        typer.echo(calls.write_report(output, speeds))
+
+
 def _numbers(name: str, text: str, kind: type[Number]) -> list[Number]:
     """Numbers with commas between them."""
     try:

@@ -1,0 +1,35 @@
+"""Times of calls that take micro- to milliseconds: of the processor, whoever else uses it."""
+
+from collections.abc import Callable, Iterable
+from statistics import median
+from time import process_time
+
+ENOUGH = 0.3
+"""Seconds of calls that a median is over."""
+
+ROUNDS = (3, 300)
+"""Calls that a median is over, at least and at most."""
+
+
+def median_seconds(call: Callable[[], object]) -> float:
+    """Time a call that is the same each time; the first is a warm-up."""
+    call()
+    taken: list[float] = []
+    fewest, most = ROUNDS
+    while len(taken) < fewest or (sum(taken) < ENOUGH and len(taken) < most):
+        began = process_time()
+        call()
+        taken.append(process_time() - began)
+    return median(taken)
+
+
+def mean_seconds(calls: Iterable[Callable[[], object]]) -> float:
+    """Time calls that differ: the mean is what many of them cost. The first is done twice."""
+    taken: list[float] = []
+    for call in calls:
+        if not taken:
+            call()
+        began = process_time()
+        call()
+        taken.append(process_time() - began)
+    return sum(taken) / len(taken)

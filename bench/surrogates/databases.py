@@ -1,0 +1,86 @@
+"""The databases that the reports rest on: generated into a folder, resumed, or given."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from gen.database import Reader
+from gen.errors import InputError
+from gen.farm import World
+from gen.run import Request, generate_database
+from gen.scene import Scene, differences, load
+from gen.schema import Status
+
+PAPER = "paper"
+"""The preset that all surrogates here are trained on."""
+
+OTHER_SEED = 2026
+"""Of databases to be tested on: the preset's own seed would give them the surfaces trained on."""
+
+
+def generated(folder: Path, name: str, text: str, remark: Callable[[str], None]) -> Path:
+    """Generate a database, or what is missing in it.
+
+    Parameters
+    ----------
+    folder : where to; made if there is none
+    name : of the database and of its scene's file, without ending
+    text : the scene (TOML)
+    remark : told what is about to happen
+
+    Returns
+    -------
+    The database, complete
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written to, or holds another database of this name.
+    KeyboardInterrupt
+        After a signal: the same command goes on.
+    """
+    scene, path = folder / f"{name}.toml", folder / f"{name}.h5"
+    wanted = Scene.parse(text, str(scene))
+    if _complete(path, wanted):
+        return path
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        scene.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
+    remark(f"generating {path}: {wanted.samples} rows, {wanted.surface.nodes} nodes a side")
+    if generate_database(Request(str(scene), path), World()).signal:
+        remark(f"{path}: interrupted; the same command goes on")
+        raise KeyboardInterrupt
+    return path
+
+
+def _complete(path: Path, wanted: Scene) -> bool:
+    """Whether a database of this scene has all the rows that are wanted."""
+    if not path.exists():
+        return False
+    with Reader(path) as reader:
+        if reader.scene.fingerprint() != wanted.fingerprint():
+            (first, *_) = differences(reader.scene, wanted)
+            raise InputError(f"{path}: is a database of another scene ({first}): move it away")
+        status = reader.column("status", 0, wanted.samples)
+    return bool(len(status) == wanted.samples and (status != Status.PENDING).all())
+
+
+def of_the_paper(
+    given: Path | None, folder: Path, rows: int, remark: Callable[[str], None]
+) -> Path:
+    """Find the database to train on: the one given, or the preset's first rows.
+
+    Raises
+    ------
+    InputError
+        If the one given is of another scene: its surrogates would be at home elsewhere.
+    """
+    if given is None:
+        return generated(folder, PAPER, f"samples = {rows}\n", remark)
+    with Reader(given) as reader:
+        preset = load(PAPER).model_copy(update={"store": reader.scene.store})
+        different = differences(reader.scene, preset)
+    if different:
+        raise InputError(f"--database {given}: give one of the paper preset ({different[0]})")
+    return given

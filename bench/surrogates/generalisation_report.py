@@ -1,0 +1,80 @@
+"""The files and the table of `python -m bench generalisation`."""
+
+from collections.abc import Sequence
+from dataclasses import astuple, fields
+from pathlib import Path
+
+from bench.surrogates.generalisation import Judged, Row
+from bench.surrogates.table import write_table
+from bench.surrogates.verdict import covers, verdict
+from learn.pictures import new_figure, save
+
+
+def write_report(folder: Path, found: Sequence[Judged]) -> list[Path]:
+    """Write `generalisation.csv`, and `generalisation-MODEL.png` for each model.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written to.
+    """
+    rows = [judged.row for judged in found]
+    path = write_table(
+        folder / "generalisation.csv",
+        [*(field.name for field in fields(Row)), "verdict"],
+        ((*astuple(row), verdict(row, rows)) for row in rows),
+    )
+    models = dict.fromkeys(row.model for row in rows)
+    return [path, *(_draw(folder, model, found) for model in models)]
+
+
+def show(found: Sequence[Judged]) -> None:
+    """Print the table."""
+    from rich.console import Console
+    from rich.table import Table
+
+    rows = [judged.row for judged in found]
+    table = Table(title="Trained on the paper preset, tested elsewhere [%]")
+    for name in ("Tested on", "Features"):
+        table.add_column(name)
+    for name in ("rows", "nMSE", "nMAE", "nMaxE", "R2", "flagged", "in 90 %"):
+        table.add_column(name, justify="right")
+    table.add_column("Verdict", overflow="fold")
+    several = len({row.model for row in rows}) > 1
+    last = ""
+    for row in rows:
+        what = f"{row.tested_on}, {row.model}" if several else row.tested_on
+        if row.features != last and last:
+            table.add_section()
+        last = row.features
+        numbers = (f"{row.nmse:.2f}", f"{row.nmae:.2f}", f"{row.nmaxe:.2f}", f"{row.r2:.2f}")
+        shares = (
+            f"{100 * row.flagged:.0f}",
+            f"{100 * row.covered:.0f}{'' if covers(row) else '!'}",
+        )
+        table.add_row(what, row.features, str(row.judged), *numbers, *shares, verdict(row, rows))
+    Console(width=None if Console().is_terminal else 190).print(table)
+
+
+def _draw(folder: Path, model: str, found: Sequence[Judged]) -> Path:
+    """Prediction over truth, as in section 4.3: a row a feature set, a column a case."""
+    mine = [judged for judged in found if judged.row.model == model]
+    features = list(dict.fromkeys(judged.row.features for judged in mine))
+    cases = list(dict.fromkeys(judged.row.tested_on for judged in mine))
+    figure = new_figure(2.3 * len(cases), 2.5 * len(features))
+    axes = figure.subplots(len(features), len(cases), squeeze=False, sharex=True, sharey=True)
+    ends = [0.0, max(float(judged.truth.max()) for judged in mine)]
+    for judged in mine:
+        axis = axes[features.index(judged.row.features), cases.index(judged.row.tested_on)]
+        axis.plot(ends, ends, "-", lw=0.8, color="0.4")
+        axis.plot(judged.truth, judged.prediction, ".", ms=2)
+        axis.annotate(
+            f"R² {judged.row.r2:.2f} %", (0.05, 0.9), xycoords="axes fraction", fontsize=8
+        )
+        axis.set_ylim(-0.05 * ends[1], 1.25 * ends[1])
+    for axis, case in zip(axes[0], cases, strict=True):
+        axis.set_title(case, fontsize=9)
+    for row, name in zip(axes, features, strict=True):
+        row[0].set_ylabel(f"{name}: predicted [%]")
+    figure.supxlabel("effective contact area by the solver [%]")
+    return save(figure, folder / f"generalisation-{model}.png")

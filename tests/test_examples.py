@@ -1,0 +1,81 @@
+"""The examples do what their users came for: run small, their numbers checked by the solver."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bem
+import gen.cli
+import learn.cli
+from gen.surface import generate
+
+FOLDER = Path(__file__).parents[1] / "examples"
+SCENE = "samples = 300\n[surface]\nnodes = 33\n"
+
+
+def example(name):
+    spec = importlib.util.spec_from_file_location(f"example_{name}", FOLDER / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.main
+
+
+@pytest.fixture(scope="module")
+def surrogate(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("examples")
+    (folder / "scene.toml").write_text(SCENE)
+    database, path = str(folder / "rows.h5"), str(folder / "area.surrogate")
+    assert gen.cli.main(["run", str(folder / "scene.toml"), "-o", database]) == 0
+    assert learn.cli.main(["fit", database, "--target", "area", "-o", path]) == 0
+    return path
+
+
+def test_every_example_is_short_and_tested():
+    scripts = sorted(path.stem for path in FOLDER.glob("*.py"))
+    assert scripts == ["identification", "propagation", "sobol", "study"]
+    assert all(len((FOLDER / f"{n}.py").read_text().splitlines()) < 60 for n in scripts)
+
+
+def test_propagation_finds_the_mean_area_of_the_population(surrogate, tmp_path, capsys):
+    areas = example("propagation")([surrogate, "--small", "--plot", str(tmp_path / "areas.png")])
+    solved = []
+    for number in range(20):
+        random = np.random.default_rng([2025, number])
+        heights = generate("diamond-square", 33, 0.65, 12.5, random)
+        solved.append(bem.solve(heights, 1000.0, 15.0).area_percent)
+    assert areas.mean() == pytest.approx(np.mean(solved), rel=0.1)
+    assert areas.std() == pytest.approx(np.std(solved), rel=0.35)
+    assert (tmp_path / "areas.png").stat().st_size > 1000
+    assert "+-" in capsys.readouterr().out
+
+
+def test_the_area_of_the_study_grows_with_delta_and_with_the_hurst_exponent(surrogate, tmp_path):
+    areas = example("study")([surrogate, "--small", "--csv", str(tmp_path / "study.csv")])
+    assert areas.shape == (3, 4)
+    assert (np.diff(areas, axis=0) > 0).all()
+    assert (np.diff(areas, axis=1) > 0).all()
+    table = np.loadtxt(tmp_path / "study.csv", delimiter=",", skiprows=1)
+    np.testing.assert_allclose(table[:, 1:], areas, rtol=1e-5)
+
+
+def test_identification_finds_delta(surrogate, tmp_path, capsys):
+    heights = generate("diamond-square", 33, 0.65, 12.5, np.random.default_rng(11))
+    np.save(tmp_path / "surface.npy", heights)
+    contact = bem.solve(heights, 1000.0, 18.0)
+    asked = [surrogate, str(tmp_path / "surface.npy"), "--side", "1000", "--small", "--area"]
+    delta, low, high = example("identification")([*asked, str(contact.area_percent)])
+    assert delta == pytest.approx(18.0, rel=0.15)
+    assert low <= delta <= high
+    assert low <= 18.0 <= high
+    with pytest.raises(SystemExit, match="2"):
+        example("identification")([*asked, "99"])
+    assert "--area 99" in capsys.readouterr().err
+
+
+def test_sobol_finds_that_delta_decides_most(surrogate):
+    indices = example("sobol")([surrogate, "--small"])
+    assert np.argmax(indices["ST"]) == 2
+    assert indices["S1"][2] > 0.5
+    assert (indices["ST"] > -0.05).all()
