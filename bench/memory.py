@@ -20,8 +20,8 @@ import numpy as np
 
 from gen.errors import InputError
 from learn import memory
+from learn.comparison.spaces import OPTIMA, SPACES
 from learn.models import MODELS, STEP, pipeline
-from learn.spaces import OPTIMA, SPACES
 
 INPUTS = 23
 SHARES = (0.05, 0.1)

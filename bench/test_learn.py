@@ -12,10 +12,10 @@ import pytest
 from numpy.typing import NDArray
 
 from gen.farm import World
-from learn import pruning, search
+from learn.comparison import pruning, search, training_data
+from learn.comparison.spaces import Space
+from learn.comparison.trials import Trials
 from learn.models import MODELS, STEP, pipeline
-from learn.spaces import Space
-from learn.trials import Trials
 
 ROWS = 250
 NUMBERS = [10, 20, 30, 40, 50, 60, 70, 80]
@@ -73,7 +73,9 @@ def best_of_scikit_learn(name: str, samples: Samples, folds: Folds) -> float:
 
 def best_of_ours(name: str, samples: Samples, folds: Folds, path: Path) -> float:
     inputs, target = samples
-    search.hold(search.Training(inputs, target, folds, inputs[:2], target[:2]), World())
+    training_data.hold(
+        training_data.Training(inputs, target, folds, inputs[:2], target[:2]), World()
+    )
     model = MODELS[name]
     grid = pruning.grid(model, SPACES[name], inputs.shape[1])
     path.unlink(missing_ok=True)

@@ -11,59 +11,24 @@ import typer
 from gen import command_line, farm
 from gen.errors import InputError
 from learn import commands
+from learn.options import (
+    Again,
+    AreaMax,
+    Comparison,
+    Database,
+    Features,
+    Models,
+    Normalise,
+    Output,
+    Seed,
+    Target,
+    TrainRows,
+)
 
 if TYPE_CHECKING:
-    from learn.compare import Request
+    from learn.request import Request
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
-
-Database = Annotated[Path, typer.Argument(metavar="FILE", help="A database made by gen (HDF5).")]
-Output = Annotated[
-    Path, typer.Option("--output", "-o", metavar="DIR", help="The comparison folder.")
-]
-Comparison = Annotated[Path, typer.Argument(metavar="DIR", help="A comparison folder.")]
-Models = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--model",
-        metavar="NAME",
-        help="decision-tree, random-forest, adaboost, xgboost, gradient-boost, svm,"
-        " gaussian-process, kernel-ridge or mlp; may be repeated; all nine if left out.",
-    ),
-]
-Target = Annotated[
-    str,
-    typer.Option(
-        metavar="NAME",
-        help="area, force, both, or mean_gap, largest_pressure, perimeter where they are stored.",
-    ),
-]
-AreaMax = Annotated[
-    float | None,
-    typer.Option(metavar="PERCENT", help="Leave larger areas out; 16.56 is the paper's range."),
-]
-Normalise = Annotated[
-    str,
-    typer.Option(
-        metavar="HOW",
-        help="l2 (each row to unit length, the paper's), standard, min-max or none; l2 for paper"
-        " features and standard for others if left out.",
-    ),
-]
-Features = Annotated[
-    str,
-    typer.Option(
-        metavar="SET",
-        help="paper (Delta and the 22 statistics), dimensionless (the same without units: any scan"
-        " length), or hybrid (with bearing area and a coarse contact solve of each surface).",
-    ),
-]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of the split and of the models.")]
-TrainRows = Annotated[
-    int | None, typer.Option(metavar="N", help="Train on N rows at most, drawn with the seed.")
-]
-Again = Annotated[bool, typer.Option("--again", help="Measure anew what is there already.")]
-
 
 for _command in (commands.fit, commands.card, commands.predict, commands.law):
     app.command()(_command)
@@ -104,7 +69,7 @@ def compare(
 
     The fits run one after the other, so that their times are those of a process that works alone.
     """
-    from learn import compare as jobs
+    from learn.comparison import jobs
 
     request = _request(
         file, output, model, target, area_max, features, normalise, seed, train_rows, again
@@ -141,8 +106,8 @@ def tune(
     `mpiexec -n 65 python -m mpi4py -m learn tune ...` rank 0 hands out the fits, the others do
     them.
     """
-    from learn import compare as jobs
-    from learn.budget import seconds
+    from learn.comparison import jobs
+    from learn.comparison.budget import seconds
 
     limit = seconds(budget) if budget else None
     request = _request(
@@ -189,7 +154,7 @@ def importance(
     )
     if not farm.this_world().is_master:
         return
-    from learn.importance import write_report
+    from learn.comparison.importance import write_report
 
     for path in write_report(request, typer.echo):
         typer.echo(f"wrote {path}")
@@ -214,7 +179,7 @@ def appendix(
     )
     if not farm.this_world().is_master:
         return
-    from learn.appendix import write_report
+    from learn.comparison.appendix import write_report
 
     for path in write_report(request, typer.echo):
         typer.echo(f"wrote {path}")
@@ -234,8 +199,8 @@ def _request(
     limit: float | None = None,
 ) -> Request:
     """Put the options together."""
-    from learn.compare import Request
     from learn.features import chosen
+    from learn.request import Request
 
     normalise = normalise or chosen(features).normalisation
     return Request(
@@ -269,14 +234,14 @@ def _show(request: Request, world: Any, signal: int) -> int:
 
 
 def _write_and_print(folder: Path, *, pictures: bool) -> None:
-    from learn import tables
-    from learn.folder import targets
+    from learn.comparison import tables
+    from learn.comparison.folder import targets
 
     for part in targets(folder):
         tables.write(part)
         tables.show(part)
         if pictures:
-            from learn.pictures import draw
+            from learn.comparison.pictures import draw
 
             for path in draw(part):
                 typer.echo(f"wrote {path}")

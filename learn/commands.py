@@ -3,52 +3,30 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from gen import farm
 from gen.errors import InputError
-
-if TYPE_CHECKING:
-    from learn.surrogate.sources import Options
-
-File = Annotated[Path, typer.Argument(metavar="FILE", help="A surrogate made by learn fit.")]
-Inputs = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="INPUT...",
-        help="Surfaces (.npy, text, instruments' files), folders of them, or tables of statistics"
-        " as gen describe --csv writes them.",
-    ),
-]
-Deltas = Annotated[
-    str,
-    typer.Option(metavar="UM", help="Far-field displacement: 2, 1,2,5 or start:stop:count."),
-]
-Side = Annotated[
-    str, typer.Option(metavar="UM", help="Scan length where a file has none; 1000,500 if oblong.")
-]
-Unit = Annotated[str, typer.Option(metavar="UNIT", help="Of a file that says none: m, mm, um, nm.")]
-Fill = Annotated[bool, typer.Option("--fill", help="Close holes harmonically.")]
-Level = Annotated[
-    str, typer.Option(metavar="HOW", help="Take away the mean, the plane or the quadratic fit.")
-]
-Crop = Annotated[str, typer.Option(metavar="X0:X1,Y0:Y1", help="Keep this part only, in um.")]
-Invert = Annotated[bool, typer.Option("--invert", help="Turn upside down.")]
-Young = Annotated[
-    list[float] | None,
-    typer.Option(metavar="MPA", help="Young's modulus, twice for two elastic bodies."),
-]
-Poisson = Annotated[
-    list[float] | None, typer.Option(metavar="NU", help="Poisson's ratio, as often.")
-]
-EStar = Annotated[
-    float | None, typer.Option(metavar="MPA", help="Or E*; that of the training if left out.")
-]
-Coverage = Annotated[
-    float, typer.Option(metavar="SHARE", help="Coverage of the intervals, as 0.9.")
-]
+from learn.options import (
+    Coverage,
+    Crop,
+    Deltas,
+    EStar,
+    File,
+    Fill,
+    Inputs,
+    Invert,
+    Level,
+    Poisson,
+    Side,
+    Unit,
+    Young,
+    modulus_from,
+    reading,
+)
+from learn.output import check_surrogate, check_text
 
 
 def fit(
@@ -101,14 +79,14 @@ def fit(
     `mpiexec -n 9 python -m mpi4py -m learn fit ...`, the workers generate surfaces anew.
     """
     from gen.interruption import Interruption
-    from learn.compare import Request
     from learn.features import chosen
     from learn.models import chosen as chosen_models
+    from learn.request import Request
     from learn.surrogate import training
     from learn.surrogate.settings import normalisation_of
 
     world = farm.this_world()
-    _writable(output)
+    check_surrogate(output)
     chosen_models([model])
     given = {"features": features, "area_max": area_max, "seed": seed, "normalisation": normalise}
     given = {name: value for name, value in given.items() if value not in {"", None}}
@@ -178,14 +156,15 @@ def predict(
     from learn.surrogate.conformal import checked_level
     from learn.surrogate.sources import deltas_from
 
+    check_text(output, "--output", [file, *inputs])
     surrogate = Surrogate.load(file)
     for remark in surrogate.remarks:
         _say(f"warning: {remark}")
     question = Question(
         deltas=deltas_from(delta) if delta else None,
-        e_star=_modulus(young, poisson, e_star),
+        e_star=modulus_from(young, poisson, e_star),
         level=checked_level(interval),
-        options=_options(side, unit, fill, level, crop, invert),
+        options=reading(side, unit, fill, level, crop, invert),
     )
     rows: list[Row] = []
     with RunProgress(len(inputs), "inputs") as progress:
@@ -243,8 +222,11 @@ def law(
         return
     from learn.surrogate import Surrogate
     from learn.surrogate.conformal import checked_level
-    from learn.surrogate.law import Order, make, show, write
+    from learn.surrogate.law import Order, make
+    from learn.surrogate.law_table import show, write
 
+    for path, option in ((table, "--csv"), (header, "--header")):
+        check_text(path, option, [file, *inputs])
     surrogate = Surrogate.load(file)
     order = Order(
         inputs=tuple(inputs),
@@ -253,13 +235,13 @@ def law(
         solver=solver,
         surfaces=surfaces,
         level=checked_level(interval),
-        e_star=_modulus(young, poisson, e_star),
-        options=_options(side, unit, fill, level, crop, invert),
+        e_star=modulus_from(young, poisson, e_star),
+        options=reading(side, unit, fill, level, crop, invert),
     )
     found = make(surrogate, order, _say)
     show(found)
-    for path in write(found, table, header):
-        typer.echo(f"wrote {path}")
+    for written in write(found, table, header):
+        typer.echo(f"wrote {written}")
 
 
 def _targets(text: str) -> tuple[str, ...]:
@@ -268,29 +250,6 @@ def _targets(text: str) -> tuple[str, ...]:
     if len(set(found)) < len(found) or not all(found):
         raise InputError(f"--target {text!r}: give each once, as area,force")
     return found
-
-
-def _writable(path: Path) -> None:
-    """Refuse early what could not be written after a long fit."""
-    if path.is_dir() or not path.absolute().parent.is_dir():
-        raise InputError(f"--output {path}: give a file in a folder that exists")
-
-
-def _modulus(
-    young: list[float] | None, poisson: list[float] | None, e_star: float | None
-) -> float | None:
-    """E* if anything says it."""
-    if young is None and poisson is None and e_star is None:
-        return None
-    from gen.material import combined_modulus
-
-    return combined_modulus(young or [], poisson or [], e_star)
-
-
-def _options(side: str, unit: str, fill: bool, level: str, crop: str, invert: bool) -> Options:
-    from learn.surrogate.sources import Options
-
-    return Options(side, unit, fill, level, crop, invert)
 
 
 def _say(line: str) -> None:

@@ -119,6 +119,8 @@ def read(
         constant.
     """
     wanted = chosen(features)
+    if area_max is not None and not area_max > 0:
+        raise InputError(f"--area-max {area_max:g}: give a percentage above 0")
     with Reader(path) as reader:
         column = _target_column(reader, target)
         scene = reader.scene

@@ -1,7 +1,8 @@
 """The nine models of the paper's section 3.3, in one table, as scikit-learn pipelines.
 
 Baselines are the libraries' defaults with the paper's kernels: the Gaussian process has a radial
-basis function of length 1 that is not fitted (Appendix A), kernel ridge a linear kernel.
+basis function of length 1 that is not fitted (Appendix A), kernel ridge a linear kernel. Features
+without units need another length: `learn.comparison.spaces.baseline`.
 """
 
 from collections.abc import Callable, Mapping
@@ -181,7 +182,7 @@ def pipeline(
         name: value() if callable(value) else value
         for name, value in (model.tuned if tuned else {}).items()
     }
-    estimator.set_params(**shared, **(settings or {}))
+    estimator.set_params(**{**shared, **(settings or {})})
     return Pipeline([("scaling", _scaling(normalisation)), (STEP, estimator)])
 
 

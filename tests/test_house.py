@@ -22,7 +22,7 @@ ONE_HOME = {
     "pyfftw": {"bem/convolution.py"},
     "tomllib": {"gen/scene.py"},
     "SurfaceTopography": {"gen/topography.py"},
-    "matplotlib": {"gen/picture.py", "learn/pictures.py", "bench"},
+    "matplotlib": {"gen/picture.py", "learn/comparison/pictures.py", "bench"},
     "sklearn": {"learn", "bench"},
     "xgboost": {"learn/models.py"},
 }

@@ -1,5 +1,6 @@
 """What the README says is what the code does: its tables, links, scene and commands."""
 
+import importlib
 import re
 from pathlib import Path
 
@@ -35,11 +36,11 @@ def test_the_scene_shown_is_a_scene():
     assert Scene.parse(text, "README").samples == 2000
 
 
-def test_every_command_shown_exists():
-    from gen import cli
-
-    known = {command.callback.__name__ for command in cli.app.registered_commands}
-    shown = set(re.findall(r"-m gen (\w+)", README))
+@pytest.mark.parametrize("package", ["gen.cli", "learn.cli", "bench.__main__"])
+def test_every_command_shown_exists(package):
+    app = importlib.import_module(package).app
+    known = {command.callback.__name__ for command in app.registered_commands}
+    shown = set(re.findall(rf"-m {package.partition('.')[0]} (\w+)", README))
     assert shown <= known
     assert known <= shown, "the README leaves a command out"
 

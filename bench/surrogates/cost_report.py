@@ -13,7 +13,7 @@ from bench.surrogates.costs import LOADS, LOOSE, PAPER_BREAK_EVEN, break_even
 from bench.surrogates.learning import Point
 from bench.surrogates.table import write_table
 from gen.errors import InputError
-from learn.pictures import new_figure, save
+from learn.comparison.pictures import new_figure, save
 
 GOALS = (10.0, 5.0, 3.0, 2.0, 1.0)
 """Errors (nMAE) that a user may want [%]."""

@@ -18,7 +18,7 @@ from bench.surrogates.fitting import Fitted
 from gen.plan import Parameters, parameters
 from gen.sample import Heights, compute_rows, solve_contact, surface_of
 from gen.scene import Scene, load
-from learn import paper
+from learn.comparison import paper
 from learn.features import FeatureSet, SurfaceFeatures
 from learn.metrics import scores
 

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from gen.farm import World
 from learn import dataset, memory, split
-from learn.compare import Request, pressed_for
 from learn.dataset import Dataset
 from learn.features import chosen
 from learn.models import MODELS, pipeline
+from learn.request import Request, pressed_for
 from learn.surrogate.conformal import Calibration, calibrate
-from learn.surrogate.model import Learnt
+from learn.surrogate.learnt import Learnt
 from learn.surrogate.settings import Settings, choose
 
 Values = NDArray[np.float64]

@@ -16,11 +16,11 @@ from bench.surrogates.cases import Trial, trials
 from bench.surrogates.cases import databases as databases_to_test_on
 from bench.surrogates.fitting import Fitted, Parts, fit, joined, parted, read, request_for
 from gen.errors import InputError
-from learn.compare import Request
 from learn.dataset import Dataset
 from learn.features import SETS
 from learn.metrics import scores
 from learn.models import chosen
+from learn.request import Request
 
 Values = NDArray[np.float64]
 

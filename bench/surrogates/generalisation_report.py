@@ -7,7 +7,7 @@ from pathlib import Path
 from bench.surrogates.generalisation import Judged, Row
 from bench.surrogates.table import write_table
 from bench.surrogates.verdict import covers, verdict
-from learn.pictures import new_figure, save
+from learn.comparison.pictures import new_figure, save
 
 
 def write_report(folder: Path, found: Sequence[Judged]) -> list[Path]:

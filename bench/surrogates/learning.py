@@ -7,10 +7,10 @@ import numpy as np
 
 from bench.surrogates.costs import BuildCosts, break_even, build_costs
 from bench.surrogates.fitting import Fitted, Parts, fit
-from learn.compare import Request
 from learn.dataset import Dataset
 from learn.features import chosen
 from learn.metrics import Scores, scores
+from learn.request import Request
 
 FEWEST = 100
 """Training rows of a curve's first point."""

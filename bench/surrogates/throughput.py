@@ -20,8 +20,8 @@ from gen.farm import World
 from gen.plan import parameters
 from gen.sample import Heights, surface_of
 from gen.scene import Scene, load
-from learn.compare import Request
 from learn.features import SETS, chosen
+from learn.request import Request
 from learn.surrogate import Surrogate
 from learn.surrogate.model import OnSurface
 from learn.surrogate.training import fit

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from gen.farm import World
 from learn import dataset, memory, split
-from learn.compare import Request, pressed_for
-from learn.folder import Folder, conditions
+from learn.comparison.folder import Folder, conditions
+from learn.comparison.pictures import new_figure, save
 from learn.metrics import Scores, scores
 from learn.models import MODELS, pipeline
-from learn.pictures import new_figure, save
+from learn.request import Request, pressed_for
 
 Values = NDArray[np.float64]
 

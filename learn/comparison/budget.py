@@ -16,10 +16,11 @@ import numpy as np
 
 from gen import farm
 from gen.errors import InputError
+from learn.comparison.pruning import Grid
+from learn.comparison.search import Found, rank, tasks, work_off
+from learn.comparison.training_data import held
+from learn.comparison.trials import Trials
 from learn.models import Model
-from learn.pruning import Grid
-from learn.search import Found, held, rank, tasks, work_off
-from learn.trials import Trials
 
 FACTOR = 3
 """Of three candidates one goes on, with three times the rows."""

@@ -2,7 +2,7 @@
 
     area/comparison.json        data, scene, options, seeds, versions: what every result rests on
     area/rows.csv               row of the database, part, fold
-    area/trials/MODEL.jsonl     finished fits of a search (`learn.trials`)
+    area/trials/MODEL.jsonl     finished fits of a search (`learn.comparison.trials`)
     area/baseline/MODEL.json    settings, scores, times; MODEL.csv has the test rows' predictions
     area/tuned/MODEL.json       the same for a search's winner, and how it was found
     area/tuned/MODEL-grid.csv   every candidate of the grid with its scores
@@ -24,10 +24,14 @@ from numpy.typing import NDArray
 
 from gen.errors import InputError
 from learn.dataset import Dataset
+from learn.features import chosen
 from learn.split import FOLDS, Split
 
 LIBRARIES = ("numpy", "scipy", "scikit-learn", "xgboost-cpu")
 KINDS = ("baseline", "tuned")
+
+EARLIER = {"features": "paper", "target_scaling": "none"}
+"""Conditions of folders that are older than the choice."""
 
 
 def versions() -> dict[str, str]:
@@ -63,6 +67,7 @@ def conditions(
         "features": dataset.features,
         "inputs": list(dataset.names),
         "normalisation": normalisation,
+        "target_scaling": "standard" if chosen(dataset.features).scaled else "none",
         "seed": split.seed,
         "folds": FOLDS,
         "train_rows": int(split.train.size),
@@ -93,7 +98,7 @@ class Folder:
         """
         record = self.path / "comparison.json"
         if record.exists():
-            found = {"features": "paper"} | self.record()["conditions"]
+            found = EARLIER | self.record()["conditions"]
             for name in sorted(agreed.keys() | found.keys()):
                 if found.get(name) != agreed.get(name):
                     raise InputError(

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.farm import World
-from learn import dataset, memory, split
-from learn.compare import Request, pressed_for
-from learn.folder import Folder, conditions
+from learn import dataset, features, memory, split
+from learn.comparison.folder import Folder, conditions
+from learn.comparison.pictures import new_figure, save
+from learn.comparison.spaces import untuned
 from learn.metrics import Scores, scores
 from learn.models import chosen, pipeline
-from learn.pictures import new_figure, save
-from learn.spaces import OPTIMA
+from learn.request import Request, pressed_for
 
 Values = NDArray[np.float64]
 
@@ -158,13 +158,14 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
     folder = Folder(request.output / short.get(rows.target_name, rows.target_name))
     agreed = conditions(rows, parts, request.normalisation, {"area_max": request.area_max})
     folder.begin(rows, parts, agreed)
-    settings, origin = _settings(folder, model.name)
+    settings, origin = _settings(folder, model.name, request.features)
     say(f"{model.title}, {origin}: {settings}")
 
     def build() -> Any:
-        return pipeline(
+        bare = pipeline(
             model, settings, normalisation=request.normalisation, seed=request.seed, tuned=True
         )
+        return _of_scaled_target(bare) if features.chosen(rows.features).scaled else bare
 
     worth = rank_inputs(rows, parts, build)
     selections = select(rows, parts, build, [each.name for each in worth])
@@ -202,14 +203,22 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
     ]
 
 
-def _settings(folder: Folder, model: str) -> tuple[dict[str, Any], str]:
-    """Settings of the tuned model, or the paper's optimum."""
+def _of_scaled_target(model: Any) -> Any:
+    """A model that is trained on the target's deviations from its mean, as in a search."""
+    from sklearn.compose import TransformedTargetRegressor
+    from sklearn.preprocessing import StandardScaler
+
+    return TransformedTargetRegressor(model, transformer=StandardScaler())
+
+
+def _settings(folder: Folder, model: str, features: str) -> tuple[dict[str, Any], str]:
+    """Settings of the tuned model, or what serves in their place."""
     result = folder.result("tuned", model)
     if result and result.get("test"):
         return _tuples(result["settings"]), "tuned here"
-    settings = dict(OPTIMA[model])
+    origin, settings = untuned(model, features)
     settings.pop("criterion", None)  # the default, by another name
-    return settings, "the paper's optimum"
+    return settings, origin
 
 
 def _tuples(settings: dict[str, Any]) -> dict[str, Any]:

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from gen.errors import InputError
-from learn import tables
-from learn.folder import KINDS, Folder
+from learn.comparison import tables
+from learn.comparison.folder import KINDS, Folder
 from learn.models import MODELS
 
 COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}

@@ -11,8 +11,8 @@ from itertools import product
 from math import log2, prod, sqrt
 from typing import Any
 
+from learn.comparison.spaces import Space
 from learn.models import Model
-from learn.spaces import Space
 
 Settings = dict[str, Any]
 

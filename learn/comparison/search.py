@@ -1,9 +1,9 @@
 """The grid search: exact scores of all candidates, each distinct fit done once, on the farm.
 
 The fits are tasks of `gen.farm`: rank 0 hands them out and keeps what comes back
-(`learn.trials`), so that a killed search goes on where it was. The score of a candidate is the
-mean R2 over the folds; ties go to the first in ParameterGrid's order, candidates with a failed
-fold come last.
+(`learn.comparison.trials`), so that a killed search goes on where it was. The score of a candidate
+is the mean R2 over the folds; ties go to the first in ParameterGrid's order, candidates with a
+failed fold come last.
 """
 
 import math
@@ -22,39 +22,17 @@ from gen import farm
 from gen.errors import InputError
 from gen.progress import RunProgress
 from learn import memory
+from learn.comparison.pruning import Grid, Settings, key, shared_fit
+from learn.comparison.staged import shared_predictions
+from learn.comparison.training_data import Training, held
+from learn.comparison.trials import Trial, Trials
 from learn.models import MODELS, Model, pipeline
-from learn.pruning import Grid, Settings, key, shared_fit
 from learn.split import FOLDS
-from learn.staged import shared_predictions
-from learn.trials import Trial, Trials
 
 Values = NDArray[np.float64]
 
 REMARK_LENGTH = 300
 """Characters of a warning or an error that are kept."""
-
-
-@dataclass(frozen=True, eq=False)
-class Training:
-    """What all fits of a search share.
-
-    Attributes
-    ----------
-    inputs : (n, d) of the training rows
-    target : (n,)
-    folds : (n,) fold of each row
-    test_inputs, test_target : (m, d), (m,) of the test rows, which no search sees
-    normalisation : one of `learn.models.NORMALISATIONS`
-    seed : of whatever the models draw
-    """
-
-    inputs: Values
-    target: Values
-    folds: NDArray[np.int8]
-    test_inputs: Values
-    test_target: Values
-    normalisation: str = "l2"
-    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -97,19 +75,6 @@ class Found:
     seconds: float
     failures: dict[str, int]
     remarks: dict[str, int]
-
-
-_held: dict[str, Training] = {}
-
-
-def hold(training: Training | None, world: farm.World) -> None:
-    """Give the master's training data to every process, once for all tasks; collective."""
-    _held["training"] = world.broadcast(training)
-
-
-def held() -> Training:
-    """Return the data that all tasks of this process work on."""
-    return _held["training"]
 
 
 def tasks(

@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
-from learn import paper
-from learn.folder import KINDS, Folder
+from learn.comparison import paper
+from learn.comparison.folder import KINDS, Folder
+from learn.comparison.spaces import TABLE_2
 from learn.models import MODELS
 
 SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}
@@ -46,6 +48,7 @@ def write(folder: Folder) -> list[Path]:
     times = ["model", "result", "fit_s", "fits", "predict_test_s", "predict_row_s"]
     search = [
         "model",
+        "grid",
         "searched",
         "rows",
         "candidates",
@@ -132,7 +135,7 @@ def _search_rows(folder: Folder) -> Iterator[list[object]]:
                     "fits",
                 )
             ]
-            yield [model, *numbers, _settings(result)]
+            yield [model, found.get("grid", TABLE_2), *numbers, _settings(result)]
 
 
 def _search_time_rows(folder: Folder) -> Iterator[list[object]]:
@@ -148,7 +151,9 @@ def _settings(result: dict[str, Any]) -> str:
 
 def _score_table(folder: Folder, target: str) -> Table:
     """Like Table 4; the paper's numbers in brackets."""
-    table = Table(title="Scores on the test rows [%] and times [s]; the paper's in brackets")
+    table = Table(
+        title=escape("Scores on the test rows [%] and times [s]; the paper's in brackets")
+    )
     for column in ("Model", "", *(SCORES[name] for name in names(target))):
         table.add_column(column, justify="left" if column in {"Model", ""} else "right")
     for column in ("fit", "test set", "one row"):
@@ -195,8 +200,10 @@ def _seconds(value: float) -> str:
 
 def _search_table(folder: Folder, target: str) -> Table:
     """Like Table 3, with what was searched."""
-    table = Table(title="Searches: sum of the fits' times [s]; the paper's tuning time in brackets")
-    for column in ("Model", "Searched", "Best settings"):
+    table = Table(
+        title=escape("Searches: sum of the fits' times [s]; the paper's tuning time in brackets")
+    )
+    for column in ("Model", "Grid", "Searched", "Best settings"):
         table.add_column(column)
     for column in ("candidates", "differ", "fits", "of", "time"):
         table.add_column(column, justify="right")
@@ -210,6 +217,7 @@ def _search_table(folder: Folder, target: str) -> Table:
         theirs = f" ({paper.TUNING_SECONDS[model]:.0f})" if target == OUR_AREA else ""
         table.add_row(
             MODELS[model].title,
+            str(found.get("grid", TABLE_2)),
             str(found["how"]),
             _settings(result),
             str(found["candidates"]),

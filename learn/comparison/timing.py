@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn import memory
+from learn.comparison.pruning import Settings
+from learn.comparison.training_data import held
 from learn.metrics import Scores, scores
 from learn.models import MODELS, pipeline
-from learn.pruning import Settings
-from learn.search import held
 
 Values = NDArray[np.float64]
 
@@ -119,8 +119,9 @@ def _measured(unfitted: Any) -> Outcome:
     first = perf_counter()
     fitted = unfitted.fit(training.inputs, training.target)
     fits = [perf_counter() - first]
-    prediction = np.asarray(fitted.predict(training.test_inputs), dtype=float)
-    train = scores(training.target, fitted.predict(training.inputs))
+    restored = training.scaling.restored
+    prediction = restored(fitted.predict(training.test_inputs))
+    train = scores(restored(training.target), restored(fitted.predict(training.inputs)))
     test = scores(training.test_target, prediction)
     # The first of several is a warm-up; the only one of a long fit has to do.
     fits = _repeated(lambda: unfitted.fit(training.inputs, training.target), FITS, fits[0]) or fits

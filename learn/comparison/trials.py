@@ -21,7 +21,7 @@ class Trial:
 
     Attributes
     ----------
-    candidate : its canonical settings, as `learn.pruning.key` writes them
+    candidate : its canonical settings, as `learn.comparison.pruning.key` writes them
     fold : the fold that was left out of the training
     rows : training rows; all of them, but for a search with a budget
     r2 : coefficient of determination on the fold, None if the fit failed or is not finite

@@ -8,6 +8,7 @@ Examples
 >>> answer.area, answer.low["area"], answer.high["area"], answer.reasons
 """
 
-from learn.surrogate.model import OnSurface, Prediction, Surrogate
+from learn.surrogate.model import OnSurface, Surrogate
+from learn.surrogate.prediction import Prediction
 
 __all__ = ["OnSurface", "Prediction", "Surrogate"]

@@ -11,7 +11,8 @@ from rich.table import Table as Printed
 
 from gen.errors import InputError
 from gen.table import Row
-from learn.surrogate.model import Prediction, Surrogate
+from learn.surrogate.model import Surrogate
+from learn.surrogate.prediction import Prediction
 from learn.surrogate.sources import Options, Table, files_in, is_table, read_surface, read_table
 
 Values = NDArray[np.float64]

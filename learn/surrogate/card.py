@@ -7,17 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gen.errors import InputError
 from gen.scene import Scene
-from learn.compare import Request
+from learn.comparison.folder import versions
 from learn.dataset import Dataset, Indices, modulus
 from learn.features import chosen
-from learn.folder import versions
 from learn.metrics import scores
 from learn.models import MODELS
+from learn.request import Request
 from learn.surrogate.conformal import coverage
-from learn.surrogate.model import Learnt
+from learn.surrogate.learnt import Learnt
+from learn.surrogate.storage import printable
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from learn.surrogate.model import Surrogate
 
 LEVELS = (0.5, 0.9, 0.95)
@@ -127,40 +131,78 @@ def lines(surrogate: "Surrogate") -> Iterator[str]:
 
 
 def show(surrogate: "Surrogate") -> None:
-    """Print the card with its tables: scores, coverage of the intervals, training ranges."""
-    from rich.console import Console
-    from rich.table import Table
+    """Print the card with its tables: scores, coverage of the intervals, training ranges.
 
+    Raises
+    ------
+    InputError
+        If the card lacks something: the file was not made by `learn fit`.
+    """
+    from rich.console import Console
+
+    try:
+        texts = [*lines(surrogate), *(f"warning: {remark}" for remark in surrogate.remarks)]
+        tables = [_scores(surrogate), _intervals(surrogate), _ranges(surrogate)]
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        fault = printable(f"{type(error).__name__}: {error}")
+        raise InputError(f"the surrogate's card is not whole ({fault}): fit it anew") from None
     console = Console(width=None if Console().is_terminal else 120)
-    for line in lines(surrogate):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
-    for remark in surrogate.remarks:
-        console.print(f"warning: {remark}", highlight=False, markup=False, soft_wrap=True)
-    table = Table(title="Scores on the test rows [%]")
-    for column in ("Target", "Unit", "from", "to", "nMSE", "nMAE", "nMaxE", "R2"):
-        table.add_column(column, justify="left" if column in {"Target", "Unit"} else "right")
+    for text in texts:
+        console.print(printable(text), highlight=False, markup=False, soft_wrap=True)
+    for table in tables:
+        console.print(table)
+
+
+def _scores(surrogate: "Surrogate") -> "Table":
+    table = _table("Scores on the test rows [%]", "Target", "Unit")
+    for column in ("from", "to", "nMSE", "nMAE", "nMaxE", "R2"):
+        table.add_column(column, justify="right")
     for name, target in surrogate.card["targets"].items():
         found, (low, high) = target["scores"], target["range"]
         nmse = f"{found['nmse']:.3f}" if target["column"] == "area_percent" else "-"
         others = (f"{found[score]:.3f}" for score in ("nmae", "nmaxe", "r2"))
-        table.add_row(name, target["unit"], f"{low:.4g}", f"{high:.4g}", nmse, *others)
-    console.print(table)
-    table = Table(title="Conformal intervals on the test rows")
-    for column in ("Target", "wanted", "covered", "mean width"):
-        table.add_column(column, justify="left" if column == "Target" else "right")
+        ends = f"{low:.4g}", f"{high:.4g}"
+        table.add_row(_plain(name), _plain(target["unit"]), *ends, nmse, *others)
+    return table
+
+
+def _intervals(surrogate: "Surrogate") -> "Table":
+    table = _table("Conformal intervals on the test rows", "Target")
+    for column in ("wanted", "covered", "mean width"):
+        table.add_column(column, justify="right")
     for name, target in surrogate.card["targets"].items():
         for each in target["intervals"]:
             wanted, covered = f"{100 * each['level']:.0f} %", f"{100 * each['coverage']:.1f} %"
-            table.add_row(name, wanted, covered, f"{each['mean_width']:.4g} {target['unit']}")
-    console.print(table)
-    table = Table(title="Inputs and their training ranges")
-    for column in ("Input", "Unit", "from", "to"):
-        table.add_column(column, justify="left" if column in {"Input", "Unit"} else "right")
+            width = f"{each['mean_width']:.4g} {target['unit']}"
+            table.add_row(_plain(name), wanted, covered, _plain(width))
+    return table
+
+
+def _ranges(surrogate: "Surrogate") -> "Table":
+    table = _table("Inputs and their training ranges", "Input", "Unit")
+    for column in ("from", "to"):
+        table.add_column(column, justify="right")
     for (name, unit), low, high in zip(
         surrogate.card["columns"], surrogate.low, surrogate.high, strict=True
     ):
-        table.add_row(str(name), str(unit), f"{low:.5g}", f"{high:.5g}")
-    console.print(table)
+        table.add_row(_plain(name), _plain(unit), f"{low:.5g}", f"{high:.5g}")
+    return table
+
+
+def _table(title: str, *names: str) -> "Table":
+    from rich.table import Table
+
+    table = Table(title=title)
+    for name in names:
+        table.add_column(name)
+    return table
+
+
+def _plain(text: Any) -> str:
+    """A text of the file as a cell: no markup, nothing that drives a terminal."""
+    from rich.markup import escape
+
+    return escape(printable(str(text)))
 
 
 def _ends(values: Any) -> tuple[Any, Any]:

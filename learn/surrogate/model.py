@@ -1,10 +1,9 @@
 """A surrogate: what was learnt, and what it says about a surface."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,140 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from gen.errors import InputError
 from learn.features import FeatureSet, SurfaceFeatures, chosen
 from learn.features.sets import build, target_scale
-from learn.models import STEP
-from learn.surrogate import storage
-from learn.surrogate.conformal import Calibration
+from learn.surrogate import packing, ranges, storage
+from learn.surrogate.learnt import Learnt
+from learn.surrogate.prediction import Prediction, Rows
 
 Values = NDArray[np.float64]
 
-PART = 2000
-"""Rows that are predicted together: kernels need memory for rows times training rows."""
-
 CEILING = {"area_percent": 100.0}
 """Largest value of a target, where there is one; the smallest is 0."""
-
-
-@dataclass(frozen=True, eq=False)
-class Learnt:
-    """One target's model.
-
-    Attributes
-    ----------
-    column : the target's column in `gen.schema`
-    unit : its unit
-    pipeline : scaling and estimator, fitted to (target / scale - mean) / deviation
-    mean, deviation : of the target over its scale
-    calibration : of the target over its scale
-    """
-
-    column: str
-    unit: str
-    pipeline: Any
-    mean: float
-    deviation: float
-    calibration: Calibration
-
-    def raw(self, inputs: Values) -> Values:
-        """Predict the target over its scale."""
-        found = [self._predict(part) for part in _parts(inputs)]
-        return self.mean + self.deviation * np.concatenate(found)
-
-    def _predict(self, inputs: Values) -> Values:
-        """Predict some rows: kernel ridge without scikit-learn's checks of its training rows.
-
-        With 9,000 training rows they took half of a single prediction's time.
-        """
-        if self._expansion is None:
-            return np.asarray(self.pipeline.predict(inputs), dtype=np.float64).reshape(-1)
-        centres, squares, gamma, weights = self._expansion
-        scaling = self.pipeline.steps[0][1]
-        scaled = inputs if scaling == "passthrough" else scaling.transform(inputs)
-        distances = squares - 2.0 * (scaled @ centres.T)
-        distances += np.einsum("ij,ij->i", scaled, scaled)[:, None]
-        np.maximum(distances, 0.0, out=distances)
-        distances *= -gamma
-        return np.asarray(np.exp(distances, out=distances) @ weights)
-
-    @cached_property
-    def _expansion(self) -> tuple[Values, Values, float, Values] | None:
-        """Centres, their squares, gamma and weights of kernel ridge with radial functions."""
-        ridge = self.pipeline.named_steps[STEP]
-        if getattr(ridge, "kernel", None) != "rbf" or not hasattr(ridge, "X_fit_"):
-            return None
-        centres = np.asarray(ridge.X_fit_, dtype=np.float64)
-        gamma = 1.0 / centres.shape[1] if ridge.gamma is None else float(ridge.gamma)
-        weights = np.asarray(ridge.dual_coef_, dtype=np.float64).reshape(-1)
-        return centres, np.einsum("ij,ij->i", centres, centres), gamma, weights
-
-    def spread(self, inputs: Values) -> Values | None:
-        """Standard deviation of a Gaussian process, over the scale; None of other models."""
-        process = self.pipeline.named_steps[STEP]
-        if not hasattr(process, "log_marginal_likelihood"):
-            return None
-        if process.L_ is None:
-            process.L_ = storage.factor(process)
-        found = [self.pipeline.predict(part, return_std=True)[1] for part in _parts(inputs)]
-        return np.concatenate(found).reshape(-1) * self.deviation
-
-
-def _parts(inputs: Values) -> list[Values]:
-    """Cut rows into parts, one at least."""
-    return [inputs[start : start + PART] for start in range(0, max(len(inputs), 1), PART)]
-
-
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """What a surrogate says about n rows.
-
-    Attributes
-    ----------
-    delta : (n,) far-field displacement [um]
-    values : (n,) predictions by target: "area" [%], "force" [uN], "mean_gap" [um] ...
-    low, high : (n,) ends of the intervals by target; empty if none were asked for
-    std : (n,) standard deviations by target, of Gaussian processes, if asked for
-    reasons : n texts: what lies outside the training, "" if nothing does
-    """
-
-    delta: Values
-    values: dict[str, Values]
-    low: dict[str, Values] = field(default_factory=dict)
-    high: dict[str, Values] = field(default_factory=dict)
-    std: dict[str, Values] = field(default_factory=dict)
-    reasons: tuple[str, ...] = ()
-
-    @property
-    def area(self) -> Values:
-        """(n,) effective contact area [%]."""
-        return self.values["area"]
-
-    @property
-    def force(self) -> Values:
-        """(n,) normal force [uN]."""
-        return self.values["force"]
-
-    @property
-    def inside(self) -> NDArray[np.bool_]:
-        """(n,) whether a row lies inside the training ranges."""
-        return np.array([not reason for reason in self.reasons], dtype=np.bool_)
-
-
-class Rows(NamedTuple):
-    """Rows to predict, ready for the models.
-
-    Attributes
-    ----------
-    inputs : (n, d) features
-    statistics : (n, 22)
-    delta : (n,) [um]
-    length : scan length L, one or (n,) [um]
-    notes : what is odd about all rows, or about each
-    """
-
-    inputs: Values
-    statistics: Values
-    delta: Values
-    length: Values | float
-    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,54 +50,17 @@ class Surrogate:
         """
         content, remarks = storage.load(Path(path))
         try:
-            learnt = {
-                name: Learnt(
-                    column=str(each["column"]),
-                    unit=str(each["unit"]),
-                    pipeline=each["pipeline"],
-                    mean=float(each["mean"]),
-                    deviation=float(each["deviation"]),
-                    calibration=Calibration(each["borders"], tuple(each["scores"])),
-                )
-                for name, each in content["targets"].items()
-            }
-            loaded = cls(content["card"], learnt, content["low"], content["high"], tuple(remarks))
-            loaded._check()
-        except (KeyError, TypeError, AttributeError, ValueError) as error:
-            raise InputError(f"{path}: is not whole ({type(error).__name__}: {error})") from None
-        return loaded
+            card, learnt, low, high = packing.unpacked(content)
+        except Exception as error:  # parts of any type stand where others belong
+            fault = storage.printable(" ".join(str(error).split())[:100])
+            raise InputError(f"{path}: is not whole ({type(error).__name__}: {fault})") from None
+        return cls(card, learnt, low, high, tuple(remarks))
 
     def save(self, path: Path | str) -> None:
         """Write the one file that `load` reads; an older one is replaced by a whole one."""
-        factors = {}
-        for name, each in self.learnt.items():
-            process = each.pipeline.named_steps[STEP]
-            if hasattr(process, "L_"):
-                factors[name] = storage.without_factor(process)
-        try:
-            storage.save(
-                Path(path),
-                {
-                    "card": self.card,
-                    "low": self.low,
-                    "high": self.high,
-                    "targets": {
-                        name: {
-                            "column": each.column,
-                            "unit": each.unit,
-                            "pipeline": each.pipeline,
-                            "mean": each.mean,
-                            "deviation": each.deviation,
-                            "borders": each.calibration.borders,
-                            "scores": list(each.calibration.scores),
-                        }
-                        for name, each in self.learnt.items()
-                    },
-                },
-            )
-        finally:
-            for name, kept in factors.items():
-                self.learnt[name].pipeline.named_steps[STEP].L_ = kept
+        with packing.lightened(self.learnt):
+            content = packing.packed(self.card, self.learnt, self.low, self.high)
+            storage.save(Path(path), content)
 
     @property
     def features(self) -> FeatureSet:
@@ -359,49 +195,11 @@ class Surrogate:
 
     def reasons(self, rows: Rows) -> tuple[str, ...]:
         """Say for each row what lies outside the training, "" if nothing does."""
-        outside = (rows.inputs < self.low) | (rows.inputs > self.high)
-        notes = rows.notes if len(rows.notes) == len(rows.delta) else rows.notes * len(rows.delta)
-        notes = notes or ("",) * len(rows.delta)
-        if not outside.any():
-            return notes
-        names, found = self.features.columns, []
-        for row, note in enumerate(notes):
-            beyond = [
-                f"{names[place]} {rows.inputs[row, place]:.4g} outside {self.low[place]:.4g} to"
-                f" {self.high[place]:.4g}"
-                for place in np.flatnonzero(outside[row])
-            ]
-            found.append("; ".join([note, *beyond] if note else beyond))
-        return tuple(found)
+        return ranges.reasons(self.features.columns, self.low, self.high, rows)
 
     def note(self, shape: tuple[int, int], sides: tuple[float, float]) -> str:
         """Say how a grid differs from the training's, "" if it does not."""
-        nodes, side = int(self.card["nodes"]), float(self.card["side"])
-        said = []
-        if shape != (nodes, nodes):
-            said.append(f"{shape[0]} x {shape[1]} nodes, trained on {nodes} x {nodes}")
-        if not np.isclose(sides[0], sides[1], rtol=1e-3):
-            said.append(f"{sides[0]:.6g} x {sides[1]:.6g} um, trained on square patches")
-        elif not self.features.scaled and not np.isclose(sides[0], side, rtol=1e-3):
-            said.append(f"side {sides[0]:.6g} um, trained on {side:.6g} um")
-        if not self.features.scaled:
-            spacing, own = sides[0] / max(shape[0] - 1, 1), float(self.card["spacing"])
-            if not np.isclose(spacing, own, rtol=0.02):
-                said.append(f"spacing {spacing:.4g} um, trained on {own:.4g} um")
-        return "; ".join(said)
-
-    def _check(self) -> None:
-        """Refuse a file whose parts do not belong together; raises what `load` catches."""
-        width = len(self.features.columns)
-        if self.low.shape != (width,) or self.high.shape != (width,):
-            raise ValueError(f"{width} features have ranges of {self.low.shape}")
-        for each in self.learnt.values():
-            if int(each.pipeline.named_steps[STEP].n_features_in_) != width:
-                raise ValueError(f"the model of {each.column} has other inputs")
-        if not self.learnt:
-            raise ValueError("no target")
-        float(self.card["nodes"]), float(self.card["side"]), float(self.card["spacing"])
-        float(self.card["modulus"])
+        return ranges.grid_note(self.card, self.features, shape, sides)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.errors import InputError
-from learn.compare import Request
-from learn.folder import Folder
+from learn.comparison.folder import Folder
+from learn.comparison.spaces import OPTIMA
 from learn.models import MODELS, NORMALISATIONS, STEP, pipeline
-from learn.spaces import OPTIMA
+from learn.request import Request
 
 Values = NDArray[np.float64]
 
@@ -29,6 +29,16 @@ LIKELIHOOD_ROWS = 800
 ALPHAS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 GAMMAS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
 PENALTIES = (10.0, 100.0, 1000.0)
+
+NETWORK: dict[str, Any] = {
+    "hidden_layer_sizes": (100, 50),
+    "activation": "tanh",
+    "solver": "lbfgs",
+    "alpha": 1e-2,
+    "max_iter": 3000,
+    "max_fun": 6000,
+}
+"""The perceptron for features without units: two layers are enough for them."""
 
 
 class Settings(NamedTuple):
@@ -69,9 +79,7 @@ def choose(
     if name == "gaussian-process":
         return _most_likely(request, inputs, target)
     if name == "mlp":
-        network: dict[str, Any] = {"hidden_layer_sizes": (100, 50), "activation": "tanh"}
-        bounds = {"solver": "lbfgs", "alpha": 1e-2, "max_iter": 3000, "max_fun": 6000}
-        return Settings({**network, **bounds}, False, "built in")
+        return Settings(dict(NETWORK), False, "built in")
     return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
 
 

@@ -24,6 +24,9 @@ INSTRUMENTS = {
 }
 """Endings that are taken for surfaces where a whole folder is given."""
 
+MOST = 100_000
+"""Displacements or pressures of one command."""
+
 DELTA_NAMES = ("delta_um", "delta")
 SIDE_NAMES = ("side_x_um", "side_y_um")
 NODE_NAMES = ("nodes_x", "nodes_y")
@@ -68,12 +71,32 @@ def deltas_from(text: str) -> Values:
     InputError
         If they are no numbers above 0.
     """
+    values = numbers_from(text, "--delta", "give numbers above 0 um, as 2, 1,2,5 or 5:45:9")
+    if not (values > 0).all():
+        raise InputError(f"--delta {text!r}: give numbers above 0 um, as 2, 1,2,5 or 5:45:9")
+    return values
+
+
+def numbers_from(text: str, option: str, advice: str) -> Values:
+    """Finite numbers from "2", "1,2,5" or "5:45:9".
+
+    Raises
+    ------
+    InputError
+        If they are none, or more than `MOST`; with the option and the advice.
+    """
     found: list[float] = []
     for part in text.split(","):
-        found += chosen_load({"delta": part.strip() or "?", "force": "", "pressure": ""})[1]
+        count = part.rpartition(":")[2].strip()
+        if ":" in part and count.isdigit() and int(count) > MOST:
+            raise InputError(f"{option} {text!r}: give {MOST:,} values at most")
+        try:
+            found += chosen_load({"delta": part.strip() or "?", "force": "", "pressure": ""})[1]
+        except InputError:
+            raise InputError(f"{option} {text!r}: {advice}") from None
     values = np.array(found)
-    if not ((values > 0) & (values < np.inf)).all():
-        raise InputError(f"--delta {text!r}: give numbers above 0 um, as 2, 1,2,5 or 5:45:9")
+    if not np.isfinite(values).all():
+        raise InputError(f"{option} {text!r}: {advice}")
     return values
 
 
@@ -119,15 +142,20 @@ def is_table(path: Path) -> bool:
 
 def read_surface(path: Path, options: Options) -> tuple[Topography, list[str]]:
     """A surface as it is to be pressed, and what to know before trusting its contact."""
-    measured = read(path, options.side, options.unit)
-    topography = prepare(
-        measured,
-        crop=options.crop,
-        invert=options.invert,
-        level=options.level,
-        fill=options.fill,
-    )
-    return topography, warnings_about(topography)
+    try:
+        measured = read(path, options.side, options.unit)
+        topography = prepare(
+            measured,
+            crop=options.crop,
+            invert=options.invert,
+            level=options.level,
+            fill=options.fill,
+        )
+    except InputError as error:
+        named = "" if str(error).startswith(("--", str(path))) else f"{path}: "
+        raise InputError(f"{named}{error}") from None
+    with np.errstate(over="ignore"):  # of slopes that are too steep for a square: warned of
+        return topography, warnings_about(topography)
 
 
 def read_table(path: Path, side: str = "") -> Table:

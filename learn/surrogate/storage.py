@@ -85,7 +85,7 @@ def load(path: Path) -> tuple[dict[str, Any], list[str]]:
         except InputError:
             raise
         except Exception as error:  # a damaged file makes its readers raise nearly anything
-            fault = _printable(" ".join(str(error).split())[:100])
+            fault = printable(" ".join(str(error).split())[:100])
             raise InputError(
                 f"{path}: is no surrogate that could be read ({type(error).__name__}: {fault})"
             ) from None
@@ -96,7 +96,7 @@ def load(path: Path) -> tuple[dict[str, Any], list[str]]:
             f"{path}: has format {content.get('format')!r}, this version reads {FORMAT}: fit it"
             " anew"
         )
-    said = dict.fromkeys(_printable(" ".join(str(each.message).split())) for each in caught)
+    said = dict.fromkeys(printable(" ".join(str(each.message).split())) for each in caught)
     return content, list(said)
 
 
@@ -106,7 +106,7 @@ def _check_types(path: Path, named: list[str]) -> None:
     if foreign:
         shown = ", ".join(foreign[:3]) + (" ..." if len(foreign) > 3 else "")
         raise InputError(
-            f"{path}: holds {_printable(shown)}, which no surrogate needs: refused, nothing of it"
+            f"{path}: holds {printable(shown)}, which no surrogate needs: refused, nothing of it"
             " was loaded"
         )
 
@@ -135,6 +135,6 @@ def _skops() -> Any:
     return skops.io
 
 
-def _printable(text: str) -> str:
+def printable(text: str) -> str:
     """Nothing in a file may drive a terminal."""
     return "".join(character if character.isprintable() else "?" for character in text)

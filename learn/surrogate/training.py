@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 from gen.errors import InputError
 from gen.farm import World
 from learn import dataset, memory, split
-from learn.compare import Request, pressed_for
+from learn.comparison.folder import Folder
 from learn.dataset import Dataset, Indices
-from learn.features import chosen
-from learn.folder import Folder
 from learn.models import MODELS, pipeline
 from learn.models import chosen as chosen_models
+from learn.request import Request, pressed_for
 from learn.surrogate import card
 from learn.surrogate.conformal import calibrate
-from learn.surrogate.model import Learnt, Surrogate
+from learn.surrogate.learnt import Learnt
+from learn.surrogate.model import Surrogate
 from learn.surrogate.settings import Settings, choose
+from learn.target import Scaling, scaling_of
 
 Values = NDArray[np.float64]
 
@@ -131,10 +132,8 @@ def _fit_target(
 ) -> tuple[Learnt, dict[str, Any]]:
     """Choose, fit, calibrate and judge one target's model."""
     train, calibration, test = parts
-    scaled = chosen(request.features).scaled
-    mean = float(rows.target[train].mean()) if scaled else 0.0
-    deviation = float(rows.target[train].std()) if scaled else 1.0
-    inputs, target = rows.inputs[train], (rows.target[train] - mean) / deviation
+    scaling = scaling_of(rows, train)
+    inputs, target = rows.inputs[train], scaling.scaled(rows.target[train])
     settings = choose(request, folder, inputs, target, folds)
     began = perf_counter()
     fitted, remarks = _fitted(request, settings, inputs, target)
@@ -143,10 +142,10 @@ def _fit_target(
         column=rows.target_name,
         unit=_unit(rows),
         pipeline=fitted,
-        mean=mean,
-        deviation=deviation,
+        mean=scaling.mean,
+        deviation=scaling.deviation,
         calibration=calibrate(
-            _Raw(fitted, mean, deviation),
+            _Raw(fitted, scaling),
             rows.inputs[calibration],
             rows.target[calibration],
             rows.target[train],
@@ -171,12 +170,12 @@ def _fit_target(
 class _Raw:
     """A fitted model that predicts the target over its scale."""
 
-    def __init__(self, fitted: Any, mean: float, deviation: float) -> None:
-        self.fitted, self.mean, self.deviation = fitted, mean, deviation
+    def __init__(self, fitted: Any, scaling: Scaling) -> None:
+        self.fitted, self.scaling = fitted, scaling
 
     def predict(self, inputs: Values) -> Values:
         """Predict as `Learnt.raw` does."""
-        return np.asarray(self.mean + self.deviation * self.fitted.predict(inputs).reshape(-1))
+        return self.scaling.restored(self.fitted.predict(inputs).reshape(-1))
 
 
 def _fitted(

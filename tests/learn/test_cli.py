@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from launch import TIMEOUT, command, environment, launch, mpiexec
 
-from learn import cli, folder, tables
+from learn import cli
+from learn.comparison import folder, tables
 from learn.dataset import INPUTS
 
 
@@ -97,7 +98,7 @@ def test_both_targets_have_folders_and_force_has_no_nmse(work):
 
 
 def test_a_budget_is_reported_as_such(work, monkeypatch):
-    from learn import budget
+    from learn.comparison import budget
 
     monkeypatch.setitem(budget.GROWTH, "decision-tree", 99.0)
     monkeypatch.setattr(budget, "LEAST_ROWS", 20)
@@ -243,7 +244,7 @@ def spoilt(file):
     ],
 )
 def test_all_nine_models_survive_odd_data(work, change, words, capsys, monkeypatch):
-    from learn import timing
+    from learn.comparison import timing
 
     monkeypatch.setattr(timing, "FITS", (1, 1))
     with h5py.File("database.h5", "r+") as file:
@@ -263,7 +264,8 @@ def test_all_nine_models_survive_odd_data(work, change, words, capsys, monkeypat
 
 def test_a_search_in_which_every_fit_fails_says_why(work, capsys):
     from gen.farm import World
-    from learn.compare import Request, tune
+    from learn.comparison.jobs import tune
+    from learn.request import Request
 
     spaces = {"svm": {"C": [-1.0, -2.0]}}
     request = Request(work / "database.h5", work / "out", models=("svm",), spaces=spaces)
@@ -294,8 +296,18 @@ def begin(work, ranks=0):
     return started, arguments
 
 
+@pytest.fixture(scope="module")
+def undisturbed(solved, tmp_path_factory):
+    """The folder of a search that nothing stopped."""
+    path = tmp_path_factory.mktemp("undisturbed") / "whole"
+    assert run("tune", solved, "-o", path, "--model", "decision-tree") == 0
+    return path / "area"
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_a_search_that_was_stopped_goes_on_and_ends_with_the_same_tables(work, number):
+def test_a_search_that_was_stopped_goes_on_and_ends_with_the_same_tables(
+    work, undisturbed, number, capsys
+):
     started, arguments = begin(work)
     started.send_signal(number)
     out, err = started.communicate(timeout=TIMEOUT)
@@ -303,25 +315,23 @@ def test_a_search_that_was_stopped_goes_on_and_ends_with_the_same_tables(work, n
         assert started.returncode == 128 + number, err
         assert "stopped by SIGTERM; the same command goes on" in out
     assert not (work / "cut/area/tuned").exists()
-    again = launch(0, *arguments, folder=work, module="learn")
-    assert again.returncode == 0, again.stderr
-    assert "550 fits, 550 to do" not in again.stderr
-    whole = launch(0, *arguments[:3], "whole", *arguments[4:], folder=work, module="learn")
-    assert whole.returncode == 0, whole.stderr
+    assert run(*arguments) == 0
+    said = capsys.readouterr().err
+    assert "550 fits" in said
+    assert "550 fits, 550 to do" not in said
     for name in ("scores.csv", "tuning.csv", "tuned/decision-tree-grid.csv"):
-        assert (work / "cut/area" / name).read_bytes() == (work / "whole/area" / name).read_bytes()
+        assert (work / "cut/area" / name).read_bytes() == (undisturbed / name).read_bytes()
 
 
 @pytest.mark.mpi
 @pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
 def test_tables_do_not_depend_on_the_number_of_ranks(work):
     models = ["--model", "kernel-ridge"]
-    for ranks in (0, 3):
-        for verb in ("compare", "tune"):
-            done = launch(
-                ranks, verb, "database.h5", "-o", f"r{ranks}", *models, folder=work, module="learn"
-            )
-            assert done.returncode == 0, done.stderr
+    for verb in ("compare", "tune"):
+        assert run(verb, "database.h5", "-o", "r0", *models) == 0
+        arguments = [verb, "database.h5", "-o", "r3", *models]
+        done = launch(3, *arguments, folder=work, module="learn")
+        assert done.returncode == 0, done.stderr
     names = ("scores.csv", "tuning.csv", "rows.csv", "tuned/kernel-ridge-grid.csv")
     predictions = ("baseline/kernel-ridge.csv", "tuned/kernel-ridge.csv")
     for name in (*names, *predictions):
@@ -335,7 +345,7 @@ def test_tables_do_not_depend_on_the_number_of_ranks(work):
     [
         (["tune", "missing.h5", "-o", "x"], "missing.h5"),
         (["compare", "database.h5", "-o", "x", "--model", "forest"], "random-forest"),
-        (["show", "missing"], "no comparison"),
+        (["fit", "missing.h5", "--features", "hybrid", "-o", "x"], "missing.h5"),
     ],
 )
 def test_wrong_input_is_said_once_on_three_ranks(work, arguments, word):

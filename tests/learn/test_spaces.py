@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gen.errors import InputError
-from learn import paper, pruning
+from learn.comparison import paper, pruning, spaces
+from learn.comparison.spaces import OPTIMA, SPACES
 from learn.models import MODELS, NORMALISATIONS, chosen, pipeline
-from learn.spaces import OPTIMA, SPACES
 
 POINTS = {
     "decision-tree": (5, 4, 6, 5),
@@ -67,6 +67,38 @@ def test_spaces_are_table_2(model):
         assert sorted(set(space[name])) == space[name]
     for name, values in space.items():
         assert OPTIMA[model][name] in values
+
+
+@pytest.mark.parametrize("features", ["paper", "dimensionless", "hybrid"])
+@pytest.mark.parametrize("model", MODELS)
+def test_kernels_have_grids_of_their_own_for_features_without_units(model, features):
+    source, space = spaces.of(model, features)
+    origin, settings = spaces.untuned(model, features)
+    if features == "paper" or model not in {"kernel-ridge", "svm", "gaussian-process"}:
+        assert (source, space) == ("Table 2", SPACES[model])
+        assert (origin, settings) == ("the paper's optimum", OPTIMA[model])
+        assert spaces.baseline(model, features) == {}
+        return
+    assert (source, origin) == ("for features without units", "built in")
+    assert space is not SPACES[model]
+    accepted = pipeline(MODELS[model], tuned=True).named_steps["model"].get_params()
+    for name, values in space.items():
+        assert name in accepted
+        assert settings[name] in values
+        numbers = [value for value in values if isinstance(value, float)]
+        assert numbers == sorted(set(numbers))
+    assert len(pruning.grid(MODELS[model], space, inputs=23).differing) <= 80
+
+
+def test_the_baseline_process_has_ridges_default_length():
+    from sklearn.kernel_ridge import KernelRidge
+
+    inputs = np.random.default_rng(0).normal(size=(9, 30))
+    settings = spaces.baseline("gaussian-process", "hybrid")
+    process = pipeline(MODELS["gaussian-process"], settings).named_steps["model"]
+    expected = KernelRidge(kernel="rbf")._get_kernel(inputs)
+    np.testing.assert_allclose(process.kernel(inputs), expected, rtol=1e-3)
+    assert process.kernel.hyperparameters[0].fixed
 
 
 @pytest.mark.parametrize("model", MODELS)

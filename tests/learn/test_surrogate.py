@@ -16,10 +16,10 @@ from gen.errors import InputError
 from gen.farm import World
 from gen.surface import generate
 from learn import Surrogate, split
-from learn.compare import Request
+from learn.comparison.spaces import OPTIMA
 from learn.models import MODELS
-from learn.spaces import OPTIMA
-from learn.surrogate import conformal, storage, training
+from learn.request import Request
+from learn.surrogate import conformal, settings, storage, training
 
 
 def say(line):
@@ -49,6 +49,7 @@ def test_every_model_fits_saves_loads_and_predicts_the_same(
 ):
     if "n_estimators" in OPTIMA[model]:
         monkeypatch.setitem(OPTIMA[model], "n_estimators", 30)
+    monkeypatch.setitem(settings.NETWORK, "max_iter", 200)
     surrogate = fitted(solved, model, "hybrid")
     deltas = np.array([6.0, 20.0, 44.0])
     std = model == "gaussian-process"

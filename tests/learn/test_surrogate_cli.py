@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from launch import launch, mpiexec
@@ -32,6 +33,18 @@ def made(solved, tmp_path_factory):
     for features in ("hybrid", "dimensionless", "paper"):
         arguments = ["fit", folder / "database.h5", "--features", features]
         assert run(*arguments, "-o", folder / f"{features}.surrogate") == 0
+    whole = np.load(folder / "many/s0.npy")
+    (folder / "bare").mkdir()
+    (folder / "empty.h5").touch()
+    np.save(folder / "complex.npy", whole + 1j)
+    np.save(folder / "cube.npy", np.zeros((3, 4, 5)))
+    np.save(folder / "single.npy", whole.astype(np.float32))
+    np.save(folder / "oblong.npy", whole[:, :20])
+    whole[3:5, 4] = np.nan
+    np.save(folder / "holes.npy", whole)
+    shutil.copy(solved, folder / "unfinished.h5")
+    with h5py.File(folder / "unfinished.h5", "r+") as file:
+        file["status"][5:] = 0
     described = ["describe", str(folder / "many/s0.npy"), "--side", "1000"]
     assert gen_cli.main([*described, "--csv", str(folder / "table.csv")]) == 0
     return folder
@@ -92,6 +105,19 @@ def test_a_folder_is_predicted_and_written(work, capsys):
         assert float(row["force_uN"]) == pytest.approx(solved.force, rel=0.15)
 
 
+def test_single_precision_and_oblong_surfaces_are_taken_and_named(work):
+    for name in ("many/s0.npy", "single.npy", "oblong.npy"):
+        assert run(*PREDICT, name, "-o", "p.csv") == 0
+        (row,) = table("p.csv")
+        if name == "many/s0.npy":
+            first = row
+        elif name == "single.npy":
+            assert float(row["area_percent"]) == pytest.approx(float(first["area_percent"]), 1e-2)
+            assert row["flag"] == first["flag"]
+        else:
+            assert "33 x 20 nodes, trained on 33 x 33" in row["reason"]
+
+
 def test_statistics_give_what_the_surface_gives(work):
     for features in ("dimensionless", "paper"):
         ask = ["predict", f"{features}.surrogate"]
@@ -133,13 +159,14 @@ def test_a_process_writes_its_standard_deviation(work):
 
 
 def test_a_tuned_winner_is_taken_with_what_it_rests_on(work, capsys, monkeypatch):
-    from learn import spaces
+    from learn.comparison import spaces
 
     space = {"alpha": [1e-5, 1e-3], "gamma": [0.01], "kernel": ["rbf"]}
-    monkeypatch.setitem(spaces.SPACES, "kernel-ridge", space)
+    monkeypatch.setitem(spaces.SCALED, "kernel-ridge", space)
     tune = ["tune", "database.h5", "-o", "out", "--model", "kernel-ridge", "--seed", "3"]
     assert run(*tune, "--features", "dimensionless", "--target", "area") == 0
-    capsys.readouterr()
+    assert "for features without" in capsys.readouterr().out
+    assert table("out/area/tuning.csv")[0]["grid"] == "for features without units"
     fit = ["fit", "database.h5", "--from", "out", "--target", "area", "-o", "t.surrogate"]
     assert run(*fit) == 0
     card = Surrogate.load("t.surrogate").card
@@ -155,8 +182,11 @@ def test_a_tuned_winner_is_taken_with_what_it_rests_on(work, capsys, monkeypatch
 
 def test_hybrid_features_go_through_compare_and_importance(work, capsys):
     options = ["--features", "hybrid", "--model", "kernel-ridge"]
-    assert run("compare", "database.h5", "-o", "out", *options) == 0
+    both = [*options, "--model", "gaussian-process"]
+    assert run("compare", "database.h5", "-o", "out", *both) == 0
     assert "hybrid features" in capsys.readouterr().err
+    for row in table("out/area/scores.csv"):
+        assert float(row["r2"]) > 40, "a linear model has its intercept, a kernel a length of use"
     assert run("importance", "database.h5", "-o", "out", *options) == 0
     ranked = table("out/area/importance.csv")
     assert len(ranked) == 30
@@ -276,25 +306,21 @@ def test_the_header_compiles_and_interpolates(work):
 
 @pytest.mark.mpi
 @pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
-def test_workers_generate_the_surfaces_of_hybrid_features(database, tmp_path):
-    arguments = ["fit", "database.h5", "--features", "hybrid", "--target", "area", "-o"]
-    kept = []
-    for ranks in (3, 0):
-        done = launch(ranks, *arguments, f"{ranks}.surrogate", folder=tmp_path, module="learn")
-        assert done.returncode == 0, done.stderr
-        assert "generating 90 surfaces anew" in done.stderr
-        with np.load(tmp_path / "database.h5.pressed.npz") as file:
-            kept.append(file["values"])
-        (tmp_path / "database.h5.pressed.npz").unlink()
-    np.testing.assert_array_equal(*kept)
+def test_workers_generate_the_surfaces_of_hybrid_features(made, database, tmp_path):
+    arguments = ["fit", "database.h5", "--features", "hybrid", "-o", "r3.surrogate"]
+    done = launch(3, *arguments, folder=tmp_path, module="learn")
+    assert done.returncode == 0, done.stderr
+    assert "generating 90 surfaces anew" in done.stderr
+    with (
+        np.load(tmp_path / "database.h5.pressed.npz") as ours,
+        np.load(made / "database.h5.pressed.npz") as serial,
+    ):
+        np.testing.assert_array_equal(ours["values"], serial["values"])
     scores = [
-        Surrogate.load(tmp_path / f"{ranks}.surrogate").card["targets"]["area"]["scores"]
-        for ranks in (3, 0)
+        Surrogate.load(path).card["targets"]["area"]["scores"]
+        for path in (tmp_path / "r3.surrogate", made / "hybrid.surrogate")
     ]
     assert scores[0] == scores[1]
-    wrong = launch(3, *arguments, "x", "--model", "no", folder=tmp_path, module="learn")
-    assert wrong.returncode == 2
-    assert wrong.stderr.count("\n") == 1, wrong.stderr
 
 
 @pytest.mark.parametrize("name", ["fit", "card", "predict", "law"])
@@ -309,6 +335,8 @@ def test_help_imports_no_numerics(name, tmp_path):
         assert f"'{library}'" not in loaded
 
 
+PREDICT = ["predict", "hybrid.surrogate", "--side", "1000", "--delta", "5"]
+LAW = ["law", "hybrid.surrogate", "many/s0.npy", "--side", "1000"]
 WRONG = [
     (["card", "missing.surrogate"], "missing.surrogate"),
     (["card", "database.h5"], "is no surrogate"),
@@ -332,6 +360,31 @@ WRONG = [
     (["fit", "database.h5", "-o", "x", "--from", "out"], "is no comparison"),
     (["law", "hybrid.surrogate", "table.csv"], "needs surfaces"),
     (["law", "hybrid.surrogate", "missing.toml"], "missing.toml"),
+    ([*PREDICT, "holes.npy"], "--fill closes holes"),
+    ([*PREDICT, "cube.npy"], "cube.npy: holds 3 x 4 x 5"),
+    ([*PREDICT, "complex.npy"], "complex.npy: holds complex128 values"),
+    ([*PREDICT, "bare"], "bare: holds no surface"),
+    ([*PREDICT[:2], "database.h5", "--delta", "5"], "database.h5: "),
+    ([*PREDICT, "many", "--delta", "5;9"], "as 2, 1,2,5 or 5:45:9"),
+    ([*PREDICT, "many", "--delta", "five"], "--delta 'five'"),
+    ([*PREDICT, "many", "--delta", "1:5:99999999999"], "100,000 values at most"),
+    ([*PREDICT, "many", "--crop", "0:1"], "--crop"),
+    ([*PREDICT, "many", "-o", "nowhere/p.csv"], "folder that exists"),
+    ([*PREDICT, "many", "-o", "many/s0.npy"], "not replaced"),
+    ([*PREDICT, "many", "-o", "hybrid.surrogate"], "not replaced"),
+    (["predict", "database.h5", "many", "--side", "1000", "--delta", "5"], "is no surrogate"),
+    (["predict", "paper.surrogate", "table.csv", "--delta", "5", "-o", "table.csv"], "is an input"),
+    (["fit", "database.h5", "-o", "database.h5"], "not replaced"),
+    (["fit", "empty.h5", "-o", "x"], "empty.h5 is empty"),
+    (["fit", "unfinished.h5", "-o", "x"], "5 usable rows, 10 at least are needed"),
+    (["fit", "many/s0.npy", "-o", "x"], "is not a database"),
+    (["fit", "database.h5", "-o", "x", "--area-max", "nan"], "--area-max nan"),
+    (["fit", "database.h5", "-o", "x", "--target", "area,area"], "each once"),
+    ([*LAW, "--pressure", "-1"], "--pressure '-1'"),
+    ([*LAW, "--pressure", "1:2:3:4"], "--pressure '1:2:3:4'"),
+    ([*LAW, "--csv", "nowhere/law.csv"], "folder that exists"),
+    ([*LAW, "--header", "hybrid.surrogate"], "not replaced"),
+    ([*LAW, "--interval", "1.5"], "--interval 1.5"),
 ]
 
 

@@ -1,0 +1,113 @@
+"""Arguments and options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from learn.surrogate.sources import Options
+
+Database = Annotated[Path, typer.Argument(metavar="FILE", help="A database made by gen (HDF5).")]
+Output = Annotated[
+    Path, typer.Option("--output", "-o", metavar="DIR", help="The comparison folder.")
+]
+Comparison = Annotated[Path, typer.Argument(metavar="DIR", help="A comparison folder.")]
+Models = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--model",
+        metavar="NAME",
+        help="decision-tree, random-forest, adaboost, xgboost, gradient-boost, svm,"
+        " gaussian-process, kernel-ridge or mlp; may be repeated; all nine if left out.",
+    ),
+]
+Target = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="area, force, both, or mean_gap, largest_pressure, perimeter where they are stored.",
+    ),
+]
+AreaMax = Annotated[
+    float | None,
+    typer.Option(metavar="PERCENT", help="Leave larger areas out; 16.56 is the paper's range."),
+]
+Normalise = Annotated[
+    str,
+    typer.Option(
+        metavar="HOW",
+        help="l2 (each row to unit length, the paper's), standard, min-max or none; l2 for paper"
+        " features and standard for others if left out.",
+    ),
+]
+Features = Annotated[
+    str,
+    typer.Option(
+        metavar="SET",
+        help="paper (Delta and the 22 statistics), dimensionless (the same without units: any scan"
+        " length), or hybrid (with bearing area and a coarse contact solve of each surface).",
+    ),
+]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the split and of the models.")]
+TrainRows = Annotated[
+    int | None, typer.Option(metavar="N", help="Train on N rows at most, drawn with the seed.")
+]
+Again = Annotated[bool, typer.Option("--again", help="Measure anew what is there already.")]
+
+File = Annotated[Path, typer.Argument(metavar="FILE", help="A surrogate made by learn fit.")]
+Inputs = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="INPUT...",
+        help="Surfaces (.npy, text, instruments' files), folders of them, or tables of statistics"
+        " as gen describe --csv writes them.",
+    ),
+]
+Deltas = Annotated[
+    str,
+    typer.Option(metavar="UM", help="Far-field displacement: 2, 1,2,5 or start:stop:count."),
+]
+Side = Annotated[
+    str, typer.Option(metavar="UM", help="Scan length where a file has none; 1000,500 if oblong.")
+]
+Unit = Annotated[str, typer.Option(metavar="UNIT", help="Of a file that says none: m, mm, um, nm.")]
+Fill = Annotated[bool, typer.Option("--fill", help="Close holes harmonically.")]
+Level = Annotated[
+    str, typer.Option(metavar="HOW", help="Take away the mean, the plane or the quadratic fit.")
+]
+Crop = Annotated[str, typer.Option(metavar="X0:X1,Y0:Y1", help="Keep this part only, in um.")]
+Invert = Annotated[bool, typer.Option("--invert", help="Turn upside down.")]
+Young = Annotated[
+    list[float] | None,
+    typer.Option(metavar="MPA", help="Young's modulus, twice for two elastic bodies."),
+]
+Poisson = Annotated[
+    list[float] | None, typer.Option(metavar="NU", help="Poisson's ratio, as often.")
+]
+EStar = Annotated[
+    float | None, typer.Option(metavar="MPA", help="Or E*; that of the training if left out.")
+]
+Coverage = Annotated[
+    float, typer.Option(metavar="SHARE", help="Coverage of the intervals, as 0.9.")
+]
+
+
+def modulus_from(
+    young: list[float] | None, poisson: list[float] | None, e_star: float | None
+) -> float | None:
+    """E* if anything says it."""
+    if young is None and poisson is None and e_star is None:
+        return None
+    from gen.material import combined_modulus
+
+    return combined_modulus(young or [], poisson or [], e_star)
+
+
+def reading(side: str, unit: str, fill: bool, level: str, crop: str, invert: bool) -> Options:
+    """How surfaces are to be read."""
+    from learn.surrogate.sources import Options
+
+    return Options(side, unit, fill, level, crop, invert)
