@@ -168,8 +168,8 @@ def _measured(path: Path) -> tuple[Heights, Sides | None, str | None]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # readers complain about each other's formats
             return _first_channel(open_topography(str(path)))
-    except InputError:
-        raise
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     except Exception as error:  # a broken file makes its readers raise nearly anything
         fault = " ".join(str(error).split())[:80]
         raise InputError(

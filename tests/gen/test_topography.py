@@ -112,3 +112,10 @@ def test_without_the_extra_the_message_names_it(tmp_path: Path) -> None:
     )
     assert run.returncode == 2
     assert "pip install 'asperity[instruments]'" in run.stderr
+
+
+def test_a_line_scan_is_refused_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "line.nc"
+    SurfaceTopography.UniformLineScan(np.arange(9.0), 8.0, unit="um").to_netcdf(str(path))
+    with pytest.raises(InputError, match=r"line\.nc: it holds line scans only"):
+        read(path)

