@@ -78,13 +78,14 @@ class Dataset:
         return replace(self, inputs=self.inputs[:, columns], names=names)
 
     def at(self, positions: Indices) -> "Dataset":
-        """Return some of the rows only, in the order given."""
+        """Return some of the rows only, in the order given; their surfaces are numbered anew."""
+        _, groups = np.unique(self.groups[positions], return_inverse=True)
         return replace(
             self,
             inputs=self.inputs[positions],
             target=self.target[positions],
             rows=self.rows[positions],
-            groups=self.groups[positions],
+            groups=groups,
             described=self.described[positions],
             scale=self.scale[positions],
         )

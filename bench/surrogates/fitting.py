@@ -107,8 +107,7 @@ def read(request: Request, rows: int | None = None) -> Dataset:
     found = dataset.read(request.database, "area", request.area_max, request.features, pressed)
     if rows is None:
         return found
-    first = found.at(np.flatnonzero(found.rows < rows))
-    return replace(first, groups=np.unique(first.groups, return_inverse=True)[1])
+    return found.at(np.flatnonzero(found.rows < rows))
 
 
 def parted(rows: Dataset) -> Parts:

@@ -50,6 +50,14 @@ def test_surfaces_stay_together_and_rows_are_used_once(sizes, seed):
     assert abs(drawn.test.size - 0.2 * rows.size) <= 9 + 1
 
 
+def test_some_rows_of_a_dataset_are_split_like_a_dataset():
+    some = rows_of([3] * 40).at(np.arange(0, 120, 2))
+    drawn = split.draw(some)
+    together = np.concatenate([drawn.train, drawn.test])
+    np.testing.assert_array_equal(np.sort(together), np.arange(60))
+    assert not set(some.groups[drawn.train]) & set(some.groups[drawn.test])
+
+
 def test_a_seed_gives_the_same_split_another_one_another():
     rows = rows_of([1] * 50)
     first, again, other = split.draw(rows, 1), split.draw(rows, 1), split.draw(rows, 2)
