@@ -6,7 +6,6 @@ is then carried on. The tuned Gaussian process takes a single step of its likeli
 further ones need the same memory again, not more.
 """
 
-import csv
 import multiprocessing
 import resource
 import sys
@@ -18,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.table import write_table
 from gen.errors import InputError
 from learn import memory
 from learn.comparison.spaces import OPTIMA, SPACES
@@ -96,14 +96,8 @@ def report(peaks: list[Peak], output: Path | None) -> str:
     lines = ["| model | training rows | peak [GiB] | reckoned with [GiB] |", "|---|---|---|---|"]
     lines += [f"| {p.model} | {p.rows:,} | {p.peak:.2f} | {p.reckoned:.2f} |" for p in peaks]
     if output is not None:
-        try:
-            output.mkdir(parents=True, exist_ok=True)
-            with (output / "memory.csv").open("w", encoding="utf-8", newline="") as file:
-                writer = csv.writer(file)
-                writer.writerow(field.name for field in fields(Peak))
-                writer.writerows(map(astuple, peaks))
-        except OSError as error:
-            raise InputError(f"{output} cannot be written to: {error.strerror}") from None
+        header = (field.name for field in fields(Peak))
+        write_table(output / "memory.csv", header, map(astuple, peaks))
     return "\n".join(lines)
 
 

@@ -183,6 +183,11 @@ def _features(wanted: FeatureSet, inputs: Values, side: float, pressed: Values |
         return build(wanted, inputs[:, 1:], inputs[:, 0], side, pressed)
 
 
+def short_name(column: str) -> str:
+    """What a target's column is called in folders and on the command line."""
+    return next((short for short, name in TARGETS.items() if name == column), column)
+
+
 def remarks(dataset: Dataset, normalisation: str) -> list[str]:
     """Say what a user should know about the inputs before training on them.
 

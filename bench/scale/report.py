@@ -1,6 +1,5 @@
 """The files and the words: costs, simulated runs, a picture, and what follows from them."""
 
-import csv
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, fields
 from pathlib import Path
@@ -11,6 +10,7 @@ from bench.scale.costs import Costs, measure, read_costs, write_costs
 from bench.scale.picture import draw, new_figure
 from bench.scale.studies import GOAL_RANKS, GOAL_ROWS, WANTED, Point, saturation, sweep
 from bench.scale.validation import TOLERANCE, Comparison, compare
+from bench.table import write_table
 from gen.errors import InputError
 
 
@@ -119,15 +119,9 @@ def verdict_on(comparisons: Sequence[Comparison]) -> str:
 
 
 def _write_points(path: Path, points: Sequence[Point]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(field.name for field in fields(Point))
-        writer.writerows(astuple(point) for point in points)
+    write_table(path, (field.name for field in fields(Point)), map(astuple, points))
 
 
 def _write_comparisons(path: Path, comparisons: Sequence[Comparison]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(("run", "real_seconds", "simulated_seconds", "relative_error"))
-        for comparison in comparisons:
-            writer.writerow((*astuple(comparison), comparison.error))
+    header = ("run", "real_seconds", "simulated_seconds", "relative_error")
+    write_table(path, header, ((*astuple(each), each.error) for each in comparisons))

@@ -11,7 +11,7 @@ import numpy as np
 from bench.surrogates.cost import LADDER, NEW, OURS, PAPER, Costs, Question
 from bench.surrogates.costs import LOADS, LOOSE, PAPER_BREAK_EVEN, break_even
 from bench.surrogates.learning import Point
-from bench.surrogates.table import write_table
+from bench.table import write_table
 from gen.errors import InputError
 from learn.comparison.pictures import new_figure, save
 

@@ -1,33 +1,22 @@
-"""Fits for the reports: settings chosen as `learn fit` chooses them, intervals calibrated.
+"""Fits for the reports, made as `learn fit` makes them, of rows from one database or several."""
 
-`learn.surrogate.training` fits what a database holds; here the rows may come from several.
-"""
-
-import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from time import process_time
-from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gen.farm import World
-from learn import dataset, memory, split
+from learn import dataset, split
 from learn.dataset import Dataset
 from learn.features import chosen
-from learn.models import MODELS, pipeline
 from learn.request import Request, pressed_for
-from learn.surrogate.conformal import Calibration, calibrate
+from learn.surrogate.fitting import fit_target
 from learn.surrogate.learnt import Learnt
-from learn.surrogate.settings import Settings, choose
+from learn.surrogate.settings import Settings
+from learn.surrogate.training import without_calibration
 
 Values = NDArray[np.float64]
-
-CALIBRATION_SHARE = 0.1
-"""Share of the training rows that calibrates the intervals, as in `learn fit`."""
-
-NOT_CALIBRATED = Calibration(np.empty(0), (np.empty(0),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,11 +100,11 @@ def read(request: Request, rows: int | None = None) -> Dataset:
 
 
 def parted(rows: Dataset) -> Parts:
-    """Split a dataset of one sample a surface into training, calibration and test."""
+    """Split a dataset into training, calibration and test, as `learn fit` does."""
     drawn = split.draw(rows)
-    cut = drawn.train.size - int(CALIBRATION_SHARE * drawn.train.size)
-    train, calibration = drawn.train[:cut], drawn.train[cut:]
-    return Parts(rows.at(train), rows.at(calibration), rows.at(drawn.test), drawn.folds[:cut])
+    train, calibration = without_calibration(rows, drawn.train)
+    folds = drawn.folds[: train.size]
+    return Parts(rows.at(train), rows.at(calibration), rows.at(drawn.test), folds)
 
 
 def joined(first: Dataset, second: Dataset) -> Dataset:
@@ -150,38 +139,12 @@ def fit(
     InputError
         If this machine lacks the memory.
     """
-    (name,) = request.models
-    memory.check(name, train.size)
-    scaled = chosen(request.features).scaled
-    mean = float(train.target.mean()) if scaled else 0.0
-    deviation = float(train.target.std()) if scaled else 1.0
-    target = (train.target - mean) / deviation
-    began = process_time()
-    settings = settings or choose(request, None, train.inputs, target, folds)
-    chose = process_time()
-    unfitted = pipeline(
-        MODELS[name],
-        settings.values,
-        normalisation=request.normalisation,
-        seed=request.seed,
-        tuned=settings.tuned,
-    )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of limits reached: the scores say what it is worth
-        fitted = unfitted.fit(train.inputs, target)
-    done = process_time()
-    unscored = Learnt(train.target_name, train.unit, fitted, mean, deviation, NOT_CALIBRATED)
-    scores = calibrate(
-        SimpleNamespace(predict=unscored.raw),
-        calibration.inputs,
-        calibration.target,
-        train.target,
-    )
+    fit = fit_target(request, train, calibration, folds, settings=settings)
     return Fitted(
-        replace(unscored, calibration=scores),
+        fit.learnt,
         low=train.inputs.min(axis=0),
         high=train.inputs.max(axis=0),
-        settings=settings,
-        choosing=chose - began,
-        fitting=done - chose,
+        settings=fit.settings,
+        choosing=fit.choosing,
+        fitting=fit.fitting,
     )

@@ -5,8 +5,8 @@ from dataclasses import astuple, fields
 from pathlib import Path
 
 from bench.surrogates.generalisation import Judged, Row
-from bench.surrogates.table import write_table
 from bench.surrogates.verdict import covers, verdict
+from bench.table import write_table
 from learn.comparison.pictures import new_figure, save
 
 

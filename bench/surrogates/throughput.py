@@ -15,7 +15,7 @@ from bench.surrogates import databases
 from bench.surrogates.clock import mean_seconds, median_seconds
 from bench.surrogates.costs import LOADS
 from bench.surrogates.databases import OTHER_SEED
-from bench.surrogates.table import write_table
+from bench.table import write_table
 from gen.farm import World
 from gen.plan import parameters
 from gen.sample import Heights, surface_of

@@ -154,8 +154,7 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
     parts = split.draw(rows, request.seed, request.train_rows)
     (model,) = chosen(list(request.models))
     memory.check(model.name, parts.train.size)
-    short = {column: name for name, column in dataset.TARGETS.items()}
-    folder = Folder(request.output / short.get(rows.target_name, rows.target_name))
+    folder = Folder(request.output / dataset.short_name(rows.target_name))
     agreed = conditions(rows, parts, request.normalisation, {"area_max": request.area_max})
     folder.begin(rows, parts, agreed)
     settings, origin = _settings(folder, model.name, request.features)

@@ -56,8 +56,7 @@ def _read(
         split.check_folds(parts)
     for model in models:
         memory.check(model.name, parts.train.size, baseline=not searched)
-    short = {column: name for name, column in dataset.TARGETS.items()}
-    folder = Folder(request.output / short.get(rows.target_name, rows.target_name))
+    folder = Folder(request.output / dataset.short_name(rows.target_name))
     agreed = conditions(rows, parts, request.normalisation, {"area_max": request.area_max})
     with RunProgress(1) as progress:
         folder.begin(rows, parts, agreed)

@@ -9,7 +9,6 @@ holds in each range, not only on average.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,19 +84,16 @@ def checked_level(level: float) -> float:
     return level
 
 
-def calibrate(fitted: Any, inputs: Values, target: Values, training: Values) -> Calibration:
-    """Score a fitted model on rows that it has not seen.
+def calibrate(predicted: Values, target: Values, training: Values) -> Calibration:
+    """Score a model by its predictions of rows that it has not seen.
 
     Parameters
     ----------
-    fitted : a regressor that is fitted
-    inputs : (n, d) of the calibration rows
-    target : (n,)
+    predicted, target : (n,) of the calibration rows
     training : (m,) target of the training rows, which decides the ranges
     """
     from mapie.regression import SplitConformalRegressor
 
-    predicted = np.asarray(fitted.predict(inputs), dtype=np.float64)
     borders = _borders(predicted, training)
     number = np.searchsorted(borders, predicted, side="right")
     unit = float(np.std(training)) or 1.0  # MAPIE compares its numbers with 1e-8
@@ -105,7 +101,7 @@ def calibrate(fitted: Any, inputs: Values, target: Values, training: Values) -> 
     for each in range(borders.size + 1):
         rows = number == each
         conformal = SplitConformalRegressor(_Known(predicted[rows] / unit), prefit=True)
-        conformal.conformalize(inputs[rows], target[rows] / unit)
+        conformal.conformalize(predicted[rows, None], target[rows] / unit)
         scores.append(unit * np.sort(np.asarray(conformal.conformity_scores, dtype=np.float64)))
     return Calibration(borders, tuple(scores))
 

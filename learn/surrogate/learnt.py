@@ -43,10 +43,7 @@ class Learnt:
         return self.mean + self.deviation * np.concatenate(found)
 
     def _predict(self, inputs: Values) -> Values:
-        """Predict some rows: kernel ridge without scikit-learn's checks of its training rows.
-
-        With 9,000 training rows they took half of a single prediction's time.
-        """
+        """Predict some rows, kernel ridge without scikit-learn's checks of its training rows."""
         if self._expansion is None:
             return np.asarray(self.pipeline.predict(inputs), dtype=np.float64).reshape(-1)
         centres, squares, gamma, weights = self._expansion

@@ -1,10 +1,8 @@
 """Fit surrogates: read, split in three by surface, choose settings, fit, calibrate, judge."""
 
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -15,15 +13,13 @@ from gen.farm import World
 from learn import dataset, memory, split
 from learn.comparison.folder import Folder
 from learn.dataset import Dataset, Indices
-from learn.models import MODELS, pipeline
 from learn.models import chosen as chosen_models
 from learn.request import Request, pressed_for
 from learn.surrogate import card
-from learn.surrogate.conformal import calibrate
+from learn.surrogate.fitting import fit_target
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.model import Surrogate
-from learn.surrogate.settings import Settings, choose
-from learn.target import Scaling, scaling_of
+from learn.surrogate.settings import tuned_conditions
 
 Values = NDArray[np.float64]
 
@@ -67,7 +63,7 @@ def fit(
         return None
     sets = _read(request, pressed)
     parts = split.draw(sets[0], request.seed, request.train_rows)
-    train, calibration = _without_calibration(sets[0], parts.train)
+    train, calibration = without_calibration(sets[0], parts.train)
     memory.check(model.name, train.size)
     for line in dataset.remarks(sets[0], request.normalisation):
         say(f"  {line}")
@@ -79,7 +75,7 @@ def fit(
     judged: dict[str, dict[str, Any]] = {}
     folds = parts.folds[: train.size]
     for target, rows in zip(request.targets, sets, strict=True):
-        folder = None if source is None else Folder(source / _folder_name(rows))
+        folder = None if source is None else Folder(source / dataset.short_name(rows.target_name))
         learnt[target], judged[target] = _fit_target(
             request, rows, (train, calibration, parts.test), folds, folder, say
         )
@@ -104,8 +100,23 @@ def _read(request: Request, pressed: Values | None) -> list[Dataset]:
     return [each.at(np.flatnonzero(np.isin(each.rows, common))) for each in sets]
 
 
-def _without_calibration(rows: Dataset, train: Indices) -> tuple[Indices, Indices]:
-    """Cut the last rows, whole surfaces, off the training: they are in random order already."""
+def without_calibration(rows: Dataset, train: Indices) -> tuple[Indices, Indices]:
+    """Cut the last rows, whole surfaces, off the training: they are in random order already.
+
+    Parameters
+    ----------
+    rows : the usable rows
+    train : positions of the training rows, from `learn.split.draw`
+
+    Returns
+    -------
+    Positions of the rows that train, and of those that calibrate
+
+    Raises
+    ------
+    InputError
+        If too few rows are left to train on.
+    """
     wanted = max(int(CALIBRATION_SHARE * train.size), min(SMALLEST_CALIBRATION, train.size // 5))
     groups = rows.groups[train]
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
@@ -132,81 +143,21 @@ def _fit_target(
 ) -> tuple[Learnt, dict[str, Any]]:
     """Choose, fit, calibrate and judge one target's model."""
     train, calibration, test = parts
-    scaling = scaling_of(rows, train)
-    inputs, target = rows.inputs[train], scaling.scaled(rows.target[train])
-    settings = choose(request, folder, inputs, target, folds)
-    began = perf_counter()
-    fitted, remarks = _fitted(request, settings, inputs, target)
-    seconds = perf_counter() - began
-    unscaled = Learnt(
-        column=rows.target_name,
-        unit=_unit(rows),
-        pipeline=fitted,
-        mean=scaling.mean,
-        deviation=scaling.deviation,
-        calibration=calibrate(
-            _Raw(fitted, scaling),
-            rows.inputs[calibration],
-            rows.target[calibration],
-            rows.target[train],
-        ),
-    )
-    judged = card.judge(unscaled, rows, test) | {
-        "settings": {name: str(value) for name, value in sorted(settings.values.items())},
-        "settings_from": settings.origin,
-        "fit_seconds": seconds,
-        "remarks": remarks,
+    fit = fit_target(request, rows.at(train), rows.at(calibration), folds, folder=folder)
+    judged = card.judge(fit.learnt, rows, test) | {
+        "settings": {name: str(value) for name, value in sorted(fit.settings.values.items())},
+        "settings_from": fit.settings.origin,
+        "fit_seconds": fit.fitting,
+        "remarks": list(fit.remarks),
     }
     scores = judged["scores"]
     say(
-        f"{rows.target_name}: {settings.origin}; R2 {scores['r2']:.3f} %, nMAE"
-        f" {scores['nmae']:.2f} %, fit {seconds:.3g} s"
+        f"{rows.target_name}: {fit.settings.origin}; R2 {scores['r2']:.3f} %, nMAE"
+        f" {scores['nmae']:.2f} %, fit {fit.fitting:.3g} s"
     )
-    for remark in remarks:
+    for remark in fit.remarks:
         say(f"  warning: {remark}")
-    return unscaled, judged
-
-
-class _Raw:
-    """A fitted model that predicts the target over its scale."""
-
-    def __init__(self, fitted: Any, scaling: Scaling) -> None:
-        self.fitted, self.scaling = fitted, scaling
-
-    def predict(self, inputs: Values) -> Values:
-        """Predict as `Learnt.raw` does."""
-        return self.scaling.restored(self.fitted.predict(inputs).reshape(-1))
-
-
-def _fitted(
-    request: Request, settings: Settings, inputs: Values, target: Values
-) -> tuple[Any, list[str]]:
-    """A fitted pipeline, and what its fit warned of."""
-    (name,) = request.models
-    unfitted = pipeline(
-        MODELS[name],
-        settings.values,
-        normalisation=request.normalisation,
-        seed=request.seed,
-        tuned=settings.tuned,
-    )
-    need = memory.needed(name, len(inputs))
-    with memory.reserved(need), warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        fitted = unfitted.fit(inputs, target)
-    said = [" ".join(str(each.message).split())[:300] for each in caught]
-    return fitted, list(dict.fromkeys(said))
-
-
-def _unit(rows: Dataset) -> str:
-    from gen.schema import COLUMNS
-
-    return next(column.unit for column in COLUMNS if column.name == rows.target_name)
-
-
-def _folder_name(rows: Dataset) -> str:
-    short = {column: name for name, column in dataset.TARGETS.items()}
-    return short.get(rows.target_name, rows.target_name)
+    return fit.learnt, judged
 
 
 def request_from(request: Request, source: Path, given: dict[str, Any]) -> Request:
@@ -223,11 +174,8 @@ def request_from(request: Request, source: Path, given: dict[str, Any]) -> Reque
     InputError
         If the folder lacks the model, or rests on something else than was given.
     """
-    from learn.surrogate.settings import tuned_conditions
-
     column = dataset.TARGETS.get(request.targets[0], request.targets[0])
-    short = {column: name for name, column in dataset.TARGETS.items()}
-    folder = Folder(source / short.get(column, column))
+    folder = Folder(source / dataset.short_name(column))
     conditions = tuned_conditions(folder, request.models[0])
     names = ("features", "normalisation", "area_max", "seed")
     for name in names:

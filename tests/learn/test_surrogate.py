@@ -171,7 +171,7 @@ def test_calibration_rows_train_nothing(solved, monkeypatch):
 
     rows = dataset.read(solved, "area", features="dimensionless")
     parts = split.draw(rows)
-    train, calibration = training._without_calibration(rows, parts.train)
+    train, calibration = training.without_calibration(rows, parts.train)
     assert calibration.size == 14
     everything = np.concatenate([train, calibration, parts.test])
     np.testing.assert_array_equal(np.sort(everything), np.arange(90))
@@ -184,7 +184,7 @@ def test_intervals_are_mapies():
     target = inputs.sum(axis=1) + random.normal(size=300)
     model = LinearRegression().fit(inputs[:100], target[:100])
     held, new = slice(100, 180), slice(180, None)
-    found = conformal.calibrate(model, inputs[held], target[held], target[:100])
+    found = conformal.calibrate(model.predict(inputs[held]), target[held], target[:100])
     assert found.borders.size == 0
     for level in (0.5, 0.8, 0.9, 0.95):
         theirs = SplitConformalRegressor(model, level, prefit=True)
@@ -200,7 +200,8 @@ def test_intervals_hold_where_errors_grow():
     inputs = random.uniform(0.0, 10.0, size=(6000, 1))
     target = inputs[:, 0] * (1 + 0.2 * random.normal(size=6000))
     model = LinearRegression().fit(inputs[:1000], target[:1000])
-    found = conformal.calibrate(model, inputs[1000:3000], target[1000:3000], target[:1000])
+    held = slice(1000, 3000)
+    found = conformal.calibrate(model.predict(inputs[held]), target[held], target[:1000])
     assert found.borders.size == conformal.RANGES - 1
     predicted, truth = model.predict(inputs[3000:]), target[3000:]
     for level, share, half in conformal.coverage(found, predicted, truth, (0.5, 0.9, 0.95)):

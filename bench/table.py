@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from gen.errors import InputError
@@ -24,5 +25,7 @@ def write_table(path: Path, header: Iterable[str], rows: Iterable[Sequence[objec
             writer.writerows(rows)
         unfinished.replace(path)
     except OSError as error:
+        with suppress(OSError):
+            unfinished.unlink(missing_ok=True)
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
     return path
