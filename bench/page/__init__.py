@@ -1,0 +1,1 @@
+"""All reports on one page that needs neither network nor server."""

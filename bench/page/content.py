@@ -1,0 +1,66 @@
+"""What a page shows: pictures, tables and words, each with the files behind it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture with what to see in it.
+
+    Attributes
+    ----------
+    picture : PNG file
+    caption : what it shows and what to see, in a sentence or two; plain text
+    command : that makes it, as a user types it
+    data : tables (CSV) behind it
+    """
+
+    picture: Path
+    caption: str
+    command: str
+    data: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with what to see in it.
+
+    Attributes
+    ----------
+    data : CSV file, names of the columns first
+    caption : what it shows and what to see; plain text
+    command : that makes it
+    columns : those that are shown, in this order; all where left out
+    verdict : column whose value is `passed` where all is well: other rows are red
+    """
+
+    data: Path
+    caption: str
+    command: str
+    columns: tuple[str, ...] = ()
+    verdict: str = ""
+
+
+@dataclass(frozen=True)
+class Words:
+    """A paragraph of plain text."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Absent:
+    """Something that was left out.
+
+    Attributes
+    ----------
+    what : is not there
+    how : to get it, in one line
+    """
+
+    what: str
+    how: str
+
+
+Content = Figure | Table | Words | Absent
