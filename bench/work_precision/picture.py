@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
+from bench.style import STYLES
 from bench.work_precision.measurement import Point
 from gen.errors import InputError
 
@@ -17,17 +18,6 @@ TITLES = {
     "peers": "Other solvers at tolerances of their own; no error in a force that was given",
 }
 
-# Okabe and Ito's colours, which colour-blind readers tell apart, each with a marker of its own.
-STYLES = (
-    {"color": "#0072B2", "marker": "o"},
-    {"color": "#D55E00", "marker": "s"},
-    {"color": "#009E73", "marker": "^"},
-    {"color": "#CC79A7", "marker": "D"},
-    {"color": "#E69F00", "marker": "v"},
-    {"color": "#56B4E9", "marker": "P"},
-    {"color": "#000000", "marker": "x"},
-    {"color": "#888888", "marker": "*"},
-)
 ERRORS = {
     "force_error": "relative error of the force [1]",
     "area_error_percent": "error of the area [% of the exact area]",

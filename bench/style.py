@@ -1,0 +1,15 @@
+"""How curves look: Okabe and Ito's colours, which colour-blind readers tell apart, and markers."""
+
+STYLES = (
+    {"color": "#0072B2", "marker": "o"},
+    {"color": "#D55E00", "marker": "s"},
+    {"color": "#009E73", "marker": "^"},
+    {"color": "#CC79A7", "marker": "D"},
+    {"color": "#E69F00", "marker": "v"},
+    {"color": "#56B4E9", "marker": "P"},
+    {"color": "#000000", "marker": "x"},
+    {"color": "#888888", "marker": "*"},
+)
+"""One for each curve: the marker tells it apart on paper too."""
+
+COLOURS = tuple(style["color"] for style in STYLES)
