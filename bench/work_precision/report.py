@@ -2,16 +2,12 @@
 
 import csv
 import json
-import os
-import platform
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from dataclasses import asdict, astuple, fields
-from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from bench.circumstances import circumstances
 from bench.work_precision.measurement import AREA_GATE, FORCE_GATE, PRESSURE_GATE, Point
 from bench.work_precision.picture import draw, new_figure
 from bench.work_precision.studies import FULL, Extent, Sweep, sweep
@@ -28,9 +24,6 @@ PARSERS: dict[Any, Callable[[str], Any]] = {
     float | None: lambda text: float(text) if text else None,
 }
 """How a column's text is read, by the type of the point's attribute."""
-
-PACKAGES = ("asperity", "numpy", "scipy", "pyfftw", "ContactMechanics", "tamaas", "aspher")
-"""What may take part: the versions of those that are installed are written down."""
 
 
 def write_report(
@@ -63,7 +56,7 @@ def write_report(
         table.touch()  # found out before minutes of measuring rather than after
         done = sweep(extent, announce)
         write_points(table, done.points)
-        text = json.dumps(circumstances(extent, done), indent=2, ensure_ascii=False)
+        text = json.dumps(_record(extent, done), indent=2, ensure_ascii=False)
         record.write_text(text + "\n", encoding="utf-8")
         draw(figure, done.points)
         figure.savefig(picture, dpi=150)
@@ -107,35 +100,11 @@ def _point(row: Sequence[str]) -> Point:
     return Point(**values)
 
 
-def circumstances(extent: Extent, done: Sweep) -> dict[str, Any]:
+def _record(extent: Extent, done: Sweep) -> dict[str, Any]:
     """Where, when and with what the points were measured, and what is not among them."""
     return {
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "machine": {
-            "processor": _processor(),
-            "cores": os.cpu_count(),
-            "system": platform.platform(),
-            "threads": os.environ.get("OMP_NUM_THREADS", "not set"),
-        },
-        "versions": {"python": platform.python_version(), **_versions()},
+        **circumstances(),
         "extent": asdict(extent),
         "gates": {"force": FORCE_GATE, "pressure": PRESSURE_GATE, "contact_nodes": AREA_GATE},
         "left_out": [asdict(missing) for missing in done.left_out],
     }
-
-
-def _processor() -> str:
-    """The processor's name as Linux tells it, else as Python does."""
-    with suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
-
-
-def _versions() -> dict[str, str]:
-    versions = {}
-    for name in PACKAGES:
-        with suppress(metadata.PackageNotFoundError):
-            versions[name] = metadata.version(name)
-    return versions

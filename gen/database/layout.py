@@ -1,11 +1,8 @@
 """What stands in a file: dimensions, columns, and attributes that say where it comes from."""
 
-import importlib.metadata
 import json
-import platform
 import re
 from collections.abc import Mapping
-from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -13,6 +10,7 @@ import h5py
 import numpy as np
 
 from gen.database.disk import chunks, write_rows
+from gen.provenance import git_commit, versions
 from gen.scene import Scene
 from gen.schema import (
     PHYSICS,
@@ -135,38 +133,12 @@ def provenance(scene: Scene) -> dict[str, str | int]:
         "physics": PHYSICS,
         "physics_forced": 0,
         "versions": json.dumps(_versions()),
-        "git_commit": _git_commit(),
+        "git_commit": git_commit(),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
 
 def _versions() -> dict[str, str]:
-    """Versions of all that decides the numbers; read from package lists, nothing is imported."""
-    versions = {"python": platform.python_version(), "hdf5": h5py.version.hdf5_version}
-    for name in ("asperity", "numpy", "scipy", "pyfftw", "h5py"):
-        with suppress(importlib.metadata.PackageNotFoundError):
-            versions[name] = importlib.metadata.version(name)
-    return versions
-
-
-def _git_commit() -> str:
-    """Commit of the checkout that this code runs from, "" if it is none.
-
-    Read from git's files: starting a process from an MPI rank is unsafe on some interconnects.
-    """
-    git = Path(__file__).resolve().parents[2] / ".git"
-    try:
-        if git.is_file():  # a linked work tree
-            git = (git.parent / git.read_text().removeprefix("gitdir:").strip()).resolve()
-        head = (git / "HEAD").read_text().strip()
-        if not head.startswith("ref: "):
-            return head
-        if (git / "commondir").exists():
-            git = (git / (git / "commondir").read_text().strip()).resolve()
-        reference = head.removeprefix("ref: ")
-        if (git / reference).exists():
-            return (git / reference).read_text().strip()
-        packed = (line.partition(" ") for line in (git / "packed-refs").read_text().splitlines())
-        return next((commit for commit, _, name in packed if name == reference), "")
-    except OSError:
-        return ""
+    """Versions of all that decides the numbers."""
+    hdf5 = {"hdf5": h5py.version.hdf5_version}
+    return versions(("asperity", "numpy", "scipy", "pyfftw", "h5py")) | hdf5
