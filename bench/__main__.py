@@ -246,13 +246,14 @@ def growth(
     """Measure how convolutions, time and memory of a solve grow with the grid.
 
     At 1, 10 and 50 % of the nodes in contact. Two minutes; with 2049 nodes a side and one surface
-    some more. Prints a table and writes DIR/growth.csv.
+    some more. Prints a table, writes DIR/growth.csv and DIR/growth.png.
     """
     from bench.growth import growth, markdown_table, write_report
 
     rows = growth(_numbers("nodes", nodes, int), surfaces, remark=_remark)
     typer.echo(markdown_table(rows))
-    typer.echo(write_report(output, rows))
+    for path in write_report(output, rows):
+        typer.echo(path)
 
 
 @app.command()
@@ -365,6 +366,22 @@ def cost(
 
 
 @app.command()
+def models(
+    comparison: Annotated[Path, typer.Argument(help="Folder of learn compare and learn tune.")],
+    output: Folder,
+    target: Annotated[str, typer.Option(help="`area` or `force`.")] = "area",
+) -> None:
+    """Set the errors of the nine models against the times of prediction, fit and search.
+
+    With the Pareto front marked: DIR/models.csv and DIR/models.png.
+    """
+    from bench.surrogates.models import costs, write_report
+
+    for path in write_report(output, costs(comparison, target)):
+        typer.echo(path)
+
+
+@app.command()
 def throughput(
     surrogate: Annotated[
         list[Path] | None,
@@ -392,6 +409,55 @@ def throughput(
     typer.echo(calls.markdown_table(speeds))
     if output is not None:
         typer.echo(calls.write_report(output, speeds))
+
+
+@app.command()
+def run(
+    output: Folder,
+    full: Annotated[
+        bool, typer.Option("--full", help="Everything: hours. Else what fits into ten minutes.")
+    ] = False,
+    database: PaperDatabase = None,
+    comparison: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of learn compare and tune; made if left out."),
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="PART", help="May be repeated; all if left out.")
+    ] = None,
+) -> int:
+    """Make all reports, and one page of them: DIR/index.html, which needs no network.
+
+    Every part runs in turn as a command of its own, in DIR/PART, and is skipped where the same
+    command of the same commit has made it before: after Ctrl-C the same command goes on. Exit code
+    1 if a check failed or a part could not be made.
+    """
+    from bench.page.report import run as make
+
+    path, outcome = make(
+        output, _remark, full=full, database=database, comparison=comparison, only=only or ()
+    )
+    typer.echo(path)
+    if outcome.signal:
+        typer.echo("bench: interrupted; the same command goes on", err=True)
+        return 128 + outcome.signal
+    for name in outcome.failed:
+        typer.echo(f"bench: {name} failed, see {path} or {output / name}", err=True)
+    return 1 if outcome.failed else 0
+
+
+@app.command()
+def page(
+    folder: Annotated[Path, typer.Argument(help="Folder of `bench run`.")],
+    full: Annotated[bool, typer.Option("--full", help="It was made with --full.")] = False,
+    comparison: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Comparison that it was made with.")
+    ] = None,
+) -> None:
+    """Write the page of what a folder holds anew, and make nothing."""
+    from bench.page.report import page as write
+
+    typer.echo(write(folder, full=full, comparison=comparison))
 
 
 def _numbers(name: str, text: str, kind: type[Number]) -> list[Number]:

@@ -5,18 +5,21 @@ before, until the same share of their nodes is in contact, and counts applicatio
 matrix, seconds and memory. Counts do not depend on the machine's load.
 """
 
-import csv
 import time
 import tracemalloc
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy import optimize
 
 import bem
 from bem.convolution import fast_period
+from bench.picture import new_figure, save
+from bench.style import STYLES
+from bench.table import write_table
 from gen.errors import InputError
 from gen.sample import Heights
 from gen.surface import generate
@@ -107,24 +110,17 @@ def growth(
     return rows
 
 
-def write_report(folder: Path, rows: Iterable[Row]) -> Path:
-    """Write `growth.csv` into a folder, which is made where there is none.
+def write_report(folder: Path, rows: Sequence[Row]) -> list[Path]:
+    """Write `growth.csv` and `growth.png` into a folder, which is made where there is none.
 
     Raises
     ------
     InputError
-        If the folder cannot be written to
+        If the folder cannot be written to, or matplotlib is not installed
     """
-    path = folder / "growth.csv"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with path.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(field.name for field in fields(Row))
-            writer.writerows(asdict(row).values() for row in rows)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
-    return path
+    names = [field.name for field in fields(Row)]
+    table = write_table(folder / "growth.csv", names, map(astuple, rows))
+    return [table, save(_picture(rows), folder / "growth.png")]
 
 
 def markdown_table(rows: Sequence[Row]) -> str:
@@ -146,6 +142,32 @@ def markdown_table(rows: Sequence[Row]) -> str:
         f" (mark {WANTED_MEMORY:g})."
     )
     return "\n".join([*lines, "", verdict])
+
+
+def _picture(rows: Sequence[Row]) -> Any:
+    """Convolutions, seconds and memory over the nodes a side."""
+    figure = new_figure(11, 3.6)
+    panels = figure.subplots(1, 3)
+    for panel, column, label in zip(
+        panels,
+        ("convolutions", "seconds", "padded_arrays"),
+        ("applications of H", "wall time of a solve [s]", "memory [padded fields]"),
+        strict=True,
+    ):
+        for number, percent in enumerate(dict.fromkeys(row.percent for row in rows)):
+            mine = [row for row in rows if row.percent == percent]
+            x, y = [row.nodes for row in mine], [getattr(row, column) for row in mine]
+            panel.plot(x, y, label=f"{percent:g} % in contact", **STYLES[number % len(STYLES)])
+        panel.set(xscale="log", ylabel=label, xlabel="nodes a side")
+        nodes = sorted({row.nodes for row in rows})
+        panel.set_xticks(nodes, [str(size) for size in nodes])
+        panel.minorticks_off()
+    panels[0].set(ylim=(0, None))
+    panels[1].set(yscale="log")
+    panels[2].axhline(WANTED_MEMORY, color="0.6", ls=":")
+    panels[2].set(ylim=(0, None))
+    panels[0].legend()
+    return figure
 
 
 def _row(percent: float, nodes: int, solves: Sequence[_Solve], first: Row | None) -> Row:

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 import bem
 from bem.analytic import Paraboloid, distances_to_centre
 from bem.influence import KERNELS, Kernel
+from bench.picture import new_figure, save
+from bench.style import STYLES
 from gen.errors import InputError
 
 Values = NDArray[np.float64]
@@ -26,7 +28,7 @@ NODES = (128, 256)
 LARGEST_DELTA = 1.0  # um
 STEPS = 50
 
-COLOURS = {"uniform-pressure": "tab:blue", "concentrated-force": "tab:red"}
+COLOURS = {"uniform-pressure": STYLES[0]["color"], "concentrated-force": STYLES[1]["color"]}
 DASHES = {128: (4, 2), 256: (1, 0)}
 
 
@@ -94,7 +96,7 @@ def write_report(folder: Path) -> list[Path]:
         If the folder cannot be written to, or matplotlib is not installed
     """
     table, picture = folder / "hertz.csv", folder / "hertz.png"
-    figure = _new_figure()
+    figure = new_figure(11, 7.5)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file: give a folder")
     try:
@@ -103,7 +105,7 @@ def write_report(folder: Path) -> list[Path]:
             curves = compare()
             csv.writer(file).writerows(_rows(curves))
         _draw(figure, curves)
-        figure.savefig(picture, dpi=150)
+        save(figure, picture)
     except OSError as error:
         raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
     return [table, picture]
@@ -116,14 +118,6 @@ def _rows(curves: Iterable[Curve]) -> Iterable[tuple[object, ...]]:
         columns = curve.delta.tolist(), curve.force.tolist(), curve.area_percent.tolist()
         for delta, force, area in zip(*columns, strict=True):
             yield curve.solution, curve.nodes or "", delta, force, area
-
-
-def _new_figure() -> Any:
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise InputError("drawing needs matplotlib: install the extra 'plot'") from None
-    return Figure(figsize=(11, 7.5), layout="constrained")
 
 
 def _draw(figure: Any, curves: list[Curve]) -> None:

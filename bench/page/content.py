@@ -12,13 +12,13 @@ class Figure:
     ----------
     picture : PNG file
     caption : what it shows and what to see, in a sentence or two; plain text
-    command : that makes it, as a user types it
+    command : that makes it, as a user types it; that of the part where left out
     data : tables (CSV) behind it
     """
 
     picture: Path
     caption: str
-    command: str
+    command: str = ""
     data: tuple[Path, ...] = ()
 
 
@@ -30,23 +30,30 @@ class Table:
     ----------
     data : CSV file, names of the columns first
     caption : what it shows and what to see; plain text
-    command : that makes it
+    command : that makes it; that of the part where left out
     columns : those that are shown, in this order; all where left out
     verdict : column whose value is `passed` where all is well: other rows are red
     """
 
     data: Path
     caption: str
-    command: str
+    command: str = ""
     columns: tuple[str, ...] = ()
     verdict: str = ""
 
 
 @dataclass(frozen=True)
 class Words:
-    """A paragraph of plain text."""
+    """Plain text.
+
+    Attributes
+    ----------
+    text : a paragraph
+    typed : whether its lines and blanks are to be kept, as a program printed them
+    """
 
     text: str
+    typed: bool = False
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,7 @@ from typing import Any
 
 from bench.peers.compare import Row
 from bench.peers.table import grouped
-
-
-def new_figure() -> Any:
-    """An empty figure, or None without matplotlib."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        return None
-    return Figure(layout="constrained")
+from bench.style import STYLES
 
 
 def draw(figure: Any, rows: Sequence[Row]) -> None:
@@ -26,7 +18,7 @@ def draw(figure: Any, rows: Sequence[Row]) -> None:
         times, ratios = panels[:, column]
         for number, name in enumerate(names):
             known = [r for r in group if r.solver == name and r.seconds and r.times_ours]
-            style = {"color": f"C{number}", "marker": "o", "label": name}
+            style = {**STYLES[number % len(STYLES)], "label": name}
             deltas = [row.delta for row in known]
             times.plot(deltas, [1e3 * (row.seconds or 0) for row in known], **style)
             ratios.plot(deltas, [row.times_ours for row in known], **style)

@@ -2,14 +2,17 @@
 
 import csv
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import astuple, fields
 from pathlib import Path
+from typing import Any
 
 from bench.peers.compare import PEERS, Row, compare, contenders
 from bench.peers.peer import Peer
-from bench.peers.picture import draw, new_figure
+from bench.peers.picture import draw
 from bench.peers.sample import samples
 from bench.peers.table import tables
+from bench.picture import new_figure, save
 from gen.errors import InputError
 
 UNITS = {"sigma0": "um", "delta": "um"}
@@ -45,7 +48,7 @@ def write_report(
         If a grid or a displacement cannot be used, or the folder cannot be written to
     """
     _check(folder, nodes, deltas)
-    figure = new_figure()
+    figure = _figure()
     for line in absent_lines(PEERS):
         announce(line)
     table, picture = folder / "peers.csv", folder / "peers.png"
@@ -59,10 +62,17 @@ def write_report(
             announce("no picture: matplotlib is not installed (extra 'plot')")
             return [table]
         draw(figure, rows)
-        figure.savefig(picture, dpi=150)
+        save(figure, picture)
     except OSError as error:
         raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
     return [table, picture]
+
+
+def _figure() -> Any:
+    """An empty figure, or None without matplotlib: the table can do without it."""
+    with suppress(InputError):
+        return new_figure()
+    return None
 
 
 def _check(folder: Path, nodes: Sequence[int], deltas: Sequence[float]) -> None:

@@ -4,16 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from bench.scale.studies import GOAL_RANKS, WANTED, Point
-from gen.errors import InputError
-
-
-def new_figure() -> Any:
-    """An empty figure; raises InputError without matplotlib."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise InputError("scale: the picture needs matplotlib; install the extra 'plot'") from None
-    return Figure(layout="constrained")
 
 
 def draw(figure: Any, points: Sequence[Point]) -> None:

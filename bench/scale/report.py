@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.picture import new_figure, save
 from bench.scale.costs import Costs, measure, read_costs, write_costs
-from bench.scale.picture import draw, new_figure
+from bench.scale.picture import draw
 from bench.scale.studies import GOAL_RANKS, GOAL_ROWS, WANTED, Point, saturation, sweep
 from bench.scale.validation import TOLERANCE, Comparison, compare
 from bench.table import write_table
@@ -54,7 +55,7 @@ def write_report(
         points = list(sweep(costs, remark))
         _write_points(paths[1], points)
         draw(figure, points)
-        figure.savefig(paths[2], dpi=150)
+        save(figure, paths[2])
     except OSError as error:
         raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
     return paths, text + summary(costs, points)

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import astuple, fields
 from pathlib import Path
 
+from bench.picture import new_figure, save
 from bench.surrogates.generalisation import Judged, Row
 from bench.surrogates.verdict import covers, verdict
 from bench.table import write_table
-from learn.comparison.pictures import new_figure, save
 
 
 def write_report(folder: Path, found: Sequence[Judged]) -> list[Path]:

@@ -9,7 +9,6 @@ from typing import Any
 
 from bench.style import STYLES
 from bench.work_precision.measurement import Point
-from gen.errors import InputError
 
 TITLES = {
     "tolerance": "Tolerance: 1e-1 (right) to 1e-12 (left), both kernels",
@@ -41,15 +40,6 @@ class Mark:
 
     label: str
     values: dict[str, float]
-
-
-def new_figure() -> Any:
-    """An empty figure, or an InputError where matplotlib is not installed."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise InputError("drawing needs matplotlib: install the extra 'plot'") from None
-    return Figure(layout="constrained")
 
 
 def draw(figure: Any, points: Sequence[Point]) -> None:

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from bench.circumstances import circumstances
+from bench.picture import new_figure, save
 from bench.work_precision.measurement import AREA_GATE, FORCE_GATE, PRESSURE_GATE, Point
-from bench.work_precision.picture import draw, new_figure
+from bench.work_precision.picture import draw
 from bench.work_precision.studies import FULL, Extent, Sweep, sweep
 from gen.errors import InputError
 
@@ -59,7 +60,7 @@ def write_report(
         text = json.dumps(_record(extent, done), indent=2, ensure_ascii=False)
         record.write_text(text + "\n", encoding="utf-8")
         draw(figure, done.points)
-        figure.savefig(picture, dpi=150)
+        save(figure, picture)
     except OSError as error:
         raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
     for missing in done.left_out:

@@ -1,0 +1,140 @@
+"""The parts of the page, in its order. Names of commands that users type stand here once more."""
+
+from bench.page import captions
+from bench.page.part import Part
+
+SOLVER = "The contact solver: error against run time"
+STABILITY = "Stiff and extreme cases"
+FARM = "The farm"
+SURROGATES = "Surrogates: what they are worth, and what they cost"
+PAPER = "The paper, side by side"
+BENCHMARKS = "Benchmarks"
+
+ROWS = 1500
+"""Rows of the paper preset that a short run generates; a full one generates all 15,878."""
+
+DATABASE = "databases/paper.h5"
+COMPARISON = "comparison"
+
+PARTS = (
+    Part(
+        "solver",
+        SOLVER,
+        "Work and precision",
+        quick="-m bench solver --quick -o {folder}",
+        full="-m bench solver -o {folder}",
+        show=captions.solver,
+    ),
+    Part(
+        "peers",
+        SOLVER,
+        "Other solvers, and the paper's algorithm",
+        quick="-m bench peers --nodes 129 --deltas 5,15,25 --rounds 2 -o {folder}",
+        full="-m bench peers --nodes 129,257,513 --deltas 5,15,25,35,45 -o {folder}",
+        show=captions.peers,
+    ),
+    Part(
+        "growth",
+        SOLVER,
+        "Growth with the grid",
+        quick="-m bench growth --nodes 129,257,513 --surfaces 1 -o {folder}",
+        full="-m bench growth --nodes 129,257,513,1025,2049 --surfaces 1 -o {folder}",
+        show=captions.growth,
+    ),
+    Part(
+        "hertz",
+        SOLVER,
+        "Hertz",
+        quick="-m bench hertz -o {folder}",
+        full="-m bench hertz -o {folder}",
+        show=captions.hertz,
+    ),
+    Part(
+        "stability",
+        STABILITY,
+        "Generators, statistics, solver, models",
+        quick="-m bench stability -o {folder}",
+        full="-m bench stability --full -o {folder}",
+        show=captions.stability,
+    ),
+    Part(
+        "scale",
+        FARM,
+        "Many ranks, simulated",
+        quick="",
+        full="-m bench scale --validate -o {folder}",
+        show=captions.scale,
+    ),
+    Part(
+        "comparison",
+        SURROGATES,
+        "Nine models",
+        quick="-m learn compare {database} --area-max 16.56 -o {folder}",
+        full="-m learn compare {database} --area-max 16.56 -o {folder}",
+        show=captions.comparison,
+    ),
+    Part(
+        "models",
+        SURROGATES,
+        "Error against the time of prediction, fit and search",
+        quick="-m bench models {comparison} -o {folder}",
+        full="-m bench models {comparison} -o {folder}",
+        show=captions.models,
+    ),
+    Part(
+        "tolerance",
+        SURROGATES,
+        "What the solver's tolerance does to a surrogate",
+        quick="-m bench tolerance -o {folder}",
+        full="-m bench tolerance --rows 4000 -o {folder}",
+        show=captions.tolerance,
+    ),
+    Part(
+        "generalisation",
+        SURROGATES,
+        "Where surrogates were not trained",
+        quick="-m bench generalisation --rows 1000 --database {database} -o {folder}",
+        full="-m bench generalisation --database {database} -o {folder}",
+        show=captions.generalisation,
+    ),
+    Part(
+        "cost",
+        SURROGATES,
+        "Total cost, and from where on a surrogate pays",
+        quick="-m bench cost --rows 1000 --database {database} -o {folder}",
+        full="-m bench cost --database {database} -o {folder}",
+        show=captions.cost,
+    ),
+    Part(
+        "throughput",
+        SURROGATES,
+        "Contacts a second",
+        quick="-m bench throughput --rows 500 --database {database} -o {folder}",
+        full="-m bench throughput --database {database} -o {folder}",
+        show=captions.throughput,
+    ),
+    Part(
+        "memory",
+        SURROGATES,
+        "Memory of fits",
+        quick="",
+        full="-m bench memory -o {folder}",
+        show=captions.memory,
+    ),
+    Part(
+        "paper",
+        PAPER,
+        "Figures and tables",
+        quick="-m bench paper --database {database} --comparison {comparison} -o {folder}",
+        full="-m bench paper --database {database} --comparison {comparison} -o {folder}",
+        show=captions.paper,
+    ),
+    Part(
+        "benchmarks",
+        BENCHMARKS,
+        "Times of single steps",
+        quick="-m pytest bench --benchmark-only -q -k smoke --benchmark-json {folder}/times.json",
+        full="-m pytest bench --benchmark-only -q --benchmark-json {folder}/times.json",
+        show=captions.benchmarks,
+    ),
+)

@@ -1,0 +1,45 @@
+"""Pictures of reports: made, and written under their names only once they are whole."""
+
+from pathlib import Path
+from typing import Any
+
+from bench.style import COLOURS
+from gen.errors import InputError
+
+DPI = 150
+
+
+def new_figure(width: float = 6.4, height: float = 4.8) -> Any:
+    """Make an empty figure [inches] whose curves have the colours of `bench.style`.
+
+    Raises
+    ------
+    InputError
+        If matplotlib is not installed.
+    """
+    try:
+        from cycler import cycler
+        from matplotlib import rcParams
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise InputError("drawing needs matplotlib: install the extra 'plot'") from None
+    rcParams["axes.prop_cycle"] = cycler(color=COLOURS)
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save(figure: Any, path: Path) -> Path:
+    """Write a figure as PNG.
+
+    Raises
+    ------
+    InputError
+        If that is not possible.
+    """
+    unfinished = path.with_name(f".{path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(unfinished, dpi=DPI, format="png")
+        unfinished.replace(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    return path
