@@ -1,8 +1,6 @@
 """One self-contained page: pictures and tables stand in the file itself."""
 
 import base64
-import csv
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,29 +10,10 @@ from bench.circumstances import circumstances
 from bench.page.content import Absent, Content, Figure, Table, Words
 from bench.page.part import Part
 from bench.page.run import FINISHED, Inputs, record, typed
+from bench.page.table import Row, tabulated
 from gen.errors import InputError
 
 PAGE = "index.html"
-DIGITS = 4
-"""Significant digits of numbers on the page; the files have all of them."""
-
-PASSED = "passed"
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A value of a table as it is shown."""
-
-    text: str
-    number: bool
-
-
-@dataclass(frozen=True)
-class Row:
-    """A line of a table; `failed` lines are red."""
-
-    cells: tuple[Cell, ...]
-    failed: bool
 
 
 @dataclass(frozen=True)
@@ -57,7 +36,13 @@ class Shown:
     @property
     def failures(self) -> int:
         """Lines of its tables with a failed verdict."""
-        return sum(values.get("failures", 0) for _, values in self.contents)
+        return sum(row.failed for row in self.judged)
+
+    @property
+    def judged(self) -> list[Row]:
+        """Lines of its tables that have a verdict."""
+        tables = (values["lines"] for kind, values in self.contents if kind == "table")
+        return [row for table in tables if table.judges for row in table.rows]
 
 
 def write_page(parts: Sequence[Part], inputs: Inputs) -> Path:
@@ -95,7 +80,7 @@ def write_page(parts: Sequence[Part], inputs: Inputs) -> Path:
     text = environment.get_template("page.html").render(
         chapters=chapters,
         made=circumstances(),
-        judged=sum(v.get("judged", 0) for each in shown for _, v in each.contents),
+        judged=sum(len(each.judged) for each in shown),
         failures=sum(each.failures for each in shown),
     )
     path, unfinished = inputs.output / PAGE, inputs.output / f".{PAGE}"
@@ -136,54 +121,16 @@ def _prepared(content: Content) -> tuple[str, dict[str, Any]]:
                 "files": [_download(path) for path in content.data],
             }
         case Table():
-            return "table", _table(content)
+            return "table", {
+                "lines": tabulated(content),
+                "caption": content.caption,
+                "command": content.command,
+                "files": [_download(content.data)],
+            }
         case Words():
             return "words", {"text": content.text, "typed": content.typed}
         case Absent():
             return "absent", {"what": content.what, "how": content.how}
-
-
-def _table(table: Table) -> dict[str, Any]:
-    header, *lines = csv.reader(_bytes(table.data).decode().splitlines())
-    columns = table.columns or tuple(header)
-    if missing := set(columns) - set(header):
-        raise InputError(f"{table.data}: has no column {', '.join(sorted(missing))}")
-    places = [header.index(name) for name in columns]
-    verdicts = [line[header.index(table.verdict)] for line in lines] if table.verdict else []
-    failed = [verdict != PASSED for verdict in verdicts] or [False] * len(lines)
-    return {
-        "header": [_title(name) for name in columns],
-        "rows": [
-            Row(tuple(_cell(line[place]) for place in places), bad)
-            for line, bad in zip(lines, failed, strict=True)
-        ],
-        "caption": table.caption,
-        "command": table.command,
-        "files": [_download(table.data)],
-        "judged": len(verdicts),
-        "failures": sum(failed) if verdicts else 0,
-    }
-
-
-def _title(name: str) -> str:
-    """A column's name for people, its unit in brackets where it ends in one."""
-    words = name.split("_")
-    units = {"um": "µm", "s": "s", "seconds": "s", "percent": "%", "uN": "µN"}
-    if len(words) > 1 and words[-1] in units:
-        return f"{' '.join(words[:-1])} [{units[words[-1]]}]"
-    return " ".join(words)
-
-
-def _cell(text: str) -> Cell:
-    try:
-        value = float(text)
-    except ValueError:
-        return Cell(text, number=False)
-    if not math.isfinite(value):
-        return Cell("" if math.isnan(value) else text.replace("inf", "∞"), number=True)
-    if value.is_integer() and abs(value) < 1e7:
-        return Cell(f"{value:,.0f}" if abs(value) >= 1e4 else f"{value:.0f}", number=True)
-    return Cell(f"{value:.{DIGITS}g}", number=True)
 
 
 def _download(path: Path) -> dict[str, str]:

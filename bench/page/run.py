@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from bench.circumstances import circumstances
 from bench.page.part import RECORD, Part
@@ -151,23 +151,37 @@ def _run(part: Part, inputs: Inputs, remark: Remark, interruption: Interruption)
         raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
     began = time.monotonic()
     told: list[str] = []
-    # A session of its own: Ctrl-C reaches us alone, and is passed on once.
     with (folder / "printed.txt").open("w", encoding="utf-8") as printed:
-        process = subprocess.Popen(
-            [sys.executable, *arguments],
-            stdout=printed,
-            stderr=subprocess.PIPE,
-            text=True,
-            errors="replace",
-            start_new_session=True,
-        )
+        code = _call(arguments, printed, told, remark, interruption)
+    if not interruption.requested():
+        _write_record(folder, arguments, code, time.monotonic() - began, told)
+    return code
+
+
+def _call(
+    arguments: Sequence[str],
+    printed: TextIO,
+    told: list[str],
+    remark: Remark,
+    interruption: Interruption,
+) -> int:
+    """Run one command; its exit code.
+
+    In a session of its own: Ctrl-C reaches us alone, and is passed on once.
+    """
+    with subprocess.Popen(
+        [sys.executable, *arguments],
+        stdout=printed,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        start_new_session=True,
+    ) as process:
         listener = threading.Thread(target=_listen, args=(process, told, remark), daemon=True)
         listener.start()
         code = _wait(process, interruption)
         listener.join(PATIENCE)
-    if not interruption.requested():
-        _write_record(folder, arguments, code, time.monotonic() - began, told)
-    return code
+        return code
 
 
 def _listen(process: "subprocess.Popen[str]", told: list[str], remark: Remark) -> None:
