@@ -217,6 +217,13 @@ def paper(folder: Path) -> Sequence[Content]:
     return contents(folder)
 
 
+def unstated(folder: Path) -> Sequence[Content]:
+    """Choices that the paper leaves open."""
+    from bench.unstated.report import contents
+
+    return contents(folder)
+
+
 def benchmarks(folder: Path) -> Sequence[Content]:
     """Times by pytest-benchmark."""
     from bench.benchmarks import contents

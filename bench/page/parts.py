@@ -130,6 +130,14 @@ PARTS = (
         show=captions.paper,
     ),
     Part(
+        "unstated",
+        PAPER,
+        "What the paper does not say, and what it does to the result",
+        quick="",
+        full="-m bench unstated --rows 3000 -o {folder}",
+        show=captions.unstated,
+    ),
+    Part(
         "benchmarks",
         BENCHMARKS,
         "Times of single steps",

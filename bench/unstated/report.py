@@ -1,0 +1,118 @@
+"""The files of `python -m bench unstated`, and what a page shows of them."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, fields
+from pathlib import Path
+from typing import Any
+
+from bench.page.content import Content, Figure, Table
+from bench.picture import new_figure, save
+from bench.style import STYLES
+from bench.table import write_table
+from bench.unstated import definitions, fixed_point, measurement
+from bench.unstated.measurement import Remark
+from gen.scene import load
+
+SURFACES = 200
+"""Surfaces that readings of Table 1 are tried on."""
+
+LIMITED = 8
+"""Surfaces that are pressed to shares of their limits."""
+
+SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 1.0, 1.05)
+"""Displacements over Delta*."""
+
+
+def write_report(folder: Path, rows: int, remark: Remark) -> list[Path]:
+    """Measure, and write `unstated.csv`, `readings.csv`, `early-stop.csv` and `unstated.png`.
+
+    Parameters
+    ----------
+    folder : where to; the databases go to its folder `databases`
+    rows : of each database
+    remark : told how far it is
+
+    Returns
+    -------
+    The files
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written to, or matplotlib is not installed.
+    """
+    new_figure()  # found out before minutes of measuring rather than after
+    remark("readings of Table 1")
+    readings = list(definitions.compare(load("paper"), SURFACES))
+    tables = [_write(folder / "readings.csv", definitions.Row, readings)]
+    remark("iterations that stop early")
+    stopped = list(fixed_point.compare(load("paper-mirco"), LIMITED, SHARES))
+    tables.append(_write(folder / "early-stop.csv", fixed_point.Row, stopped))
+    found = measurement.measure(folder / "databases", rows, remark)
+    tables.append(_write(folder / "unstated.csv", measurement.Row, found))
+    return [*tables, save(_picture(found), folder / "unstated.png")]
+
+
+def contents(folder: Path) -> Sequence[Content]:
+    """What there is to show."""
+    return [
+        Figure(
+            folder / "unstated.png",
+            "What the paper does not say, and what it does to the result: one choice at a time"
+            " against the preset (first line). Left, mean area and force over the preset's, on rows"
+            " that both have solved; middle, kernel ridge's R2 on the test rows, as many training"
+            " rows for all; right, how far the ranges of the 22 statistics are from Table 1's. The"
+            " second line is another seed: what moves less than that is chance.",
+            data=(folder / "unstated.csv",),
+        ),
+        Table(
+            folder / "unstated.csv",
+            "The same as numbers [%], times for areas and forces. Spread is the variance of the"
+            " test areas over their mean, to which nMSE is proportional at equal R2.",
+            columns=(
+                "choice", "ours", "other", "done", "area_mean", "area_times", "force_times",
+                "area_largest", "kept", "table_1", "nmse", "nmae", "r2", "spread",
+            ),
+        ),
+        Table(
+            folder / "readings.csv",
+            f"Readings of Table 1 that its names allow, on {SURFACES} surfaces: ranges beside the"
+            " paper's; distance is that of the ends, in per cent of the paper's width.",
+        ),
+        Table(
+            folder / "early-stop.csv",
+            "A far field that gives way, iterated as MIRCO does until the force changes by less"
+            " than 1 %, at shares of the displacement Delta* beyond which there is no equilibrium:"
+            " how many iterations stop, after how many solves, and how much too low [%] area and"
+            " force are where they do. From 1 on, what stops reports an answer that does not"
+            " exist.",
+        ),
+    ]  # fmt: skip
+
+
+def _write(path: Path, kind: Any, rows: Iterable[Any]) -> Path:
+    return write_table(path, [field.name for field in fields(kind)], map(astuple, rows))
+
+
+def _picture(rows: Sequence[measurement.Row]) -> Any:
+    """Dots over the choices: areas and forces, scores, and the distance from Table 1."""
+    figure = new_figure(12, 0.9 + 0.36 * len(rows))
+    labels = [f"{row.choice}: {row.other}" if row.other else row.choice for row in rows]
+    places = list(range(len(rows)))[::-1]
+    panels = figure.subplots(1, 3, sharey=True, width_ratios=(3, 2, 2))
+    for panel, columns, label in zip(
+        panels,
+        (("area_times", "force_times"), ("r2",), ("table_1",)),
+        ("times the preset's", "R2 [%]", "ranges off Table 1's [% of width]"),
+        strict=True,
+    ):
+        for number, column in enumerate(columns):
+            values = [getattr(row, column) for row in rows]
+            name = {"area_times": "mean area", "force_times": "mean force"}.get(column)
+            panel.plot(values, places, **STYLES[number], linestyle="none", label=name)
+            panel.axvline(values[0], color="0.7", lw=1, zorder=0)
+        panel.set(xlabel=label)
+        panel.grid(visible=True, axis="y", color="0.92")
+    panels[0].set_yticks(places, labels)
+    panels[0].legend()
+    return figure

@@ -1,0 +1,73 @@
+"""Errors of models against their times: read from a comparison, the front marked."""
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from bench.__main__ import main
+from bench.surrogates.models import Cost, costs, front, write_report
+from gen.errors import InputError
+
+
+def cost(model: str, nmae: float, seconds: float, search: float | None = None) -> Cost:
+    return Cost(model, "tuned" if search else "baseline", nmae, 99.0, seconds, seconds, search)
+
+
+@pytest.fixture
+def comparison(tmp_path: Path) -> Path:
+    """Three models as `learn show` writes them: one tuned too, one failed."""
+    folder = tmp_path / "comparison" / "area"
+    folder.mkdir(parents=True)
+    (folder / "scores.csv").write_text(
+        "model,result,nmae,r2,failure\n"
+        "decision-tree,baseline,15,92,\n"
+        "kernel-ridge,baseline,27,80,\n"
+        "kernel-ridge,tuned,4,99,\n"
+        "svm,baseline,,,no memory\n"
+    )
+    (folder / "times.csv").write_text(
+        "model,result,fit_s,fits,predict_test_s,predict_row_s\n"
+        "decision-tree,baseline,1,3,1,0.001\n"
+        "kernel-ridge,baseline,20,3,1,0.002\n"
+        "kernel-ridge,tuned,10,3,1,0.003\n"
+    )
+    (folder / "tuning-times.csv").write_text("model,fit_seconds,paper_s\nkernel-ridge,500,2599\n")
+    return folder.parent
+
+
+def test_front_is_what_nothing_beats_in_both() -> None:
+    a, b, c, d = cost("a", 10, 1), cost("b", 5, 2), cost("c", 6, 3), cost("d", 10, 0.5)
+    assert front([a, b, c, d], "fit_s") == [d, b]
+    assert front([a, b, c, d], "search_s") == []
+    assert front([], "fit_s") == []
+
+
+def test_errors_and_times_are_those_of_the_comparison(comparison: Path) -> None:
+    tree, untuned, tuned = costs(comparison)
+    assert (tree.model, tree.nmae, tree.fit_s, tree.search_s) == ("decision-tree", 15, 1, None)
+    assert (tuned.result, tuned.search_s, tuned.predict_s) == ("tuned", 500, 0.003)
+    assert (tree.front, untuned.front, tuned.front) == ("predict fit", "", "predict fit search")
+
+
+def test_command_writes_table_and_picture(comparison: Path, tmp_path: Path) -> None:
+    assert main(["models", str(comparison), "-o", str(tmp_path / "out")]) == 0
+    with (tmp_path / "out" / "models.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["model"] for row in rows] == ["decision-tree", "kernel-ridge", "kernel-ridge"]
+    assert rows[0]["search_s"] == ""
+    assert (tmp_path / "out" / "models.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_without_a_search_there_is_no_panel_for_it(tmp_path: Path) -> None:
+    assert len(write_report(tmp_path, [cost("svm", 10, 1)])) == 2
+
+
+def test_what_is_no_comparison_is_refused(
+    tmp_path: Path, comparison: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["models", str(tmp_path), "-o", str(tmp_path)]) == 2
+    assert "give a folder of learn compare or learn tune" in capfd.readouterr().err
+    (comparison / "area" / "times.csv").write_text("model,result\n")
+    with pytest.raises(InputError, match="no scores and times of area"):
+        costs(comparison)
