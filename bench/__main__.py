@@ -190,15 +190,20 @@ def stability(
         typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
     ] = None,
     full: Annotated[bool, typer.Option("--full", help="The slow cases too.")] = False,
+    of: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TABLE", help="solver, surfaces or models alone; may be repeated."),
+    ] = None,
 ) -> int:
-    """Press stiff and extreme cases and check every answer independently of the solver.
+    """Ask for what is stiff and extreme, and check every answer independently.
 
-    Prints a table and writes DIR/stability.csv if asked to. Exit code 0 if all cases passed, 1
-    otherwise.
+    Of the solver, of surfaces (generators and statistics) and of the nine models with their
+    features: prints a table each and writes DIR/stability.csv, surfaces.csv and models.csv if asked
+    to. Exit code 0 if all cases passed, 1 otherwise.
     """
     from bench.stability.report import report
 
-    return 0 if report(output, full=full) else 1
+    return 0 if report(output, full=full, of=of or ()) else 1
 
 
 @app.command()
@@ -382,6 +387,24 @@ def models(
 
 
 @app.command()
+def unstated(
+    output: Folder,
+    rows: Annotated[int, typer.Option(min=50, help="Rows of each database.")] = 1000,
+) -> None:
+    """Vary what the paper leaves unstated, one choice at a time, and show what that moves.
+
+    Influence coefficients, far field, spacing, generator, sigma0, shares of Delta, simulations
+    that were cut off; readings of bandwidth, peaks and asperities; an iteration that stops early.
+    Generates a dozen databases in DIR/databases, goes on there after Ctrl-C; DIR/unstated.csv,
+    readings.csv, early-stop.csv and unstated.png. Minutes.
+    """
+    from bench.unstated.report import write_report
+
+    for path in write_report(output, rows, _remark):
+        typer.echo(path)
+
+
+@app.command()
 def throughput(
     surrogate: Annotated[
         list[Path] | None,
@@ -409,6 +432,77 @@ def throughput(
     typer.echo(calls.markdown_table(speeds))
     if output is not None:
         typer.echo(calls.write_report(output, speeds))
+
+
+@app.command()
+def tolerance(
+    output: Folder,
+    rows: Annotated[
+        int, typer.Option(min=1, help="Rows of the paper preset; the paper has 15,878.")
+    ] = 600,
+    tolerances: Annotated[
+        str, typer.Option(metavar="RTOL,...", help="Relative tolerances of the solver.")
+    ] = "",
+    area_max: AreaMax = 16.56,
+) -> None:
+    """Measure what the solver's tolerance does to surrogates that learn from its areas.
+
+    The same rows at each tolerance: time of the database, errors of its areas, and errors of kernel
+    ridge trained on them and tested on rows solved tightly: DIR/tolerance.csv, .txt and .png. Two
+    minutes; goes on after Ctrl-C.
+    """
+    from bench.surrogates.tolerance import TOLERANCES
+    from bench.surrogates.tolerance import tolerance as measure
+    from bench.surrogates.tolerance_report import write_report
+
+    asked = _numbers("tolerances", tolerances, float) if tolerances else TOLERANCES
+    found = measure(output, rows, tolerances=asked, area_max=area_max, remark=_remark)
+    paths, text = write_report(output, found)
+    typer.echo(text)
+    for path in paths:
+        typer.echo(path)
+
+
+@app.command()
+def paper(
+    output: Folder,
+    rows: Annotated[
+        int, typer.Option(min=100, help="Rows of the paper preset, where no database is given.")
+    ] = 1000,
+    database: PaperDatabase = None,
+    fine: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A database on a finer grid, not generated anew."),
+    ] = None,
+    comparison: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of learn compare and learn tune, for the area."),
+    ] = None,
+    cost: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder of bench cost.")] = None,
+) -> None:
+    """Draw the paper's figures and tables anew, its numbers beside ours.
+
+    What needs a comparison or costs is left out without them. Deviations are named, and explained
+    where that is known. Goes on after Ctrl-C, and makes anew only what its inputs have changed.
+    """
+    from bench.paper.report import write_report
+
+    given = {"--database": database, "--fine": fine, "--comparison": comparison, "--cost": cost}
+    options = [f"{name} {path}" for name, path in given.items() if path is not None]
+    command = " ".join(["python -m bench paper -o", str(output), *options])
+    if database is None:
+        command += f" --rows {rows}"
+    for path in write_report(
+        output,
+        rows,
+        given=database,
+        finer=fine,
+        comparison=comparison,
+        costs=cost,
+        command=command,
+        remark=_remark,
+    ):
+        typer.echo(path)
 
 
 @app.command()

@@ -21,8 +21,8 @@ class Part:
     name : of the folder
     chapter : under which it stands
     title : of its section
-    quick, full : arguments of the Python interpreter, with {folder}, {database} and {comparison}
-        for what a run fills in; no arguments: not part of that run
+    quick, full : arguments of the Python interpreter, with {folder}, {database}, {comparison},
+        {cost} and {fine} for what a run fills in; no arguments: not part of that run
     show : lists what the folder holds
     minutes : that `quick` and `full` take, about, on two processors
     """

@@ -125,8 +125,10 @@ PARTS = (
         "paper",
         PAPER,
         "Figures and tables",
-        quick="-m bench paper --database {database} --comparison {comparison} -o {folder}",
-        full="-m bench paper --database {database} --comparison {comparison} -o {folder}",
+        quick="-m bench paper --database {database} --comparison {comparison} --cost {cost}"
+        " -o {folder}",
+        full="-m bench paper --database {database} --comparison {comparison} --cost {cost}"
+        " --fine {fine} -o {folder}",
         show=captions.paper,
     ),
     Part(

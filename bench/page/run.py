@@ -49,6 +49,8 @@ class Inputs:
             "folder": self.folder(part),
             "database": self.database,
             "comparison": self.comparison,
+            "cost": self.output / "cost",
+            "fine": self.output / "generalisation" / "databases" / "fine.h5",
         }
         return [word.format_map(values) for word in template.split()]
 

@@ -1,0 +1,60 @@
+"""Pictures that other commands draw, with what to see in them beside the paper."""
+
+import csv
+from pathlib import Path
+
+from bench import hertz
+from bench.page.content import Content, Figure
+from bench.paper import deviations
+from bench.paper.facts import AREA_MAX
+from learn.comparison import appendix
+from learn.request import Request
+
+APPENDIX_ROWS = 3000
+"""Training rows of Appendix A at most: that two predictions agree needs no more, and a Gaussian
+process's memory grows with their square."""
+
+
+def paraboloid(folder: Path, command: str) -> list[Content]:
+    """The paraboloid, as `python -m bench hertz` draws it (section 2.4)."""
+    table, picture = hertz.write_report(folder)
+    caption = (
+        "Section 2.4, a paraboloid against Hertz: force and area over the displacement, below how"
+        " far they are off. As in the paper, the area moves in steps, finer on the finer grid, for"
+        f" it counts nodes. Mean deviation of the area: {_deviations(table)}."
+        f" {deviations.KERNEL}."
+    )
+    return [Figure(picture, caption, command, (table,))]
+
+
+def _deviations(table: Path) -> str:
+    """Mean deviation of each solution's areas from Hertz's."""
+    with table.open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    areas: dict[str, list[float]] = {}
+    for row in rows:
+        name = f"{row['solution']} on {row['nodes']} nodes a side" if row["nodes"] else ""
+        areas.setdefault(name, []).append(float(row["area_percent"]))
+    exact = sum(areas.pop(""))
+    return ", ".join(
+        f"{100 * (sum(own) / exact - 1):+.1f} % ({name})" for name, own in areas.items()
+    )
+
+
+def equal_kernels(folder: Path, source: Path, command: str) -> list[Content]:
+    """Two models that are one, as `learn appendix` draws them (Appendix A)."""
+    said: list[str] = []
+    # Its own folder of other rows, if the inputs have changed: `learn appendix` would refuse it.
+    (folder / "appendix" / "area" / "comparison.json").unlink(missing_ok=True)
+    asked = Request(
+        source, folder / "appendix", area_max=AREA_MAX, train_rows=APPENDIX_ROWS, again=True
+    )
+    table, picture = appendix.write_report(asked, said.append)
+    caption = (
+        "Appendix A, Gaussian process and kernel ridge with equal kernels: both over the solved"
+        " area, one over the other, and their difference (1e-18 where there is none). As in the"
+        " paper both are good with the radial basis function and poor with the linear kernel, and"
+        " predict the same:"
+        f" {'; '.join(said)}. At most {APPENDIX_ROWS:,} training rows here."
+    )
+    return [Figure(picture, caption, command, (table,))]

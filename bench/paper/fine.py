@@ -1,0 +1,195 @@
+"""Kernel ridge on a finer grid than it was trained with: section 4.3 and Table 5."""
+
+from dataclasses import astuple, dataclass, fields
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.page.content import Content, Figure, Table
+from bench.paper import deviations
+from bench.paper.deviations import ratio, short
+from bench.paper.facts import AREA_MAX, FINE, FINE_ROWS
+from bench.picture import new_figure, save
+from bench.style import COLOURS
+from bench.surrogates.clock import median_seconds
+from bench.surrogates.fitting import Fitted, fit, parted, read, request_for
+from bench.table import write_table
+from gen.database import Reader
+from gen.errors import InputError
+from gen.scene import Scene, differences, load
+from learn.dataset import Dataset
+from learn.features import SETS
+from learn.metrics import Scores, scores
+
+Values = NDArray[np.float64]
+
+MODEL = "kernel-ridge"
+CURVATURE = "peak_curvature_mean"
+
+PRESET = load("paper")
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A surrogate of the coarse grid on rows of the fine one.
+
+    Attributes
+    ----------
+    rows : of the fine grid
+    prediction : (n,) areas [%]
+    scores : of these
+    trained : number of training rows
+    seconds : of a single prediction, features at hand [s]
+    batched : of a prediction among all of them [s]
+    """
+
+    rows: Dataset
+    prediction: Values
+    scores: Scores
+    trained: int
+    seconds: float
+    batched: float
+
+
+def fine_grid(folder: Path, database: Path, fine: Path, command: str) -> list[Content]:
+    """Train with each feature set on the preset's grid, test on the finer one.
+
+    Parameters
+    ----------
+    folder : to write into
+    database : of the paper preset
+    fine : the same with a finer grid
+    command : for the captions
+
+    Raises
+    ------
+    InputError
+        If the grid is not finer, or a database has too few rows.
+    """
+    same = check(fine).seed == PRESET.seed
+    found = {name: _judge(database, fine, name) for name in SETS}
+    curvature = _curvature(database, next(iter(found.values())).rows)
+    table = _table(folder, found, curvature)
+    rows = next(iter(found.values())).rows.size
+    r2 = ", ".join(f"{each.scores.r2:.2f}" for each in found.values())
+    seen = " (surfaces of the training's seed: not unseen)" if same else ""
+    return [
+        Figure(
+            save(_picture(found, fine), folder / "fine-grid.png"),
+            f"Section 4.3, kernel ridge trained on 128 x 128 cells and tested on a finer grid:"
+            f" {rows:,} rows{seen}, the paper has {FINE_ROWS}. On the line both agree; inputs are"
+            " the paper's, then without units, then with a loose solve among them (hybrid). Its R2"
+            f" is {FINE.r2:g} %, ours {r2}. Last: time of a solve on that grid and of a"
+            " prediction with features at hand.",
+            command,
+            (table, _predictions(folder, found)),
+        ),
+        Table(
+            table,
+            f"Table 5, scores on the finer grid [%]. Why: {curvature}.",
+            command,
+        ),
+    ]
+
+
+def check(fine: Path) -> Scene:
+    """Refuse a database that is not the paper preset's on a finer grid.
+
+    Returns
+    -------
+    Its scene
+    """
+    with Reader(fine) as reader:
+        scene = reader.scene
+    nodes, coarse = scene.surface.nodes, PRESET.surface.nodes
+    if nodes <= coarse:
+        raise InputError(
+            f"--fine {fine}: has {nodes} nodes a side, give one with more than {coarse}:"
+            " python -m gen run fine -o fine.h5"
+        )
+    alike = {"surface": scene.surface.model_copy(update={"nodes": coarse}), "store": PRESET.store}
+    different = differences(scene.model_copy(update=alike), PRESET)
+    if any(not line.startswith("seed") for line in different):
+        raise InputError(
+            f"--fine {fine}: give one of the paper preset with another grid ({different[0]})"
+        )
+    return scene
+
+
+def _judge(database: Path, fine: Path, features: str) -> Judged:
+    """Fit as `learn fit` does, and test."""
+    request = request_for(database, MODEL, features, AREA_MAX)
+    parts = parted(read(request))
+    fitted: Fitted = fit(request, parts.train, parts.calibration, parts.folds)
+    rows = read(request_for(fine, MODEL, features, AREA_MAX))
+    prediction = fitted.predict(rows)
+    return Judged(
+        rows,
+        prediction,
+        scores(rows.target, prediction),
+        parts.train.size,
+        median_seconds(partial(fitted.predict, rows.at(np.array([0])))),
+        median_seconds(partial(fitted.predict, rows)) / rows.size,
+    )
+
+
+def _curvature(database: Path, fine: Dataset) -> str:
+    """Why the statistics do not carry over: how the mean curvature of peaks changes."""
+    with Reader(database) as reader:
+        coarse = reader.column(CURVATURE)
+    with Reader(Path(fine.source["database"])) as reader:
+        own = reader.column(CURVATURE)[fine.rows]
+    growth = float(np.median(own) / np.nanmedian(coarse))
+    return deviations.FINE.format(growth, 100 * float((own > np.nanmax(coarse)).mean()))
+
+
+def _table(folder: Path, found: dict[str, Judged], curvature: str) -> Path:
+    """Table 5, a column for each feature set."""
+    ours = found["paper"].scores
+    rows = []
+    for field, theirs in zip(fields(Scores), astuple(FINE), strict=True):
+        name = field.name
+        mine = getattr(ours, name)
+        apart = f"{mine - theirs:+.2f}" if name == "r2" else ratio(mine, theirs)
+        cells = [short(getattr(each.scores, name)) for each in found.values()]
+        rows.append((name, *cells, short(theirs), apart, curvature))
+    header = ("score_percent", *(f"ours_{name}" for name in found))
+    return write_table(folder / "table-5.csv", (*header, "paper", "deviation", "explanation"), rows)
+
+
+def _predictions(folder: Path, found: dict[str, Judged]) -> Path:
+    """The points of the picture."""
+    first = next(iter(found.values())).rows
+    columns = [first.target, *(each.prediction for each in found.values())]
+    rows = zip(first.rows.tolist(), *([f"{v:.5g}" for v in c] for c in columns), strict=True)
+    return write_table(folder / "fine-grid.csv", ("row", "solved_percent", *found), rows)
+
+
+def _picture(found: dict[str, Judged], fine: Path) -> Any:
+    """Prediction over truth with each feature set, then times."""
+    figure = new_figure(10, 8)
+    axes = figure.subplots(2, 2).ravel()
+    for axis, (name, each) in zip(axes, found.items(), strict=False):
+        ends = [0.0, float(each.rows.target.max())]
+        axis.plot(ends, ends, "k-", lw=1)
+        axis.plot(each.rows.target, each.prediction, ".", ms=3, color=COLOURS[0])
+        beside = f" (the paper's {FINE.r2:.2f} %)" if name == "paper" else ""
+        axis.set_title(f"{name} features: R² {each.scores.r2:.2f} %{beside}", fontsize=10)
+        axis.set(xlabel="solved area [%]", ylabel="predicted area [%]")
+    first = found["paper"]
+    with Reader(fine) as reader:
+        seconds = reader.column("solve_seconds")[first.rows.rows]
+    last = axes[-1]
+    last.plot(first.rows.target, seconds, ".", ms=3, color=COLOURS[0], label="a solve")
+    for value, style, label in (
+        (first.seconds, "--", "a prediction alone"),
+        (first.batched, ":", f"a prediction among {first.rows.size:,}"),
+    ):
+        last.axhline(value, color=COLOURS[1], ls=style, lw=2, label=label)
+    last.set(yscale="log", xlabel="solved area [%]", ylabel="time [s]")
+    last.set_title("time of an answer, features at hand", fontsize=10)
+    last.legend(fontsize=9)
+    return figure

@@ -1,0 +1,179 @@
+"""The paper's nine models beside ours: Tables 2 to 4."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from bench.page.content import Content, Table
+from bench.paper import deviations
+from bench.paper.deviations import ratio, short
+from bench.paper.facts import SPREAD, TRAIN_ROWS, spread_of
+from bench.table import write_table
+from gen.errors import InputError
+from learn.comparison import paper, tables
+from learn.comparison.folder import Folder
+from learn.comparison.spaces import OPTIMA, SPACES
+from learn.metrics import Scores
+from learn.models import MODELS
+
+ALIKE = 1.3
+"""Unexplained variances count as alike up to this ratio."""
+
+BELONG = 0.15
+"""So far may the paper's nMSE and R2 of a model be from those of its others, relatively."""
+
+MANY = 20
+"""Values of a hyperparameter that are all listed."""
+
+Shown = dict[str, dict[str, Any]]
+
+
+def opened(comparison: Path) -> Folder:
+    """Find a comparison's part on the paper's inputs and target.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    folder = Folder(comparison / "area")
+    if not (folder.path / "comparison.json").exists():
+        raise InputError(
+            f"--comparison {comparison}: give a folder of learn compare or learn tune, for the area"
+        )
+    features = folder.record()["conditions"].get("features", "paper")
+    if features != "paper":
+        raise InputError(f"--comparison {comparison}: is on {features} features, not the paper's")
+    return folder
+
+
+def results(folder: Folder, kind: str) -> Shown:
+    """What has scores, by model, in Table 4's order."""
+    return {
+        model: result
+        for model, found, result in tables.results(folder)
+        if found == kind and result.get("test") is not None
+    }
+
+
+def spread(folder: Folder) -> float:
+    """Variance of the test areas over their mean [%], as in `facts.SPREAD`."""
+    model, kind, _ = next(each for each in tables.results(folder) if each[2].get("test"))
+    truth, _ = folder.prediction(kind, model)
+    return float(truth.var() / truth.mean())
+
+
+def table_2(folder: Path, comparison: Path | None, command: str) -> list[Content]:
+    """Search spaces and optima."""
+    tuned = {} if comparison is None else results(opened(comparison), "tuned")
+    rows: list[tuple[object, ...]] = []
+    for model, space in SPACES.items():
+        found = tuned.get(model, {}).get("settings", {})
+        for name, values in space.items():
+            theirs = OPTIMA[model][name]
+            ours = found.get(name, "")
+            ours = tuple(ours) if isinstance(ours, list) else ours
+            same = "" if not found else "same" if ours == theirs else "another"
+            tried = _values(values)
+            title = MODELS[model].title
+            parameter = name.removeprefix("estimator__")
+            rows.append((title, parameter, len(values), tried, _value(theirs), _value(ours), same))
+    header = ("model", "hyperparameter", "points", "values_tried", "paper_optimum", "our_optimum")
+    path = write_table(folder / "table-2.csv", (*header, "deviation"), rows)
+    missing = [MODELS[model].title for model in SPACES if model not in tuned]
+    text = (
+        "Table 2, search spaces: ranges, numbers of points and optima are the paper's; the values"
+        " between are ours, since it prints none, chosen so that its optimum is one of them."
+    )
+    if missing:
+        text += f" Not searched here: {', '.join(missing)}; learn tune does that."
+    return [Table(path, text, command)]
+
+
+def _values(values: Sequence[Any]) -> str:
+    """All values, of very many the first and the last ones."""
+    texts = [_value(value) for value in values]
+    return ", ".join(texts if len(texts) <= MANY else [*texts[:5], "...", *texts[-2:]])
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, tuple):
+        return "-".join(map(str, value))
+    return "none" if value is None else str(value)
+
+
+def table_3(folder: Path, comparison: Path, command: str) -> list[Content]:
+    """Times of the searches."""
+    tuned = results(opened(comparison), "tuned")
+    rows: list[tuple[str, ...]] = []
+    for model, theirs in paper.TUNING_SECONDS.items():
+        result = tuned.get(model, {})
+        found = result.get("search")
+        if found is None:
+            rows.append((MODELS[model].title, "", short(theirs), "", "not searched here"))
+            continue
+        ours = float(result["times"]["search"])
+        why = deviations.SEARCH.format(f"{found['fits']:,} fits", f"{found['fits_nominal']:,}")
+        if found["how"] != "whole grid":
+            why = f"{found['how']} of the grid searched; {why}"
+        cells = (short(ours), short(theirs), ratio(ours, theirs), why)
+        rows.append((MODELS[model].title, *cells))
+    header = ("model", "ours_s", "paper_s", "ours_over_paper", "explanation")
+    path = write_table(folder / "table-3.csv", header, rows)
+    text = (
+        "Table 3, times of the searches for settings: ours is the sum of the times of all fits on"
+        " one thread."
+    )
+    return [Table(path, text, command)]
+
+
+def table_4(folder: Path, comparison: Path, command: str) -> list[Content]:
+    """Scores and times of all models, with what separates them from the paper's."""
+    ours = opened(comparison)
+    here = spread(ours)
+    rows = [
+        (MODELS[model].title, kind, *_scores_and_times(model, kind, result, here))
+        for model, kind, result in tables.results(ours)
+        if result.get("test") is not None
+    ]
+    pairs = [*tables.SCORES.values(), "fit_s", "predict_s"]
+    header = ["model", "result", *(f"{name}{end}" for name in pairs for end in ("", "_paper"))]
+    path = write_table(
+        folder / "table-4.csv",
+        [*header, "nMAE_ratio", "unexplained_ratio", "explanation"],
+        rows,
+    )
+    record = ours.record()["conditions"]
+    text = (
+        f"Table 4, scores on the test rows [%] and times [s]; {record['train_rows']:,} rows train"
+        f" here, {TRAIN_ROWS:,} in the paper. Compare R2: unexplained_ratio is our 100 - R2 over"
+        f" the paper's; {deviations.SPREAD.format(here, SPREAD)}."
+    )
+    return [Table(path, text, command)]
+
+
+def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float) -> Iterator[str]:
+    """Cells of a row of Table 4, ours and the paper's in turn."""
+    theirs, times = paper.TEST[kind][model], result.get("times") or {}
+    for name in tables.SCORES:
+        yield f"{result['test'][name]:.2f}"
+        yield f"{getattr(theirs, name):.2f}"
+    for ours, published in zip(
+        (times.get("fit"), times.get("test")), paper.TIMES[kind][model], strict=True
+    ):
+        yield "" if ours is None else f"{ours:.3g}"
+        yield f"{published:.3g}"
+    unexplained = (100 - result["test"]["r2"]) / (100 - theirs.r2)
+    yield ratio(result["test"]["nmae"], theirs.nmae)
+    yield ratio(unexplained, 1.0)
+    yield _why(theirs, unexplained, here)
+
+
+def _why(theirs: Scores, unexplained: float, here: float) -> str:
+    """What is known about the distance of a row from the paper's."""
+    reasons = [] if unexplained <= ALIKE else [f"worse R2: {deviations.UNEXPLAINED}"]
+    if abs(spread_of(theirs) / SPREAD - 1) > BELONG:
+        reasons.append(deviations.TWO_SPREADS)
+    if unexplained <= ALIKE:
+        reasons.append(f"R2 alike; nMSE x {here / SPREAD:.2g} by the areas' spread")
+    return "; ".join(reasons)

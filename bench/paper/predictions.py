@@ -1,0 +1,157 @@
+"""The models in pictures: predictions over truth, scores and times, the paper's beside ours."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.page.content import Content, Figure
+from bench.paper.deviations import short
+from bench.paper.models import Shown, opened, results
+from bench.picture import new_figure, save
+from bench.style import COLOURS
+from bench.table import write_table
+from learn.comparison import paper, tables
+from learn.comparison.folder import Folder
+from learn.models import MODELS
+
+TIMES = {"fit": "fit [s]", "test": "prediction of\nall test rows [s]"}
+"""Times of Table 4, in its order."""
+
+
+def predictions(folder: Path, comparison: Path, kind: str, command: str) -> list[Content]:
+    """Predictions over truth, as in sections 4.1 (baselines) and 4.2 (tuned beside baselines).
+
+    Returns
+    -------
+    Nothing where the comparison has no result of this kind
+    """
+    ours = opened(comparison)
+    shown = results(ours, kind)
+    if not shown:
+        return []
+    kinds = ("baseline",) if kind == "baseline" else ("baseline", "tuned")
+    columns = min(3, len(shown))
+    lines = -(-len(shown) // columns)
+    figure = new_figure(max(3.5 * columns, 4.6), 3.1 * lines + 0.4)
+    axes = figure.subplots(lines, columns, squeeze=False).ravel()
+    rows: list[tuple[object, ...]] = []
+    for model, axis in zip(shown, axes, strict=False):
+        for each in kinds:
+            if ours.result(each, model):
+                rows += _draw_prediction(axis, ours, each, model)
+        axis.set_title(MODELS[model].title, fontsize=10)
+    for axis in axes[len(shown) :]:
+        axis.set_axis_off()
+    figure.supxlabel("solved area [%]", fontsize=10)
+    figure.supylabel("predicted area [%]", fontsize=10)
+    path = write_table(
+        folder / f"predictions-{kind}.csv", ("model", "result", "solved", "predicted"), rows
+    )
+    section = "4.1, baselines" if kind == "baseline" else "4.2, tuned models beside baselines"
+    text = (
+        f"Section {section}: predicted over solved areas of the test rows; on the line they agree."
+        f" {_seen(ours, kind, shown)}"
+    )
+    return [Figure(save(figure, folder / f"predictions-{kind}.png"), text, command, (path,))]
+
+
+def _seen(folder: Folder, kind: str, shown: Shown) -> str:
+    """Which model is closest, and which predict areas that cannot be, here and in the paper."""
+    best = max(shown, key=lambda model: float(shown[model]["test"]["r2"]))
+    theirs = max(shown, key=lambda model: paper.TEST[kind][model].r2)
+    below = [
+        f"{MODELS[model].title} ({share:.0f} % of the rows)"
+        for model in shown
+        if (share := 100 * float((folder.prediction(kind, model)[1] < 0).mean())) >= 1
+    ]
+    return (
+        f"The closest of these here: {MODELS[best].title}, in the paper: {MODELS[theirs].title}."
+        f" Predicted areas below zero, which cannot be: {', '.join(below) or 'hardly any'}."
+    )
+
+
+def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> list[tuple[object, ...]]:
+    """Dots of a model; its rows for the table."""
+    truth, predicted = folder.prediction(kind, model)
+    result = folder.result(kind, model) or {}
+    colour = COLOURS[0] if kind == "baseline" else COLOURS[1]
+    label = f"{kind}: R² {result['test']['r2']:.2f} %\n(paper's {paper.TEST[kind][model].r2:.2f} %)"
+    axis.plot(truth, predicted, ".", ms=2, color=colour, label=label, rasterized=True)
+    ends = [0.0, float(truth.max())]
+    axis.plot(ends, ends, "k-", lw=1)
+    low, high = axis.get_ylim()
+    axis.set_ylim(low, max(high, 1.35 * ends[1]))
+    axis.legend(loc="upper left", fontsize=8, markerscale=4, framealpha=0.9)
+    pairs = zip(truth.tolist(), predicted.tolist(), strict=True)
+    return [(model, kind, f"{solved:.5g}", f"{guess:.5g}") for solved, guess in pairs]
+
+
+def bars(folder: Path, comparison: Path, command: str) -> list[Content]:
+    """Scores and times of the baselines as bars, the paper's beside ours (section 4.1).
+
+    Returns
+    -------
+    Nothing where the comparison has no baseline
+    """
+    shown, theirs = results(opened(comparison), "baseline"), paper.TEST["baseline"]
+    if not shown:
+        return []
+    models = list(shown)
+    figure = new_figure(max(7.5, 2.2 + len(models)), 10.5)
+    axes = figure.subplots(len(tables.SCORES) + 2, 1, sharex=True)
+    rows: list[tuple[object, ...]] = []
+    for axis, (name, title) in zip(axes, tables.SCORES.items(), strict=False):
+        ours = [shown[model]["test"][name] for model in models]
+        published = [getattr(theirs[model], name) for model in models]
+        rows += _draw_bars(axis, f"{title.replace('R2', 'R²')} [%]", models, ours, published)
+    r2 = [min(shown[model]["test"]["r2"], theirs[model].r2) for model in models]
+    lowest = max(0.0, 10 * np.floor(min(r2) / 10) - 10)
+    axes[len(tables.SCORES) - 1].set_ylim(lowest, 100 + 0.3 * (100 - lowest))
+    for place, (name, title) in enumerate(TIMES.items()):
+        axis = axes[len(tables.SCORES) + place]
+        ours = [(shown[model].get("times") or {}).get(name) for model in models]
+        published = [paper.TIMES["baseline"][model][place] for model in models]
+        rows += _draw_bars(axis, title, models, ours, published)
+        axis.set_yscale("log")
+        low, high = axis.get_ylim()
+        axis.set_ylim(low / 2, high * 6)
+    names = [MODELS[model].title.replace(" ", "\n") for model in models]
+    axes[-1].set_xticks(range(len(models)), names)
+    axes[0].legend(ncols=2, loc="upper right", fontsize=9)
+    path = write_table(folder / "bars.csv", ("model", "quantity", "ours", "paper"), rows)
+    text = (
+        "Section 4.1, baselines: scores and times, the paper's hatched beside ours. Errors above"
+        f" (less is better), R2 (from {lowest:g} % on), then times on a logarithmic axis. Compare"
+        " the order of the models; the times are another machine's."
+    )
+    return [Figure(save(figure, folder / "bars.png"), text, command, (path,))]
+
+
+def _draw_bars(
+    axis: Any, title: str, models: Sequence[str], ours: Sequence[Any], theirs: Sequence[float]
+) -> list[tuple[object, ...]]:
+    """Two bars a model; the rows for the table."""
+    places = np.arange(len(models))
+    known = [np.nan if value is None else float(value) for value in ours]
+    for shift, values, style in (
+        (-0.2, known, {"color": COLOURS[0], "label": "ours"}),
+        (
+            0.2,
+            theirs,
+            {"color": COLOURS[4], "hatch": "///", "edgecolor": "w", "label": "the paper's"},
+        ),
+    ):
+        drawn = axis.bar(places + shift, values, 0.38, **style)
+        form = [f"{value:.3g}" for value in values]
+        if "R²" in title:
+            form = [f"{value:.1f}" for value in values]
+        axis.bar_label(drawn, form, fontsize=7, padding=1)
+    axis.set_ylabel(title, fontsize=9)
+    axis.margins(y=0.25)
+    quantity = title.replace("\n", " ")
+    return [
+        (model, quantity, short(mine), short(other))
+        for model, mine, other in zip(models, known, theirs, strict=True)
+    ]

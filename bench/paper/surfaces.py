@@ -1,0 +1,184 @@
+"""The paper's pictures of surfaces: how they are generated, described and pressed."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import bem
+from bench.page.content import Content, Figure
+from bench.paper.deviations import short
+from bench.paper.facts import DELTAS, GRIDS
+from bench.picture import new_figure, save
+from bench.style import COLOURS
+from bench.table import write_table
+from gen.scene import load
+from gen.statistics import describe
+from gen.surface import GENERATORS, generate
+
+Heights = NDArray[np.float64]
+
+SEED = 3
+PRESET = load("paper").surface
+SIDE, NODES = PRESET.side, PRESET.nodes
+ROUGH, SMOOTH = PRESET.hurst
+SIGMA0 = sum(PRESET.sigma0) / 2
+"""The middle of the preset's range [um]."""
+
+
+def surface(hurst: float, generator: str = "diamond-square", nodes: int = NODES) -> Heights:
+    """(nodes, nodes) heights of the surface that all pictures show [um]."""
+    return generate(generator, nodes, hurst, SIGMA0, np.random.default_rng(SEED))
+
+
+def levels(folder: Path, command: str) -> list[Content]:
+    """One surface at four levels, by both generators (section 2.2)."""
+    middle = (ROUGH + SMOOTH) / 2
+    figure = new_figure(10.5, 4.9)
+    axes = figure.subplots(len(GENERATORS), len(GRIDS))
+    rows = []
+    for line, generator in zip(axes, GENERATORS, strict=True):
+        grids = [surface(middle, generator, cells + 1) for cells in GRIDS]
+        highest = max(float(heights.max()) for heights in grids)
+        for axis, cells, heights in zip(line, GRIDS, grids, strict=True):
+            shown = _image(axis, heights, vmin=0, vmax=highest)
+            axis.set_title(f"{cells} × {cells}", fontsize=10)
+            rms, top = float(heights.std()), float(heights.max())
+            rows.append((generator, cells, cells + 1, short(rms), short(top)))
+        figure.colorbar(shown, ax=line, label="height [µm]", shrink=0.9)
+        line[0].set_ylabel(f"{generator}\ny [µm]")
+    for axis in axes[-1]:
+        axis.set_xlabel("x [µm]")
+    header = ("generator", "cells_a_side", "nodes_a_side", "rms_height_um", "largest_height_um")
+    table = write_table(folder / "levels.csv", header, rows)
+    caption = (
+        f"Section 2.2, random midpoint displacement: one surface (H = {middle:g}, sigma0 ="
+        f" {SIGMA0:g} um) on finer and finer grids. Each level keeps the nodes it has and adds"
+        " ever smaller hills between them (a tile is a node). Above the generator of our"
+        " databases, which also reproduces the paper's statistics; below the algorithm as the"
+        " paper's text tells it."
+    )
+    return [Figure(save(figure, folder / "levels.png"), caption, command, (table,))]
+
+
+def profile(folder: Path, command: str) -> list[Content]:
+    """A topography and one of its profiles, statistics marked (section 2.3)."""
+    heights = surface(ROUGH)
+    middle = NODES // 2
+    x, line = np.linspace(0, SIDE, NODES), heights[:, middle]
+    peaks = _above(line, axis=0)
+    asperities = _above(heights, axis=0) & _above(heights, axis=1)
+    figure = new_figure(11, 4.2)
+    left, right = figure.subplots(1, 2, width_ratios=(1, 1.7))
+    shown = _image(left, heights)
+    figure.colorbar(shown, ax=left, label="height [µm]")
+    left.axhline(x[middle], color="w", lw=1.5)
+    left.plot(*(x[places] for places in np.nonzero(asperities)), "w.", ms=1.2)
+    left.set(title="(a) topography: asperities, a profile", xlabel="x [µm]", ylabel="y [µm]")
+    _draw_profile(right, x, line, peaks, asperities[:, middle])
+    values = describe(heights, PRESET.side / (NODES - 1)).values
+    peak = line[peaks]
+    rows = [
+        ("profile peaks, this profile", int(peaks.sum()), short(peak.mean()), short(peak.std())),
+        (
+            "profile peaks, all profiles",
+            round(values["peak_density"] * 2 * heights.size),
+            short(values["peak_mean"]),
+            short(values["peak_rms"]),
+        ),
+        (
+            "asperities",
+            int(asperities.sum()),
+            short(values["asperity_mean"]),
+            short(values["asperity_rms"]),
+        ),
+        ("all nodes", heights.size, short(values["height_mean"]), short(values["height_rms"])),
+    ]
+    header = ("of", "number", "mean_height_um", "rms_um")
+    table = write_table(folder / "profile.csv", header, rows)
+    caption = (
+        f"Section 2.3, what the statistics count: (a) asperities of a surface (H = {ROUGH:g}) as"
+        " dots, nodes above their four neighbours, and the line of a profile; (b) that profile"
+        " with its peaks, nodes above both neighbours, the highest of them and their mean. Only"
+        " some peaks are asperities: the others are flanks across the profile."
+    )
+    return [Figure(save(figure, folder / "profile.png"), caption, command, (table,))]
+
+
+def _draw_profile(
+    axis: Any, x: Heights, line: Heights, peaks: NDArray[np.bool_], asperities: NDArray[np.bool_]
+) -> None:
+    """A profile, its peaks and what is said of them."""
+    heights = line[peaks]
+    mean, rms = float(heights.mean()), float(heights.std())
+    axis.plot(x, line, color="0.45", lw=1, label="profile")
+    axis.plot(x[peaks], heights, "^", ms=4, color=COLOURS[0], label="peaks")
+    axis.plot(x[asperities], line[asperities], "o", ms=8, mfc="none", color=COLOURS[1])
+    axis.plot([], [], "o", ms=8, mfc="none", color=COLOURS[1], label="also asperities")
+    axis.axhspan(mean - rms, mean + rms, color=COLOURS[5], alpha=0.25, lw=0)
+    axis.axhline(mean, color=COLOURS[0], ls="--", label=f"mean of peaks {mean:.3g} ± {rms:.2g} µm")
+    top = float(heights.max())
+    axis.axhline(top, color="k", ls=":", label=f"highest peak {top:.3g} µm")
+    span = float(np.ptp(line))
+    axis.set(
+        title="(b) the profile",
+        xlabel="x [µm]",
+        ylabel="height [µm]",
+        xlim=(x[0], x[-1]),
+        ylim=(float(line.min()) - 0.05 * span, top + 0.45 * span),
+    )
+    axis.legend(ncols=2, fontsize=8, loc="upper center")
+
+
+def topographies(folder: Path, command: str) -> list[Content]:
+    """Two topographies, the forces on their nodes under two displacements (section 2.4)."""
+    small, large = DELTAS
+    cases = [("ad", ROUGH, small), ("be", ROUGH, large), ("cf", SMOOTH, small)]
+    figure = new_figure(10.5, 6.6)
+    axes = figure.subplots(2, len(cases))
+    pressed = [bem.solve(surface(hurst), SIDE, delta) for _, hurst, delta in cases]
+    fields = [contact.pressure * (SIDE / (NODES - 1)) ** 2 for contact in pressed]
+    highest = max(float(surface(hurst).max()) for _, hurst, _ in cases)
+    strongest = max(float(force.max()) for force in fields)
+    rows = []
+    for (upper, lower), (names, hurst, delta), contact, force in zip(
+        axes.T, cases, pressed, fields, strict=True
+    ):
+        shown = _image(upper, surface(hurst), vmin=0, vmax=highest)
+        upper.set_title(f"({names[0]}) H = {hurst:g}", fontsize=10)
+        spots = np.ma.masked_equal(force, 0)
+        forces = _image(lower, spots, vmin=0, vmax=strongest, cmap="inferno_r")
+        area = contact.area_percent
+        lower.set_title(f"({names[1]}) Δ = {delta:g} µm: area {area:.2f} %", fontsize=10)
+        lower.set_xlabel("x [µm]")
+        numbers = (area, contact.force, float(force.max()), contact.residual)
+        rows.append((f"{names[0]}, {names[1]}", hurst, delta, *map(short, numbers)))
+    axes[0, 0].set_ylabel("y [µm]")
+    axes[1, 0].set_ylabel("y [µm]")
+    figure.colorbar(shown, ax=axes[0], label="height [µm]")
+    figure.colorbar(forces, ax=axes[1], label="force on a node [µN], E* = 1 MPa")
+    header = ("panels", "hurst", "delta_um", "area_percent", "force_uN", "largest_uN", "residual")
+    table = write_table(folder / "topographies.csv", header, rows)
+    areas = [contact.area_percent for contact in pressed]
+    caption = (
+        "Section 2.4, topography against contact pressure, at the paper's displacements. More"
+        f" displacement on the same surface, (d) to (e), raises the area from {areas[0]:.2f} to"
+        f" {areas[1]:.2f} %; the same displacement on a smoother surface of the same random"
+        f" numbers, (d) to (f), to {areas[2]:.2f} %. The paper's own surfaces and areas stand in"
+        " its picture only: what can be compared is the order, which is the same."
+    )
+    return [Figure(save(figure, folder / "topographies.png"), caption, command, (table,))]
+
+
+def _image(axis: Any, field: Any, **options: Any) -> Any:
+    """Draw a field of nodes, x (axis 0) to the right."""
+    return axis.imshow(field.T, origin="lower", extent=(0, SIDE, 0, SIDE), **options)
+
+
+def _above(heights: Heights, axis: int) -> NDArray[np.bool_]:
+    """Inner nodes above both neighbours along an axis."""
+    found = np.zeros(heights.shape, dtype=bool)
+    lines, inner = np.moveaxis(heights, axis, 0), np.moveaxis(found, axis, 0)
+    inner[1:-1] = (lines[1:-1] > lines[:-2]) & (lines[1:-1] > lines[2:])
+    return found

@@ -1,0 +1,170 @@
+"""What the solver's tolerance does to a surrogate: the study on few rows, and what it advises."""
+
+import csv
+import dataclasses
+import signal
+
+import numpy as np
+import pytest
+
+import bem
+from bench import __main__ as bench
+from bench.page.content import Absent, Figure, Table, Words
+from bench.surrogates import tolerance_labels as labels
+from bench.surrogates.tolerance import Row, tolerance
+from bench.surrogates.tolerance_labels import DEFAULT, TIGHT, Solved, scene_of, solve_all
+from bench.surrogates.tolerance_report import choice, contents, lines, write_report
+from gen.plan import parameters
+from gen.sample import surface_of
+
+ROW = Row(
+    tolerance=TIGHT,
+    features="paper",
+    trained=80,
+    judged=20,
+    seconds=np.nan,
+    ratio=np.nan,
+    label_nmae=0.0,
+    label_nmaxe=0.0,
+    label_force=0.0,
+    right=100.0,
+    nmse=1.0,
+    nmae=5.0,
+    nmaxe=9.0,
+    r2=99.0,
+    own_nmae=5.0,
+    own_r2=99.0,
+)
+
+
+def rows_of(errors):
+    """Rows of one feature set with given test errors; the looser, the faster."""
+    measured = [
+        dataclasses.replace(
+            ROW, tolerance=each, nmae=error, seconds=10 - each, ratio=1 - each, label_nmae=each
+        )
+        for each, error in errors.items()
+    ]
+    return [ROW, *measured]
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """The study on 100 rows at two tolerances, and its folder."""
+    folder = tmp_path_factory.mktemp("tolerance")
+    return folder, tolerance(folder, 100, tolerances=(0.1,), area_max=60.0)
+
+
+def test_labels_are_the_solvers_answers(small):
+    folder, _ = small
+    solved = Solved(folder / "databases" / "tolerances.npz", (0.1, DEFAULT), 100)
+    assert not solved.missing()
+    assert (solved.seconds > 0).all()
+    scene = scene_of(0.1)
+    plan = parameters(scene, 0, 100)
+    for row in (0, 57):
+        heights, delta = surface_of(scene, plan, row), float(plan.delta[row])
+        contact = bem.solve(heights, scene.surface.side, delta, rtol=0.1)
+        expected = contact.area_percent, contact.force, contact.contact_nodes
+        assert solved.values[0, row].tolist() == [*expected]
+
+
+def test_looser_areas_are_worse_and_tight_ones_teach_as_well_as_exact_ones(small):
+    _, found = small
+    assert [(row.features, row.tolerance) for row in found] == [
+        (features, each) for features in ("paper", "hybrid") for each in (TIGHT, 0.1, DEFAULT)
+    ]
+    for exact, loose, default in (found[:3], found[3:]):
+        assert default.label_nmae < 1e-3
+        assert loose.label_nmae > 1
+        assert loose.label_force > default.label_force > exact.label_force == 0
+        assert loose.right < default.right
+        assert default.nmae == pytest.approx(exact.nmae, rel=1e-2)
+        assert default.ratio == 1
+        assert loose.own_nmae != loose.nmae
+        assert default.own_nmae == pytest.approx(default.nmae, rel=1e-2)
+    assert found[3].nmae < found[0].nmae, "hybrid features are the better ones"
+
+
+def test_what_is_solved_is_not_solved_again(small, monkeypatch):
+    folder, found = small
+
+    def never(*_, **__):
+        raise AssertionError("solved again")
+
+    monkeypatch.setattr(labels, "compute_rows", never)
+    again = tolerance(folder, 100, tolerances=(0.1,), area_max=60.0)
+    assert [row.nmae for row in again] == [row.nmae for row in found]
+    with pytest.raises(AssertionError, match="solved again"):
+        tolerance(folder, 100, tolerances=(0.01,), area_max=60.0)
+
+
+def test_a_signal_ends_it_after_a_block_and_the_rest_is_done_later(tmp_path, monkeypatch):
+    (tmp_path / "databases").mkdir()
+    path = tmp_path / "databases" / "tolerances.npz"
+    solve, done = Solved.solve, []
+
+    def interrupted(self, start, stop):
+        solve(self, start, stop)
+        done.append(start)
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(labels, "BLOCK", 2)
+    monkeypatch.setattr(Solved, "solve", interrupted)
+    for left in (3, 2):
+        solved = Solved(path, (0.1, 0.01), 6)
+        assert len(solved.missing()) == left
+        with pytest.raises(KeyboardInterrupt):
+            solve_all(solved, lambda line: None)
+    assert done == [0, 2]
+    assert len(Solved(path, (0.1, 0.01), 8).missing()) == 2, "more rows keep those there are"
+    path.write_bytes(b"broken")
+    assert len(Solved(path, (0.1,), 6).missing()) == 3
+
+
+@pytest.mark.parametrize(
+    ("errors", "chosen"),
+    [
+        ({0.1: 9.0, 0.01: 5.05, DEFAULT: 5.0}, 0.01),
+        ({0.1: 5.0, 0.01: 6.0, DEFAULT: 5.0}, DEFAULT),  # good by chance is not good
+        ({0.1: 4.9, 0.01: 5.0, DEFAULT: 5.0}, 0.1),
+    ],
+)
+def test_the_loosest_tolerance_that_is_good_enough_is_chosen(errors, chosen):
+    assert choice(rows_of(errors), "paper").tolerance == chosen
+    text = " ".join(lines(rows_of(errors)))
+    assert (f"Choose {chosen:g} for" in text) == (chosen > DEFAULT)
+
+
+def test_the_report(small, tmp_path):
+    folder = tmp_path / "report"
+    (absent,) = contents(folder)
+    assert absent == Absent(absent.what, "python -m bench tolerance -o DIR")
+    paths, text = write_report(folder, small[1])
+    assert [path.name for path in paths] == ["tolerance.csv", "tolerance.txt", "tolerance.png"]
+    figure, words, table = contents(folder)
+    assert isinstance(figure, Figure)
+    assert isinstance(table, Table)
+    assert words == Words(text)
+    with table.data.open(encoding="utf-8") as file:
+        written = list(csv.DictReader(file))
+    assert len(written) == 6
+    assert set(table.columns) <= written[0].keys()
+    assert figure.picture.stat().st_size > 10_000
+    assert "Keep the default where rows are used themselves" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--rows", "50"], "--rows 50: give 100 or more"),
+        (["--tolerances", "2"], "--tolerances: give numbers above 1e-10 and below 1"),
+        (["--tolerances", "1e-1,x"], "tolerances '1e-1,x': give numbers with commas"),
+    ],
+)
+def test_bad_input_is_one_line(arguments, message, tmp_path, capsys):
+    assert bench.main(["tolerance", *arguments, "-o", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
