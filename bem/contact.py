@@ -169,20 +169,38 @@ def solve(
         rtol=rtol,
         max_iterations=max_iterations,
     )
+    start = None if near is None else checked_start(near, problem) / problem.modulus
+    return contact_of(problem, equilibrium_of(problem, start))
+
+
+def equilibrium_of(
+    problem: Problem, near: Field | None = None, moved: Field | None = None
+) -> Equilibrium | None:
+    """Solve a checked problem as its load and far field ask for.
+
+    Parameters
+    ----------
+    problem : see there
+    near, moved : what to start from, see `on_rigid_far_field`; no use to a compliant far field or
+        a given force
+
+    Returns
+    -------
+    Equilibrium, or None where the bodies are apart or just touch
+    """
     if problem.delta is None:
-        return (
-            _contact(problem, under_given_force(problem)) if problem.force else _untouched(problem)
-        )
+        return under_given_force(problem) if problem.force else None
     if problem.delta <= 0:
-        return _untouched(problem)
+        return None
     if problem.far_field == "compliant":
-        return _contact(problem, on_compliant_far_field(problem, problem.delta))
-    reduced = None if near is None else checked_start(near, problem) / problem.modulus
-    return _contact(problem, on_rigid_far_field(problem, problem.delta, reduced))
+        return on_compliant_far_field(problem, problem.delta)
+    return on_rigid_far_field(problem, problem.delta, near, moved)
 
 
-def _contact(problem: Problem, found: Equilibrium) -> Contact:
+def contact_of(problem: Problem, found: Equilibrium | None) -> Contact:
     """Give a reduced pressure its units back; refuse to pass an unconverged one as a result."""
+    if found is None:
+        return _untouched(problem)
     unit = found.length / problem.spacing[0] * problem.modulus
     touching = int(np.count_nonzero(found.pressure > 0))
     pressure = found.pressure * unit

@@ -133,6 +133,13 @@ class Selection:
         """(m,) values on the nodes -> (m,) filtered values on the same nodes."""
         return self._apply(self._places, values)[self._places]
 
+    @property
+    def field(self) -> Real:
+        """(nx, ny) what was filtered last, on all nodes; the filter's next user overwrites it."""
+        nodes = self._operator.shape[1]
+        field: Real = self._operator.field[:, :nodes]
+        return field
+
     def spread(self, some: NDArray[np.intp], values: Real) -> Real:
         """(a,) values on nodes[some] -> (m,) filtered values on all the nodes."""
         return self._apply(self._places[some], values)[self._places]

@@ -41,6 +41,8 @@ class Equilibrium:
     approach : displacement of the far field in all [um]
     iterate : the solver's last state, in units of `length`
     converged : whether that is the solution
+    displacement : (nx, ny) of the half-space under that pressure, nan where nobody asked for it,
+        or None [length]
     """
 
     pressure: Field
@@ -49,6 +51,7 @@ class Equilibrium:
     approach: float
     iterate: Iterate
     converged: bool
+    displacement: Field | None = None
 
 
 class NoSolution(ValueError):
@@ -63,7 +66,9 @@ class NoSolution(ValueError):
         )
 
 
-def on_rigid_far_field(problem: Problem, delta: float, near: Field | None = None) -> Equilibrium:
+def on_rigid_far_field(
+    problem: Problem, delta: float, near: Field | None = None, moved: Field | None = None
+) -> Equilibrium:
     """Solve on the smallest box that holds every node which the undeformed bodies overlap.
 
     Parameters
@@ -71,6 +76,7 @@ def on_rigid_far_field(problem: Problem, delta: float, near: Field | None = None
     problem : its displacement or force is left aside
     delta : above 0 [um]
     near : (nx, ny) pressure near the solution to start from [E*]
+    moved : (nx, ny) displacement under that pressure, nan where unknown: spares a convolution [um]
     """
     box, nodes, interference = overlap(problem, delta)
     shape = box[0].stop - box[0].start, box[1].stop - box[1].start
@@ -91,7 +97,10 @@ def on_rigid_far_field(problem: Problem, delta: float, near: Field | None = None
         first_steps, reduction = FIRST_STEPS, INNER_REDUCTION
     else:
         pressure = near[box].reshape(-1)[nodes] * (problem.spacing[0] / delta)
-        start = started(operators, interference, pressure)
+        displaced = None
+        if moved is not None and np.count_nonzero(pressure) == np.count_nonzero(near):
+            displaced = moved[box].reshape(-1)[nodes] / delta
+        start = started(operators, interference, pressure, displaced)
         start.convolutions += spent
     iterate, converged = solve_complementarity(
         operators,
@@ -102,7 +111,7 @@ def on_rigid_far_field(problem: Problem, delta: float, near: Field | None = None
         first_steps=first_steps,
         inner_reduction=reduction,
     )
-    return unfold(problem, delta, box, nodes, iterate, converged)
+    return unfold(problem, delta, box, nodes, iterate, converged, operators.displaced)
 
 
 def _on_coarser_grid(problem: Problem, delta: float) -> tuple[Field | None, int]:
@@ -144,8 +153,12 @@ def overlap(problem: Problem, delta: float) -> tuple[tuple[slice, slice], Nodes,
     return box, nodes, interference[nodes]
 
 
-def started(operators: HalfSpace, interference: Field, pressure: Field) -> Iterate:
-    """A pressure to start from, with its residual."""
+def started(
+    operators: HalfSpace, interference: Field, pressure: Field, displaced: Field | None = None
+) -> Iterate:
+    """A pressure to start from, with its residual: one convolution, or none if it is known."""
+    if displaced is not None and np.isfinite(displaced).all():
+        return Iterate(pressure, interference - displaced)
     everywhere = np.arange(len(pressure))
     residual = interference - operators.displace_some(everywhere, pressure)
     return Iterate(pressure, residual, convolutions=1)
@@ -158,13 +171,18 @@ def unfold(
     nodes: Nodes,
     iterate: Iterate,
     converged: bool = True,
+    displaced: Field | None = None,
 ) -> Equilibrium:
-    """Put the pressure on some nodes of a box back on the grid."""
+    """Put the pressure on some nodes of a box, and the box's displacement, back on the grid."""
     reduced = np.zeros(problem.heights.shape)
     values = np.zeros(reduced[box].shape)
     values.reshape(-1)[nodes] = iterate.pressure
     reduced[box] = values
-    return Equilibrium(reduced, delta, delta, delta, iterate, converged)
+    displacement = None
+    if displaced is not None:
+        displacement = np.full(reduced.shape, np.nan)
+        displacement[box] = displaced
+    return Equilibrium(reduced, delta, delta, delta, iterate, converged, displacement)
 
 
 def on_compliant_far_field(problem: Problem, delta: float) -> Equilibrium:

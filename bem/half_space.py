@@ -54,6 +54,14 @@ class HalfSpace:
         """(m,) -> (m,) displacement in double precision."""
         return self._give_way(self._double(pressure), pressure)
 
+    @property
+    def displaced(self) -> Values:
+        """(nx, ny) displacement by what went through `displace` last; read it before the next.
+
+        Of all nodes of the grid, on a rigid far field.
+        """
+        return self._double.field
+
     def displace_some(self, nodes: Nodes, pressure: Values) -> Values:
         """(a,) pressure on some of the nodes -> (m,) displacement in working precision."""
         return self._give_way(self._working.spread(nodes, pressure).astype(np.float64), pressure)

@@ -17,9 +17,11 @@ KERNELS: tuple[Kernel, ...] = get_args(Kernel)
 # 1/r over the cell to the last digit from there on (the error falls as (2 d)^(-2 points)).
 QUADRATURE = ((3.0, 8), (16.0, 5), (128.0, 3))
 
-# Grids up to these sizes are cut from one table, since boxes round what may touch come in many
-# shapes: it covers 129 and 257 nodes and the circulants that precondition them.
-SHARED = (160, 288)
+# Boxes round what may touch come in many shapes. They are cut from square tables of 9 2^j or
+# 12 2^j a side, of which the former hold 2^(j + 3) + 1 nodes and the circulant next to them: all
+# boxes of these nodes a side, and larger ones unless the square has so many times their nodes.
+ALWAYS_SHARED = 288
+LARGEST_WASTE = 4
 
 
 def influence_coefficients(
@@ -45,9 +47,18 @@ def influence_coefficients(
     ValueError
         for an unknown kernel
     """
-    larger = next((size for size in SHARED if max(shape) <= size), None)
-    table = _table(shape if larger is None else (larger, larger), kernel, aspect)
+    side = _shared_side(max(shape))
+    shared = side <= ALWAYS_SHARED or side * side <= LARGEST_WASTE * shape[0] * shape[1]
+    table = _table((side, side) if shared else shape, kernel, aspect)
     return table[: shape[0], : shape[1]]
+
+
+def _shared_side(nodes: int) -> int:
+    """The smallest of 144, 192, 288, 384, 576, ... that holds so many nodes."""
+    side = 144
+    while side * 4 // 3 < nodes:
+        side *= 2
+    return side if nodes <= side else side * 4 // 3
 
 
 @lru_cache(maxsize=8)

@@ -1,13 +1,15 @@
 """Many loads on one surface, each solved from the last ones."""
 
+import math
 from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bem.contact import Contact, solve
-from bem.problem import Field
+from bem.contact import Contact, contact_of, equilibrium_of
+from bem.equilibrium import Equilibrium
+from bem.problem import Field, pose
 
 
 def ladder(
@@ -20,7 +22,7 @@ def ladder(
 
     The start carries the pressure's change with Delta on from the last three contacts. Results are
     those of `solve` within its tolerance, for fewer convolutions the smaller the steps are
-    (`pytest bench -k ladder`). Any order of Delta is allowed.
+    (`pytest bench -k ladder`). Any order of Delta is allowed; ascending, a start costs least.
 
     Parameters
     ----------
@@ -36,27 +38,37 @@ def ladder(
     ValueError, NoSolution, NotConverged
         as `solve` does, at the Delta that is to blame
     """
-    last: list[Contact] = []
+    last: list[Equilibrium] = []
     for delta in deltas:
-        contact = solve(heights, side, delta, near=_carried_on(last, delta), **settings)
-        yield contact
-        last = [*[other for other in last if other.delta != delta][-2:], contact]
+        problem = pose(heights, side, delta, **settings)
+        found = equilibrium_of(problem, *_carried_on(last, delta, problem.spacing[0]))
+        yield contact_of(problem, found)
+        if found is not None:
+            last = [*[other for other in last if other.delta != found.delta][-2:], found]
 
 
-def _carried_on(last: list[Contact], delta: float) -> Field | None:
-    """Pressure on the parabola in Delta through the last contacts, never negative [MPa].
+def _carried_on(
+    last: list[Equilibrium], delta: float, spacing: float
+) -> tuple[Field | None, Field | None]:
+    """Pressure on the parabola in Delta through the last equilibria, never negative [E*].
 
-    None after a single contact: its own pressure would be a worse start than none.
+    And the displacement under it [um], which is linear in the pressure and lies on the same
+    parabola, where no pressure was cut off. Both None after a single equilibrium: its own pressure
+    would be a worse start than none.
     """
-    if len(last) < 2 or last[-1].force == 0:
-        return None
-    start = np.zeros_like(last[-1].pressure)
+    if len(last) < 2:
+        return None, None
+    start, moved = (np.zeros_like(last[-1].pressure) for _ in range(2))
     with np.errstate(over="ignore", invalid="ignore"):
-        for contact in last:
-            weight = 1.0
-            for other in last:
-                if other is not contact:
-                    weight *= (delta - other.delta) / (contact.delta - other.delta)
-            start += weight * contact.pressure
-    start = np.maximum(start, 0)
-    return start if np.isfinite(start).all() else last[-1].pressure
+        for found in last:
+            weight = math.prod(
+                (delta - other.delta) / (found.delta - other.delta)
+                for other in last
+                if other is not found
+            )
+            weight *= found.length
+            start += weight / spacing * found.pressure
+            moved += weight * (np.nan if found.displacement is None else found.displacement)
+    if not np.isfinite(start).all():
+        return last[-1].pressure * (last[-1].length / spacing), None
+    return (start, moved) if start.min() >= 0 else (np.maximum(start, 0), None)

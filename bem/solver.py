@@ -116,7 +116,8 @@ def solve_complementarity(
     interference : (m,) u [unit of displacement]
     rtol : largest violation accepted
     max_iterations : bound on the steps of conjugate gradients, those of the start included
-    start : a pressure to start from with its residual; improved in place
+    start : a pressure to start from with its residual, which is not taken for converged before it
+        has been recomputed; improved in place
     first_steps : projected steps before the first contact set is taken: fewer near the solution
     inner_reduction : of the residual before the set is looked at again: more where sets are better
 
@@ -127,7 +128,8 @@ def solve_complementarity(
     """
     iterate = start or Iterate(np.zeros_like(interference), interference.copy())
     _take_first_steps(operators, interference, iterate, first_steps)
-    exact, trusted, violation = not iterate.convolutions, 1.0, iterate.violation()
+    exact = start is None and not iterate.convolutions
+    trusted, violation = 1.0, iterate.violation()
     smallest, patience, safe_steps = np.inf, PATIENCE, SAFE_STEPS
     energy, reduction, following = np.inf, inner_reduction, None
     while True:

@@ -4,7 +4,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from bem.influence import influence_coefficients
+from bem import influence
+from bem.influence import Kernel, influence_coefficients
 
 FARTHEST = 2049  # cells
 
@@ -73,6 +74,33 @@ def test_oblong_grids_transpose_and_nest(kernel: str, shape: tuple[int, int]) ->
     np.testing.assert_array_equal(table, influence_coefficients(shape[::-1], kernel).T)
     square = influence_coefficients((300, 300), kernel)
     np.testing.assert_array_equal(table, square[: shape[0], : shape[1]])
+
+
+@pytest.mark.parametrize(
+    ("kernel", "aspect"),
+    [("uniform-pressure", 1.0), ("uniform-pressure", 7.3), ("concentrated-force", 1.0)],
+)
+@pytest.mark.parametrize("shape", [(1, 1), (25, 65), (129, 97), (144, 145), (300, 257), (520, 500)])
+def test_cut_from_a_larger_table_or_tabulated_the_same_bits(
+    shape: tuple[int, int], kernel: Kernel, aspect: float
+) -> None:
+    cut = influence_coefficients(shape, kernel, aspect)
+    assert cut.base is not None
+    np.testing.assert_array_equal(cut, influence._table.__wrapped__(shape, kernel, aspect))
+
+
+@pytest.mark.parametrize("level", [7, 8, 9])
+def test_all_boxes_of_a_grid_share_one_table(level: int) -> None:
+    """And so do the circulants that precondition them, up to 9/8 as wide."""
+    nodes = 2**level + 1
+    whole = influence_coefficients((nodes, nodes))
+    boxes = [(nodes, nodes // 2), (nodes // 4 * 3, nodes), (9 * 2 ** (level - 3),) * 2]
+    assert all(np.shares_memory(whole, influence_coefficients(box)) for box in boxes)
+
+
+def test_a_strip_does_not_take_the_table_of_a_square() -> None:
+    strip = influence_coefficients((3, 2000))
+    assert (strip if strip.base is None else strip.base).size == strip.size
 
 
 @pytest.mark.parametrize("aspect", [2.0, 7.3, 1 / 64])
