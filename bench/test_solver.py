@@ -9,6 +9,7 @@ records convolutions and residual, and the cost of a solve in bare convolutions.
 import statistics
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -193,14 +194,16 @@ def test_solve_few_candidates(
     few = float(heights.max() - np.sort(heights.reshape(-1))[-1 - candidates])
     contact = benchmark(bem.solve, heights, SIDE, few)
     assert_exact(contact)
-    dense = seconds_of(lambda: bem.solve(heights, SIDE, few))
-    full = seconds_of(lambda: bem.solve(heights, SIDE, delta))
+    if benchmark.enabled:
+        dense, full = (seconds_of(partial(bem.solve, heights, SIDE, each)) for each in (few, delta))
     monkeypatch.setattr(equilibrium, "FEW_NODES", 0)
     iterated = bem.solve(heights, SIDE, few)
     assert iterated.contact_nodes == contact.contact_nodes
-    by_convolution = seconds_of(lambda: bem.solve(heights, SIDE, few))
-    benchmark.extra_info["share_of_a_full_solve"] = dense / full
-    benchmark.extra_info["share_of_a_solve_by_convolution"] = dense / by_convolution
+    record_effort(benchmark, [contact])
+    if benchmark.enabled:
+        by_convolution = seconds_of(partial(bem.solve, heights, SIDE, few))
+        benchmark.extra_info["share_of_a_full_solve"] = dense / full
+        benchmark.extra_info["share_of_a_solve_by_convolution"] = dense / by_convolution
 
 
 @pytest.mark.parametrize("control", ["force", "pressure"])
@@ -223,16 +226,18 @@ def test_solve_given_force(benchmark: BenchmarkFixture, control: str) -> None:
     for found, asked in zip(contacts, expected, strict=True):
         assert found.delta == pytest.approx(asked.delta, rel=1e-5)
         assert found.force == pytest.approx(asked.force, rel=1e-5)
-    given_delta = seconds_of(lambda: [bem.solve(heights, SIDE, delta) for heights, delta in pairs])
     benchmark.extra_info["convolutions_over_given_delta"] = sum(
         contact.convolutions for contact in contacts
     ) / sum(contact.convolutions for contact in expected)
-    benchmark.extra_info["time_over_given_delta"] = seconds_of(solve_all) / given_delta
+    record_effort(benchmark, contacts)
+    if benchmark.enabled:
+        given = seconds_of(lambda: [bem.solve(heights, SIDE, delta) for heights, delta in pairs])
+        benchmark.extra_info["time_over_given_delta"] = seconds_of(solve_all) / given
 
 
 @pytest.mark.parametrize("rungs", [9, 41])
 def test_solve_ladder(benchmark: BenchmarkFixture, rungs: int) -> None:
-    """Delta from 5 to 45 um on one surface, each contact started from the last two."""
+    """Delta from 5 to 45 um on one surface, each contact started from the last three."""
     heights, _ = surfaces(SIZES["paper"], 1)[0]
     deltas = np.linspace(5, 45, rungs)
     ladder = benchmark(lambda: list(bem.ladder(heights, SIDE, deltas)))
@@ -240,6 +245,7 @@ def test_solve_ladder(benchmark: BenchmarkFixture, rungs: int) -> None:
     for started, single in zip(ladder, alone, strict=True):
         assert abs(started.contact_nodes - single.contact_nodes) <= 1
         assert started.force == pytest.approx(single.force, rel=1e-5)
+    record_effort(benchmark, ladder)
     benchmark.extra_info["convolutions_over_single_solves"] = sum(
         contact.convolutions for contact in ladder
     ) / sum(contact.convolutions for contact in alone)

@@ -13,7 +13,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from gen.statistics import describe
 from gen.surface import GENERATORS, generate
 
-SIZES = {"paper": 129, "large": 513}
+SIZES = {"smoke": 33, "paper": 129, "large": 513}
 SIDE = 1000.0
 
 sizes = pytest.mark.parametrize("nodes", SIZES.values(), ids=SIZES)

@@ -56,8 +56,15 @@ NAMES = (
 SPACINGS = (1e-15, 1e15)
 """Smallest and largest spacing [um]; between them no power of a curvature overflows."""
 
-ROUNDING = 8.0 * float(np.finfo(np.float64).eps)
-"""What rounding can fake in second differences, relative to the largest height given."""
+ROUNDING = 8.0
+"""What rounding can fake in second differences, in spacings of numbers at the largest height."""
+
+LOST = 1000.0
+"""Spacings of numbers at the largest height in a height rms below which no shape is left: peaks
+become ties, and skewness and kurtosis are wrong by more than about one part in a hundred."""
+
+NEARLY_EQUAL = 1e-3
+"""Spread over mean from which on the rounding of the mean would show in the third moment."""
 
 
 @dataclass(frozen=True)
@@ -110,6 +117,24 @@ class Profiles(NamedTuple):
     curvature_square: float
 
 
+class Surface(NamedTuple):
+    """Heights in a unit in which no power over- or underflows.
+
+    Attributes
+    ----------
+    nodes : (n_x, n_y) C-contiguous heights as given, offset included [unit]
+    lowest, highest : of them [unit]
+    unit : a power of two, so that scaling rounds nothing [um]
+    spacing : of the given numbers at the largest height [unit]
+    """
+
+    nodes: NDArray[np.float64]
+    lowest: float
+    highest: float
+    unit: float
+    spacing: float
+
+
 class Sample(NamedTuple):
     """Peaks or asperities of a surface, as found: their number and moments."""
 
@@ -130,22 +155,24 @@ def describe(heights: NDArray[np.float64], spacing: float | tuple[float, float])
     -------
     All of `NAMES`: heights and their rms [um], curvatures and their rms [1/um], the rest without
     unit. NaN, with a reason, are the moments of no peak or asperity, skewness and kurtosis of
-    values that are equal to rounding, bandwidths along flat profiles or profiles of two nodes.
+    values that are equal to rounding, bandwidths along flat profiles or profiles of two nodes, and
+    all but the heights' own moments where an offset has left too few digits of the heights.
 
     Raises
     ------
-    InputError : heights that are not 2-D, 2 x 2 or more, and finite; a spacing beyond `SPACINGS`
+    InputError : heights that are not 2-D, 2 x 2 or more, real and finite; a spacing beyond
+        `SPACINGS`; curvatures beyond what numbers hold
 
     Source: section 2.3 (sec_stat_of_top) and Table 1 (tab:list_of_params) of the paper.
     """
     spacing_x, spacing_y = _spacings(spacing)
-    surface, unit, noise = _normalised(heights)
-    along_x, along_y = _profiles(surface, axis=0), _profiles(surface, axis=1)
+    surface = _normalised(heights)
+    nodes, unit, noise = surface.nodes, surface.unit, ROUNDING * surface.spacing
+    along_x, along_y = _profiles(nodes, axis=0), _profiles(nodes, axis=1)
     ratio = (spacing_x / spacing_y) ** 2
     peaks = _peaks(surface, along_x, along_y, ratio, noise)
     asperities = _asperities(surface, along_x, along_y, ratio, noise)
-    mean, _, variance = _spread(surface.ravel())
-    highest = float(surface.max())
+    mean, _, variance = _spread(nodes.ravel(), surface.lowest)
     bandwidths = [_bandwidth(variance, along, noise) for along in (along_x, along_y)]
     per_length = unit / spacing_x / spacing_x
     values = (
@@ -153,7 +180,7 @@ def describe(heights: NDArray[np.float64], spacing: float | tuple[float, float])
         peaks.heights.rms * unit,
         peaks.heights.kurtosis,
         peaks.heights.skewness,
-        peaks.number / (2 * surface.size),
+        peaks.number / (2 * nodes.size),
         peaks.curvatures.mean * per_length,
         peaks.curvatures.kurtosis - 3.0,
         peaks.curvatures.skewness,
@@ -162,17 +189,36 @@ def describe(heights: NDArray[np.float64], spacing: float | tuple[float, float])
         asperities.heights.rms * unit,
         asperities.heights.kurtosis - 3.0,
         asperities.heights.skewness,
-        asperities.number / surface.size,
+        asperities.number / nodes.size,
         asperities.curvatures.mean * per_length,
         asperities.curvatures.rms * per_length,
         asperities.curvatures.kurtosis,
         asperities.curvatures.skewness,
         mean * unit,
-        highest * unit,
+        (surface.highest - surface.lowest) * unit,
         math.sqrt(variance) * unit,
     )
-    reason = _reason(surface, peaks, asperities, bandwidths)
-    return Description(dict(zip(NAMES, values, strict=True)), reason)
+    if per_length < np.finfo(np.float64).tiny or any(map(math.isinf, values)):
+        raise InputError(
+            f"heights over {values[-2]:g} um on a spacing of {spacing_x:g} um: their curvatures are"
+            " beyond what numbers hold; give other units"
+        )
+    named = dict(zip(NAMES, values, strict=True))
+    if 0.0 < variance <= (LOST * surface.spacing) ** 2:
+        return _lost(named, surface)
+    return Description(named, _reason(surface, peaks, asperities, bandwidths))
+
+
+def _lost(values: dict[str, float], surface: Surface) -> Description:
+    """What is left where the offset of the heights has taken their digits."""
+    kept = ("height_mean", "height_max", "height_rms")
+    reason = (
+        f"heights lost in rounding: rms {values['height_rms']:.3g} um at an offset where numbers"
+        f" are {surface.spacing * surface.unit:.2g} um apart"
+    )
+    return Description(
+        {name: value if name in kept else math.nan for name, value in values.items()}, reason
+    )
 
 
 def _spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
@@ -186,29 +232,38 @@ def _spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
     return float(pair[0]), float(pair[1])
 
 
-def _normalised(heights: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float]:
-    """Heights above the lowest node, in a unit in which no power over- or underflows.
-
-    Returns
-    -------
-    surface : (n_x, n_y) C-contiguous heights, the highest from 0.5 to 1 [unit]
-    unit : the unit, a power of two, so that scaling rounds nothing [um]
-    noise : what the rounding of the given heights can fake, offset included [unit]
-    """
-    if heights.ndim != 2 or min(heights.shape) < 2:
-        raise InputError(f"heights of shape {heights.shape}: give 2-D heights, 2 x 2 nodes or more")
+def _normalised(heights: NDArray[np.float64]) -> Surface:
+    """Heights in a unit that is a power of two, their range from 0.5 to 1."""
+    _require_numbers(heights)
     lowest, highest = float(heights.min()), float(heights.max())
     if not math.isfinite(highest - lowest):
         raise InputError("heights with NaN, infinities or an infinite range: give finite heights")
+    if lowest == highest:
+        return Surface(np.zeros(heights.shape), 0.0, 0.0, 1.0, 0.0)
     exponent = math.frexp(highest - lowest)[1]
     unit = 2.0 ** min(max(exponent, -1000), 1000)
-    surface = np.subtract(heights, lowest, order="C", dtype=np.float64)
-    surface *= 1.0 / unit
-    return surface, unit, ROUNDING * max(abs(lowest), abs(highest)) / unit
+    nodes = np.multiply(heights, 1.0 / unit, order="C", dtype=np.float64)
+    # What was single precision has no more digits now.
+    single = heights.dtype.kind == "f" and heights.dtype.itemsize < 8
+    eps = float(np.finfo(heights.dtype if single else np.float64).eps)
+    largest = max(abs(lowest), abs(highest)) / unit
+    return Surface(nodes, lowest / unit, highest / unit, unit, eps * largest)
+
+
+def _require_numbers(heights: NDArray[np.float64]) -> None:
+    """Refuse what is no grid of real numbers, all of them there."""
+    if heights.ndim != 2 or min(heights.shape) < 2:
+        raise InputError(f"heights of shape {heights.shape}: give 2-D heights, 2 x 2 nodes or more")
+    if heights.dtype.kind not in "buif":
+        raise InputError(f"heights of type {heights.dtype}: give real numbers")
+    if np.ma.is_masked(heights):
+        raise InputError("heights with masked nodes: give heights everywhere, fill holes first")
 
 
 def _profiles(surface: NDArray[np.float64], axis: int) -> Profiles:
-    """Differences and peaks of all profiles along one axis.
+    """Differences and peaks of all profiles along one axis, of heights as they were given.
+
+    A height less the lowest would be rounded where that lies far below: neighbours would tie.
 
     Works on the flat array, where all operations are contiguous. Profiles along y follow one
     another there: what would reach over an end is set to zero, which is neither a peak nor counted
@@ -236,41 +291,47 @@ def _profiles(surface: NDArray[np.float64], axis: int) -> Profiles:
 
 
 def _peaks(
-    surface: NDArray[np.float64], along_x: Profiles, along_y: Profiles, ratio: float, noise: float
+    surface: Surface, along_x: Profiles, along_y: Profiles, ratio: float, noise: float
 ) -> Sample:
     """Peaks of the profiles, x and y pooled; `ratio` converts curvature along y to units of x."""
-    nodes = surface.ravel()
+    nodes = surface.nodes.ravel()
     on_x, on_y = np.flatnonzero(along_x.peaks), np.flatnonzero(along_y.peaks)
     heights = np.concatenate((nodes[on_x + along_x.stride], nodes[on_y + along_y.stride]))
     curvatures = np.concatenate((along_x.curvature[on_x], along_y.curvature[on_y] * ratio))
-    return _sample(heights, curvatures, ratio, noise)
+    return _sample(heights, curvatures, surface.lowest, ratio, noise)
 
 
 def _asperities(
-    surface: NDArray[np.float64], along_x: Profiles, along_y: Profiles, ratio: float, noise: float
+    surface: Surface, along_x: Profiles, along_y: Profiles, ratio: float, noise: float
 ) -> Sample:
     """Nodes above their four neighbours, with the mean of both curvatures."""
     shift = along_x.stride - along_y.stride
     on_x = np.flatnonzero(along_x.peaks & along_y.peaks[shift : shift + along_x.peaks.size])
     on_y = on_x + shift
-    heights = surface.ravel()[on_x + along_x.stride]
+    heights = surface.nodes.ravel()[on_x + along_x.stride]
     curvatures = 0.5 * (along_x.curvature[on_x] + along_y.curvature[on_y] * ratio)
-    return _sample(heights, curvatures, ratio, noise)
+    return _sample(heights, curvatures, surface.lowest, ratio, noise)
 
 
 def _sample(
-    heights: NDArray[np.float64], curvatures: NDArray[np.float64], ratio: float, noise: float
+    heights: NDArray[np.float64],
+    curvatures: NDArray[np.float64],
+    lowest: float,
+    ratio: float,
+    noise: float,
 ) -> Sample:
     """Number and moments of peaks or asperities found."""
     curvature_noise = noise * max(1.0, ratio)
-    return Sample(heights.size, _moments(heights, noise), _moments(curvatures, curvature_noise))
+    return Sample(
+        heights.size, _moments(heights, lowest, noise), _moments(curvatures, 0.0, curvature_noise)
+    )
 
 
-def _moments(values: NDArray[np.float64], noise: float) -> Moments:
+def _moments(values: NDArray[np.float64], origin: float, noise: float) -> Moments:
     """Moments of values (count,); those that spread no further than `noise` have no shape."""
     if not values.size:
         return Moments(math.nan, math.nan, math.nan, math.nan)
-    mean, deviations, variance = _spread(values)
+    mean, deviations, variance = _spread(values, origin)
     rms = math.sqrt(variance)
     if rms <= noise:
         return Moments(mean, rms, math.nan, math.nan)
@@ -280,11 +341,22 @@ def _moments(values: NDArray[np.float64], noise: float) -> Moments:
     return Moments(mean, rms, third / (variance * rms), fourth / (variance * variance))
 
 
-def _spread(values: NDArray[np.float64]) -> tuple[float, NDArray[np.float64], float]:
-    """Mean, deviations (count,) from it and variance of values (count,), in two passes."""
+def _spread(values: NDArray[np.float64], origin: float) -> tuple[float, NDArray[np.float64], float]:
+    """Mean over an origin, deviations (count,) from it and variance of values (count,).
+
+    In two passes, and in a third where values are nearly equal, or far from zero for their spread:
+    the mean is rounded then by more than their deviations bear, and what is left of it is the mean
+    of the deviations.
+    """
     mean = float(values.sum()) / values.size
     deviations = values - mean
-    return mean, deviations, _sum_of_products(deviations, deviations) / values.size
+    variance = _sum_of_products(deviations, deviations) / values.size
+    rest = 0.0
+    if math.sqrt(variance) < NEARLY_EQUAL * abs(mean):
+        rest = float(deviations.sum()) / values.size
+        deviations -= rest
+        variance = _sum_of_products(deviations, deviations) / values.size
+    return (mean - origin) + rest, deviations, variance
 
 
 def _sum_of_products(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
@@ -303,15 +375,13 @@ def _bandwidth(variance: float, along: Profiles, noise: float) -> float:
     return (variance / along.slope_square) * (along.curvature_square / along.slope_square)
 
 
-def _reason(
-    surface: NDArray[np.float64], peaks: Sample, asperities: Sample, bandwidths: list[float]
-) -> str:
+def _reason(surface: Surface, peaks: Sample, asperities: Sample, bandwidths: list[float]) -> str:
     """Why statistics are NaN, in one short text; empty where none is."""
-    if not surface.any():
+    if surface.lowest == surface.highest:
         return "flat surface: no profile peak, no asperity"
     faults = [
         f"flat profiles along {axis}" if length > 2 else f"two nodes along {axis}"
-        for axis, length, bandwidth in zip("xy", surface.shape, bandwidths, strict=True)
+        for axis, length, bandwidth in zip("xy", surface.nodes.shape, bandwidths, strict=True)
         if math.isnan(bandwidth)
     ]
     for sample, one, many in (

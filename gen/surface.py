@@ -38,7 +38,8 @@ def generate(
 
     Raises
     ------
-    InputError : another generator, number of nodes, Hurst exponent or a negative sigma0
+    InputError : another generator, number of nodes or Hurst exponent, a sigma0 that is negative or
+        whose heights no number holds
 
     Source: section 2.2 (sec_rmd) of the paper; the definitions stand at each generator.
     """
@@ -50,8 +51,11 @@ def generate(
         raise InputError(f"hurst {hurst}: give a Hurst exponent from 0 to 1")
     if not 0.0 <= sigma0 < math.inf:
         raise InputError(f"sigma0 {sigma0}: give a standard deviation of 0 um or more")
-    heights = GENERATORS[generator](nodes, hurst, sigma0, random)
-    heights -= heights.min()
+    with np.errstate(over="ignore", invalid="ignore"):
+        heights = GENERATORS[generator](nodes, hurst, sigma0, random)
+        heights -= heights.min()
+    if not math.isfinite(heights.max()):
+        raise InputError(f"sigma0 {sigma0:g}: its heights are beyond what numbers hold; give less")
     return heights
 
 

@@ -208,6 +208,12 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
     whole = np.unique(np.column_stack([dataset.inputs, dataset.target]), axis=0)
     if len(whole) < dataset.size:
         lines.append(f"warning: {dataset.size - len(whole)} rows repeat others exactly")
+    target = np.abs(dataset.target)
+    if target.max() > DOMINANT * np.median(target):
+        lines.append(
+            f"warning: the largest {dataset.target_name} is {target.max():.1e}, the median"
+            f" {np.median(target):.1e}: squared errors see nothing else"
+        )
     sizes = np.median(np.abs(dataset.inputs), axis=0)
     largest = int(np.argmax(sizes))
     others = float(np.linalg.norm(np.delete(sizes, largest)))

@@ -49,6 +49,8 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
             f"truth has shape {known.shape}, prediction {guessed.shape}: two vectors of one length"
             " are needed"
         )
+    if not (np.isfinite(known).all() and np.isfinite(guessed).all()):
+        raise ValueError("truth and prediction must be finite, without NaN or infinity")
     if known.size < 2 or np.ptp(known) == 0 or known.mean() == 0:
         raise ValueError("truth must vary and have a mean other than zero")
     return Scores(

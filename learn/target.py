@@ -1,5 +1,6 @@
 """The scale on which models see their target."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,9 @@ class Scaling:
     Attributes
     ----------
     mean, deviation : of the training rows where the features are free of units, else 0 and 1: the
-        paper trains on areas as they are
+        paper trains on areas as they are. Targets that are not of an area's size are brought to it
+        by a power of two: splits of trees, tubes of support vectors and steps of perceptrons have
+        thresholds that do not know of units.
     """
 
     mean: float = 0.0
@@ -35,6 +38,12 @@ class Scaling:
 
 UNSCALED = Scaling()
 
+USUAL = (1e-3, 1e3)
+"""Medians of targets that are trained on as they are: those of areas in percent."""
+
+SIZE = 3
+"""Others get a median of 2^2 to 2^3, that of the paper's areas, whose hyperparameters they get."""
+
 
 def scaling_of(dataset: Dataset, train: Indices) -> Scaling:
     """Find the scaling of the target.
@@ -44,7 +53,10 @@ def scaling_of(dataset: Dataset, train: Indices) -> Scaling:
     dataset : the usable rows
     train : positions of the training rows
     """
-    if not chosen(dataset.features).scaled:
-        return UNSCALED
     target = dataset.target[train]
+    if not chosen(dataset.features).scaled:
+        median = float(np.median(np.abs(target)))  # which outliers do not move
+        if median == 0 or USUAL[0] <= median <= USUAL[1]:
+            return UNSCALED
+        return Scaling(0.0, 2.0 ** (math.frexp(median)[1] - SIZE))
     return Scaling(float(target.mean()), float(target.std()) or 1.0)

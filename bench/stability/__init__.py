@@ -1,4 +1,5 @@
-"""Stiff and extreme cases of the contact solver, each with checks that do not rely on it.
+"""Stiff and extreme cases of the solver, of surfaces and of models, each judged independently.
 
-`table` says what is asked, `checks` how an answer is judged, `case` runs, `report` shows.
+`solver`, `surfaces` (generators and statistics) and `models` hold a table each, made of cases with
+`finding`s; `sheet` says how a table is run and shown, `report` is the command, `contents` the page.
 """

@@ -1,66 +1,59 @@
-"""A case of the table as data, and what comes out of running it."""
+"""A case of surfaces or models as data, and what comes out of running it."""
 
-import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from functools import lru_cache
 
-import bem
-from bench.stability.checks import Check, Finding, complementarity, honesty
-from bench.stability.setup import Setup
-from bench.stability.surfaces import cropped_paper
-
-MOST_TIMES_ORDINARY = 3.0
-"""Iterations over those of the ordinary contact on the same grid that need no reason."""
+from bench.stability.finding import Finding, Refusal
+from bench.stability.sheet import Sheet, nothing_more, verdict
 
 
 @dataclass(frozen=True)
-class Refusal:
-    """How input has to be refused.
+class Answer:
+    """What a case has to tell.
 
     Attributes
     ----------
-    error : the kind of error, exactly
-    words : what its one line says, of what was given and of what is allowed
+    out : what came out, in words
+    findings : is it right?
     """
 
-    error: type[Exception]
-    words: tuple[str, ...]
-
-    def judge(self, raised: Exception | None) -> Iterator[Finding]:
-        """Whether it was."""
-        message = str(raised)
-        missing = [word for word in self.words if word not in message]
-        yield Finding(f"other than {self.error.__name__}", int(type(raised) is not self.error), 0)
-        yield Finding("lines", len(message.splitlines()), 1)
-        yield Finding(", ".join(["words missing", *missing]), len(missing), 0)
+    out: str
+    findings: Iterable[Finding]
 
 
 @dataclass(frozen=True)
 class Case:
-    """A row of the table.
+    """A row of a table.
 
     Attributes
     ----------
     family : what kind of extreme it is
-    name : of the case, unique
-    setup : makes what is asked of the solver
-    checks : of the answer, besides the complementarity that every answer has to have
+    name : of the case, unique in its family
+    asked : what is given, in words
+    examine : asks and judges; what it raises is a failure, unless it was to be refused
     refusal : how it has to be refused, for input that has no answer
-    reason : why it may take more than `MOST_TIMES_ORDINARY` times the ordinary iterations
     slow : whether only the full table has it
-    ordinary : whether this is the ordinary contact itself that iterations are compared with
     """
 
     family: str
     name: str
-    setup: Callable[[], Setup]
-    checks: tuple[Check, ...] = ()
+    asked: str
+    examine: Callable[[], Answer]
     refusal: Refusal | None = None
-    reason: str = ""
     slow: bool = False
-    ordinary: bool = False
+
+
+def refused(
+    family: str, name: str, asked: str, call: Callable[[], object], refusal: Refusal
+) -> Case:
+    """A case that has to be refused; without an error it has nothing to show."""
+
+    def examine() -> Answer:
+        call()
+        return Answer("an answer", ())
+
+    return Case(family, name, asked, examine, refusal)
 
 
 @dataclass(frozen=True)
@@ -70,125 +63,88 @@ class Result:
     Attributes
     ----------
     case : what was run
-    asked : its input, in one line
-    message : of the error that was raised; empty where there was an answer
-    area_percent, force, residual, iterations : of the answer, or of the best that was reached when
-        iterations ran out [%, uN, Delta, 1]; nan or 0 without any
-    ordinary_iterations : of the paper's surface at Delta = 25 um on the same grid; 0 without answer
-    findings : is the answer right, or was it refused as it should?
-    conduct : did the solver say what it did: warnings, iterations, the numbers that it states?
+    out : what came out, or the message of the error that was raised
+    findings : is it right, or was it refused as it should? Warnings are findings too.
     """
 
     case: Case
-    asked: str
-    message: str
-    area_percent: float = math.nan
-    force: float = math.nan
-    residual: float = math.nan
-    iterations: int = 0
-    ordinary_iterations: int = 0
+    out: str
     findings: tuple[Finding, ...] = field(default=())
-    conduct: tuple[Finding, ...] = field(default=())
 
     @property
     def passed(self) -> bool:
         """Whether all that was found is within its bounds, and anything was looked for."""
-        return bool(self.findings) and all(
-            finding.passed for finding in (*self.findings, *self.conduct)
-        )
+        return bool(self.findings) and all(finding.passed for finding in self.findings)
 
     @property
-    def answered(self) -> bool:
-        """Whether there are numbers, be it of an answer that was not finished."""
-        return self.ordinary_iterations > 0
-
-    @property
-    def times_ordinary(self) -> float:
-        """Iterations over the ordinary ones [1]."""
-        return self.iterations / max(self.ordinary_iterations, 1)
-
-    @property
-    def reason(self) -> str:
-        """Why it took so many iterations; empty where it did not."""
-        return self.case.reason if self.times_ordinary > MOST_TIMES_ORDINARY else ""
+    def worst(self) -> Finding:
+        """The finding that is nearest to its bound, or furthest beyond."""
+        return max(self.findings, key=_share)
 
 
-def run(cases: Iterable[Case]) -> list[Result]:
-    """Run one case after the other; what goes wrong is a result too."""
-    return [run_case(case) for case in cases]
+def _share(finding: Finding) -> tuple[bool, float]:
+    """Order of findings: what failed first, then the larger share of what is allowed."""
+    allowed = finding.allowed or 1.0
+    return not finding.passed, finding.error / allowed if finding.passed else 0.0
 
 
 def run_case(case: Case) -> Result:
-    """Solve and judge."""
-    asked = case.setup()
-    contact, raised = None, None
+    """Ask and judge."""
+    out, findings, raised = "", [], None
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         try:
-            contact = asked.solve()
+            answer = case.examine()
+            out, findings = answer.out, list(answer.findings)
         except Exception as error:  # whatever it is, the table is to show it
             raised = error
-    texts = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))
-    return judge(
-        case, asked, contact, raised, [Finding(f"warnings {texts}".rstrip(), len(warned), 0)]
-    )
-
-
-def judge(
-    case: Case,
-    asked: Setup,
-    contact: bem.Contact | None,
-    raised: Exception | None = None,
-    conduct: Iterable[Finding] = (),
-) -> Result:
-    """The result of a case from what the solver returned or raised.
-
-    Parameters
-    ----------
-    case, asked : what was run
-    contact : the answer, None if there was none
-    raised : the error, None if there was none
-    conduct : what is already known of how the solver behaved
-    """
-    findings: list[Finding] = []
+            out = " ".join(str(error).split())
     if case.refusal is not None:
-        findings += case.refusal.judge(raised)
+        findings = list(case.refusal.judge(raised))
     elif raised is not None:
         findings.append(Finding(f"{type(raised).__name__} instead of an answer", 1, 0))
-    if contact is not None:
-        for check in (*case.checks, complementarity):
-            findings += check(asked, contact)
-    elif isinstance(raised, bem.NotConverged):
-        contact = raised.contact
-        findings.append(Finding("rtol over residual", asked.rtol / contact.residual, 1))
-    message = " ".join(str(raised).split()) if raised else ""
-    if contact is None:
-        return Result(case, asked.describe(), message, findings=(*findings,), conduct=(*conduct,))
-    ordinary = max(contact.iterations, 1)
-    if not case.ordinary:
-        ordinary = ordinary_iterations(contact.pressure.shape)
-    return Result(
-        case=case,
-        asked=asked.describe(),
-        message=message,
-        area_percent=contact.area_percent,
-        force=contact.force,
-        residual=contact.residual,
-        iterations=contact.iterations,
-        ordinary_iterations=ordinary,
-        findings=(*findings,),
-        conduct=(*conduct, *_effort(case, asked, contact, ordinary), *honesty(asked, contact)),
+    for text in dict.fromkeys(" ".join(str(warning.message).split()) for warning in warned):
+        findings.append(Finding(f"warning {text[:200]}", 1, 0))
+    return Result(case, out, (*findings,))
+
+
+HEADER = (
+    "family",
+    "case",
+    "input",
+    "what_came_out",
+    "check",
+    "error",
+    "allowed",
+    "all_checks",
+    "verdict",
+)
+
+
+def row(result: Result) -> tuple[object, ...]:
+    """Of the file: the worst check as numbers, then all of them."""
+    worst = result.worst
+    return (
+        result.case.family,
+        result.case.name,
+        result.case.asked,
+        result.out,
+        worst.what,
+        float(worst.error),
+        float(worst.allowed),
+        "; ".join(str(finding) for finding in result.findings),
+        verdict(result),
     )
 
 
-def _effort(case: Case, asked: Setup, contact: bem.Contact, ordinary: int) -> Iterator[Finding]:
-    """The bound on iterations was kept, and many have their reason."""
-    allowed = math.inf if case.reason else MOST_TIMES_ORDINARY
-    yield Finding("iterations", contact.iterations, asked.max_iterations)
-    yield Finding("times ordinary", contact.iterations / ordinary, allowed)
+def cells(result: Result) -> tuple[str, ...]:
+    """Of the printed table."""
+    shown = [f for f in result.findings if not f.passed or result.case.refusal is None]
+    checks = "; ".join(str(finding) for finding in shown)
+    return result.case.asked, result.out, checks or "refused as it should be"
 
 
-@lru_cache(maxsize=64)
-def ordinary_iterations(shape: tuple[int, int]) -> int:
-    """Iterations for the paper's surface, cropped to this grid, at Delta = 25 um; at least 1."""
-    return max(Setup(cropped_paper(shape), spacing=1.0).solve().iterations, 1)
+def sheet(title: str, file: str, cases: Iterable[Case]) -> Sheet:
+    """A table of such cases."""
+    titles = ("case", "input", "what came out", "checks: error ≤ allowed")
+    return Sheet(title, file, (*cases,), run_case, HEADER, row, titles, cells, nothing_more)

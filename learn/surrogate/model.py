@@ -17,6 +17,9 @@ from learn.surrogate.prediction import Prediction, Rows
 
 Values = NDArray[np.float64]
 
+LARGEST = 1e38
+"""Of a feature: trees see their inputs in single precision, which ends there."""
+
 CEILING = {"area_percent": 100.0}
 """Largest value of a target, where there is one; the smallest is 0."""
 
@@ -143,11 +146,11 @@ class Surrogate:
                 " its heights, or fit with --features dimensionless"
             )
         inputs = build(self.features, statistics, delta, length)
-        bad = np.flatnonzero(~np.isfinite(inputs).all(axis=1) | ~(delta > 0))
+        bad = np.flatnonzero(~(np.abs(inputs) <= LARGEST).all(axis=1) | ~(delta > 0))
         if bad.size:
             raise InputError(
                 f"row {bad[0] + 1} of {len(delta)}: statistics and Delta must be finite, densities,"
-                " curvatures and Delta above 0"
+                f" curvatures and Delta above 0, and no feature beyond {LARGEST:.0e}"
             )
         return Rows(inputs, statistics, delta, length, notes)
 

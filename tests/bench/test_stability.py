@@ -1,4 +1,4 @@
-"""The table of stiff and extreme cases, and proof that its checks can fail."""
+"""The solver's table of stiff and extreme cases, and proof that its checks can fail."""
 
 import csv
 import math
@@ -17,11 +17,17 @@ import pytest
 import bem
 from bem.influence import KERNELS
 from bench import __main__ as command
-from bench.stability import checks, report, surfaces
-from bench.stability.case import Case, Refusal, Result, judge, run, run_case
-from bench.stability.checks import Check, Finding
-from bench.stability.setup import Setup, pressed
-from bench.stability.table import CASES
+from bench.page.content import Absent, Table
+from bench.stability import report
+from bench.stability.contents import FILES, contents
+from bench.stability.finding import Finding, Refusal
+from bench.stability.sheet import Sheet
+from bench.stability.solver import checks, topographies
+from bench.stability.solver.case import Case, Result, judge, run, run_case
+from bench.stability.solver.checks import Check
+from bench.stability.solver.setup import Setup, pressed
+from bench.stability.solver.sheet import SHEET
+from bench.stability.solver.table import CASES
 
 
 @pytest.mark.parametrize(
@@ -51,7 +57,7 @@ def test_what_was_promised_is_in_the_table() -> None:
         assert {f"Δ = {share:g} Δ*, {kernel}" for share in (0.9, 0.99, 0.999, 2)} <= names
 
 
-SMALL = pressed(partial(surfaces.paper, 33), 12.0)
+SMALL = pressed(partial(topographies.paper, 33), 12.0)
 ASKED = SMALL()
 CONTACT = ASKED.solve()
 
@@ -168,7 +174,7 @@ def test_an_unconverged_answer_that_claims_to_be_converged_fails() -> None:
 
 
 def test_similarity_fails_for_another_force_or_another_node() -> None:
-    setup = pressed(surfaces.paper, modulus=3.0)()
+    setup = pressed(topographies.paper, modulus=3.0)()
     contact = setup.solve()
     assert verdict(checks.scales(3.0), setup, contact)
     assert not verdict(checks.scales(3.0 + 4e-15), setup, contact)
@@ -272,11 +278,25 @@ BROKEN = Case("two", "broken", SMALL, (checks.has_force("nothing", 0.0, 0.0),))
 SLOW = Case("two", "slow", SMALL, slow=True)
 
 
+@pytest.fixture
+def holding(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Puts other cases into the solver's table."""
+
+    def put(*cases: Case) -> None:
+        table = replace(SHEET, cases=cases)
+        monkeypatch.setattr(report, "sheet", lambda _name: table)
+
+    return put
+
+
+SOLVER = ["stability", "--of", "solver"]
+
+
 def test_command_prints_and_writes_the_table(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, holding: Callable[..., None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(report, "CASES", (*TWO, SLOW))
-    assert command.main(["stability", "-o", str(tmp_path / "new")]) == 0
+    holding(*TWO, SLOW)
+    assert command.main([*SOLVER, "-o", str(tmp_path / "new")]) == 0
     printed = capsys.readouterr().out
     assert "2 cases, 0 failed" in printed
     assert "heights have shape (3,)" in printed
@@ -287,25 +307,59 @@ def test_command_prints_and_writes_the_table(
     assert float(rows[0]["force_uN"]) == CONTACT.force
     assert int(rows[0]["ordinary_iterations"]) > 0
     assert rows[1]["force_uN"] == rows[1]["iterations"] == ""
-    assert command.main(["stability", "--full"]) == 0
+    assert command.main([*SOLVER, "--full"]) == 0
     assert "3 cases, 0 failed" in capsys.readouterr().out
 
 
 def test_command_fails_with_a_case(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, holding: Callable[..., None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(report, "CASES", (*TWO, BROKEN))
-    assert command.main(["stability"]) == 1
+    holding(*TWO, BROKEN)
+    assert command.main([*SOLVER, "-o", str(tmp_path)]) == 1
     printed = capsys.readouterr().out
     assert "3 cases, 1 failed: broken" in printed
     assert "FAILED" in printed
+    assert ",failed," in (tmp_path / "stability.csv").read_text(encoding="utf-8")
+
+
+def test_all_tables_are_run_unless_some_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def named(name: str) -> Sheet:
+        return replace(SHEET, cases=TWO, file=FILES[name], title=name)
+
+    monkeypatch.setattr(report, "sheet", named)
+    assert command.main(["stability", "--of", "models", "-o", str(tmp_path)]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["models.csv"]
+    shown = contents(tmp_path)
+    assert [type(each) for each in shown] == [Absent, Absent, Table]
+    assert command.main(["stability", "-o", str(tmp_path)]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == set(FILES.values())
+    capsys.readouterr()
+    assert command.main(["stability", "--of", "rivers"]) == 2
+    assert "solver, surfaces, models" in capsys.readouterr().err
+
+
+def test_the_page_names_columns_that_are_there() -> None:
+    for name, shown in zip(FILES, contents_of_all(), strict=True):
+        header = report.sheet(name).header
+        assert set(shown.columns) | {shown.verdict} <= set(header)
+
+
+def contents_of_all() -> list[Any]:
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        for file in FILES.values():
+            (Path(folder) / file).touch()
+        return contents(Path(folder))
 
 
 def test_failures_are_red_on_a_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("FORCE_COLOR", "1")
-    report.show(run([TWO[0], BROKEN]))
+    SHEET.show(run([TWO[0], BROKEN]))
     lines = capsys.readouterr().out.splitlines()
     sound, broken, *_ = (line for line in lines if "sound" in line or "broken" in line)
     assert "\x1b[31m" in broken
@@ -315,7 +369,7 @@ def test_failures_are_red_on_a_terminal(
 def test_folders_are_refused_before_anything_is_solved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(report, "run", lambda _cases: pytest.fail("ran"))
+    monkeypatch.setattr(report, "sheet", lambda _name: pytest.fail("ran"))
     (tmp_path / "taken").touch()
     assert command.main(["stability", "-o", str(tmp_path / "taken")]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1

@@ -6,7 +6,7 @@ with coefficients and a convolution of its own; the others look at it from anoth
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -15,8 +15,9 @@ import bem
 from bem.influence import Kernel
 from bench import dense
 from bench.half_space import displacement, flat_punch, influence_coefficients
-from bench.stability.setup import Setup, pressed
-from bench.stability.surfaces import Field, paper
+from bench.stability.finding import Finding
+from bench.stability.solver.setup import Setup, pressed
+from bench.stability.solver.topographies import Field, paper
 
 ROUNDING = 1e-9
 """What two convolutions of the same pressure may differ by [Delta]."""
@@ -28,31 +29,6 @@ MISPLACED = 1e-4
 """Share of the load that a residual of 1e-6 may leave at another place [1]."""
 
 FOUR_ULP = 4 * float(np.finfo(np.float64).eps)
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One number of a check, and what it may be at most.
-
-    Attributes
-    ----------
-    what : the deviation, in words
-    error : its size; what is not a number counts as failed
-    allowed : the largest that passes
-    """
-
-    what: str
-    error: float
-    allowed: float
-
-    @property
-    def passed(self) -> bool:
-        """Whether the deviation is small enough."""
-        return self.error <= self.allowed
-
-    def __str__(self) -> str:
-        """Both numbers and which is the larger."""
-        return f"{self.what} {self.error:.2g} {'≤' if self.passed else '>'} {self.allowed:.2g}"
 
 
 Check = Callable[[Setup, bem.Contact], Iterable[Finding]]

@@ -8,11 +8,12 @@ import numpy as np
 import bem
 from bem.influence import KERNELS, Kernel
 from bench.half_space import critical_delta
-from bench.stability import surfaces
-from bench.stability.case import Case, Refusal
-from bench.stability.checks import Check, agrees_with_dense_solve, is_symmetric
-from bench.stability.setup import Setup, pressed
-from bench.stability.surfaces import SMALL, Field, flat, paper
+from bench.stability.finding import Refusal
+from bench.stability.solver import topographies
+from bench.stability.solver.case import Case
+from bench.stability.solver.checks import Check, agrees_with_dense_solve, is_symmetric
+from bench.stability.solver.setup import Setup, pressed
+from bench.stability.solver.topographies import SMALL, Field, flat, paper
 
 SHORT_WAVES = (
     "the concentrated force resists a checkerboard of pressures seven times less than a uniform"
@@ -46,14 +47,17 @@ def _concentrated_forces() -> Iterator[Case]:
         coarse = pressed(partial(paper, SMALL), delta, kernel=kernel)
         checks = (agrees_with_dense_solve(),)
         yield Case(family, f"Δ = {delta:g}, coarse", coarse, checks, reason=SHORT_WAVES)
-    noise = pressed(surfaces.white_noise, 100.0, kernel=kernel)
+    noise = pressed(topographies.white_noise, 100.0, kernel=kernel)
     yield Case(family, "white noise", noise, reason=SHORT_WAVES)
     smooth = pressed(flat, kernel=kernel)
     yield Case(family, "flat", smooth, (is_symmetric(),), reason=SHORT_WAVES)
-    judges: dict[int, tuple[Check, ...]] = {surfaces.NODES: (), SMALL: (agrees_with_dense_solve(),)}
+    judges: dict[int, tuple[Check, ...]] = {
+        topographies.NODES: (),
+        SMALL: (agrees_with_dense_solve(),),
+    }
     for nodes, dense in judges.items():
         for delta in (1.0, 10.0, 50.0, 1e3):
-            setup = pressed(partial(surfaces.checkerboard, nodes), delta, kernel=kernel)
+            setup = pressed(partial(topographies.checkerboard, nodes), delta, kernel=kernel)
             name = f"a checkerboard of {nodes} nodes, Δ = {delta:g}"
             yield Case(family, name, setup, (*dense, is_symmetric()), reason=CHECKERBOARD)
 
@@ -121,4 +125,4 @@ def _refusals() -> Iterator[Case]:
 
 
 def _with_hole(height: float) -> Field:
-    return surfaces.with_middle_at(height, flat((9, 9)))
+    return topographies.with_middle_at(height, flat((9, 9)))

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 import bem
 from bem.influence import Kernel
 from bem.problem import FarField
-from bench.stability.surfaces import SIDE, Field
+from bench.stability.solver.topographies import SIDE, Field
 
 DELTA = 25.0
 """Displacement of an ordinary contact, unless a case is about another [um]."""

@@ -6,9 +6,9 @@ from functools import partial
 import numpy as np
 
 from bench import dense
-from bench.stability import surfaces
-from bench.stability.case import Case
-from bench.stability.checks import (
+from bench.stability.solver import topographies
+from bench.stability.solver.case import Case
+from bench.stability.solver.checks import (
     FOUR_ULP,
     Check,
     agrees_with_dense_solve,
@@ -18,8 +18,8 @@ from bench.stability.checks import (
     scales,
     turns_with_surface,
 )
-from bench.stability.setup import DELTA, pressed
-from bench.stability.surfaces import CELL, SIDE, SMALL, Field, paper
+from bench.stability.solver.setup import DELTA, pressed
+from bench.stability.solver.topographies import CELL, SIDE, SMALL, Field, paper
 
 HEIGHT_ROUNDING = 1e-6
 """Heights times a power of ten are rounded anew: two solves then differ by their tolerance."""
@@ -48,11 +48,11 @@ def _sizes() -> Iterator[Case]:
         (2.0**-40, "2^-40", FOUR_ULP),
         (2.0**40, "2^40", FOUR_ULP),
     ):
-        setup = pressed(partial(surfaces.taller_paper, factor), DELTA * factor)
+        setup = pressed(partial(topographies.taller_paper, factor), DELTA * factor)
         yield Case("size", f"heights and Δ times {name}", setup, (scales(factor, allowed),))
-    small = pressed(partial(surfaces.taller_paper, 1e-12), 25e-12, side=1e-9, modulus=1e-12)
+    small = pressed(partial(topographies.taller_paper, 1e-12), 25e-12, side=1e-9, modulus=1e-12)
     yield Case("size", "E, L, heights and Δ small", small, (scales(1e-36, HEIGHT_ROUNDING),))
-    large = pressed(partial(surfaces.taller_paper, 1e12), 25e12, side=1e9, modulus=1e15)
+    large = pressed(partial(topographies.taller_paper, 1e12), 25e12, side=1e9, modulus=1e15)
     yield Case("size", "E, L, heights and Δ large", large, (scales(1e33, HEIGHT_ROUNDING),))
 
 
@@ -90,14 +90,14 @@ def _grids() -> Iterator[Case]:
         checks: tuple[Check, ...] = (agrees_with_dense_solve(),) if k <= 5 else ()
         checks += (turns_with_surface(),) if k == 7 else ()
         yield Case("grid", f"k = {k}", setup, checks, slow=k >= 10, ordinary=True)
-    single = pressed(partial(surfaces.flat, (1, 1)), 3.0, spacing=2.0)
+    single = pressed(partial(topographies.flat, (1, 1)), 3.0, spacing=2.0)
     yield Case(
         "grid", "a single node", single, (has_force("one cell", one_cell_force(3, 2), 1e-6),)
     )
     for name, shape in (("one row", (1, 129)), ("one column", (129, 1)), ("four nodes", (2, 2))):
-        setup = pressed(partial(surfaces.cropped_paper, shape), 10.0, spacing=7.8125)
+        setup = pressed(partial(topographies.cropped_paper, shape), 10.0, spacing=7.8125)
         yield Case("grid", name, setup, (agrees_with_dense_solve(),))
-    strip = pressed(partial(surfaces.cropped_paper, (3, 129)), side=(1000 / 64, 1000.0))
+    strip = pressed(partial(topographies.cropped_paper, (3, 129)), side=(1000 / 64, 1000.0))
     yield Case("grid", "a patch of 1:64", strip, (agrees_with_dense_solve(),))
     for sides in ((1000.0, 64000.0), (64000.0, 1000.0)):
         name = f"cells of {sides[0] / 1000:g}:{sides[1] / 1000:g}"
@@ -110,7 +110,7 @@ def _grids() -> Iterator[Case]:
 
 
 def _arrays() -> Iterator[Case]:
-    whole = surfaces.whole_numbers
+    whole = topographies.whole_numbers
     for name, given in (
         ("float32", lambda: paper().astype(np.float32)),
         ("float16", lambda: paper().astype(np.float16)),
@@ -123,7 +123,7 @@ def _arrays() -> Iterator[Case]:
     ):
         yield Case("array", name, pressed(given), (equals("a float64 copy", np.array),))
     far = equals("the same without the offset", partial(np.add, -1e8))
-    setup = pressed(partial(surfaces.offset_paper, 1e8), 0.5)
+    setup = pressed(partial(topographies.offset_paper, 1e8), 0.5)
     yield Case("array", "an offset of 1e8 um, roughness of 1 um", setup, (far,))
 
 

@@ -1,0 +1,163 @@
+"""Fit a model and ask it, by the ways that the product goes."""
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.stability.models.samples import CALIBRATING, NODES, SEEN, Values, scene
+from learn.comparison.spaces import baseline, untuned
+from learn.dataset import Dataset, remarks
+from learn.models import STEP
+from learn.request import Request
+from learn.surrogate import Surrogate
+from learn.surrogate.fitting import Fit, fit_target
+from learn.surrogate.prediction import Rows
+from learn.surrogate.settings import Settings
+
+FEWER: dict[str, dict[str, Any]] = {
+    "random-forest": {"n_estimators": 20},
+    "adaboost": {"n_estimators": 20},
+    "gradient-boost": {"n_estimators": 30},
+    "xgboost": {"n_estimators": 50},
+    "mlp": {"max_iter": 30},
+}
+"""Of the tuned settings: less work, which nothing here depends on."""
+
+WAYS = ("default", "tuned")
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A fitted model.
+
+    Attributes
+    ----------
+    name, way : model and settings, one of `WAYS`
+    fit : what the product made of the training rows
+    surrogate : with this one model
+    train, test : rows
+    """
+
+    name: str
+    way: str
+    fit: Fit
+    surrogate: Surrogate
+    train: Dataset
+    test: Dataset
+
+    @property
+    def estimator(self) -> Any:
+        """The fitted one, without its scaling."""
+        return self.fit.learnt.pipeline.named_steps[STEP]
+
+    @property
+    def scaled(self) -> Values:
+        """Training inputs as the estimator has seen them."""
+        scaling = self.fit.learnt.pipeline.steps[0][1]
+        inputs = self.train.inputs
+        return np.asarray(inputs if scaling == "passthrough" else scaling.transform(inputs))
+
+    @property
+    def target(self) -> Values:
+        """(n,) what the estimator was trained on."""
+        learnt = self.fit.learnt
+        return (self.train.target - learnt.mean) / learnt.deviation
+
+    def predicted(self, rows: Dataset) -> Values:
+        """(n,) targets of some rows."""
+        return self.fit.learnt.raw(rows.inputs)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the product says about the rows and the fit."""
+        normalisation = "l2" if self.train.features == "paper" else "standard"
+        return (*remarks(self.train, normalisation), *self.fit.remarks)
+
+    def score(self) -> float:
+        """R2 on the training rows [1]; nan where the target is constant."""
+        truth, found = self.train.target, self.predicted(self.train)
+        unit = float(np.ptp(truth)) or np.nan
+        rest, spread = (truth - found) / unit, (truth - truth.mean()) / unit
+        return 1 - float(rest @ rest) / float(spread @ spread)
+
+    def worse_than_constant(self) -> bool:
+        """Whether the mean, and the median by absolute errors, would have served better."""
+        truth, found = self.train.target, self.predicted(self.train)
+        absolute = np.abs(truth - np.median(truth)).mean()
+        return self.score() < 0 and bool(np.abs(truth - found).mean() > 1.01 * absolute)
+
+
+def fitted(
+    name: str,
+    way: str,
+    rows: Dataset,
+    settings: Mapping[str, Any] | None = None,
+    seen: int = SEEN,
+) -> Asked:
+    """Fit to the first rows.
+
+    Parameters
+    ----------
+    name : of a model
+    way : one of `WAYS`
+    rows : all of them
+    settings : on top of these
+    seen : rows that train; of the others a third calibrates
+    """
+    calibrating = min(CALIBRATING, (rows.size - seen) // 2)
+    train, calibration, test = (
+        rows.at(np.arange(rows.size)[part])
+        for part in (
+            slice(seen),
+            slice(seen, seen + calibrating),
+            slice(seen + calibrating, rows.size),
+        )
+    )
+    request = Request(
+        Path("rows.h5"),
+        Path("out"),
+        models=(name,),
+        features=rows.features,
+        normalisation="standard" if rows.features != "paper" else "l2",
+    )
+    values = baseline(name, rows.features)
+    if way == "tuned":
+        values = untuned(name, rows.features)[1] | FEWER.get(name, {})
+    chosen = Settings({**values, **(settings or {})}, way == "tuned", way)
+    folds = np.zeros(train.size, np.int8)
+    fit = fit_target(request, train, calibration, folds, settings=chosen)
+    card = {
+        "features": rows.features,
+        "nodes": NODES,
+        "side": scene().surface.side,
+        "spacing": scene().spacing,
+        "modulus": 1.0,
+    }
+    low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
+    surrogate = Surrogate(card, {"target": fit.learnt}, low, high)
+    return Asked(name, way, fit, surrogate, train, test)
+
+
+def rows_of(rows: Dataset) -> Rows:
+    """Rows that a surrogate can be asked about."""
+    side = scene().surface.side
+    return Rows(rows.inputs, rows.described[:, 1:], rows.described[:, 0], side, ())
+
+
+def loaded(asked: Asked) -> Surrogate:
+    """The surrogate after it was written and read."""
+    with TemporaryDirectory() as folder, warnings.catch_warnings():
+        path = Path(folder) / "model.surrogate"
+        asked.surrogate.save(path)
+        return Surrogate.load(path)
+
+
+def unlike(first: NDArray[Any], second: NDArray[Any]) -> int:
+    """How many bits' worth of numbers differ: not one may."""
+    return int(np.count_nonzero(first != second)) + int(np.isnan(first).sum())

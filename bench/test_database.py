@@ -1,0 +1,67 @@
+"""Time to write rows with fields into a database, with both writers; what arrived is asserted.
+
+    pytest bench --benchmark-only -k write
+
+`python -m bench writers` measures both side by side, on any number of ranks.
+"""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bench.scale.launch import launch
+from bench.writers import Spec, require_rows, template_of
+from gen import database
+from gen.delivery import Block, Target, delivery
+from gen.farm import World, run
+from gen.run import blocks_of
+from gen.sample import Rows
+
+SIZES = {"smoke": Spec(32, 33, 1), "paper": Spec(256, 129, 1), "large": Spec(32, 513, 1)}
+RANKS = 3
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_write_by_one(benchmark: Any, tmp_path: Path, size: str) -> None:
+    """Rows with their pressure fields, to the kernel; creating the file is not timed."""
+    spec, path = SIZES[size], tmp_path / "rows.h5"
+    blocks = list(blocks_of(spec.scene, [(0, spec.rows)], World().workers))
+    template = template_of(spec.scene, blocks)
+
+    def compute(block: Block) -> Rows:
+        return {name: values[: block[1] - block[0]] for name, values in template.items()}
+
+    def create() -> None:
+        path.unlink(missing_ok=True)
+        database.create(path, spec.scene)
+
+    def write() -> None:
+        with delivery(Target(path, spec.scene, parallel=False), World(), compute) as delivered:
+
+            def take(block: Block, result: Any) -> None:
+                delivered.take(block, result)
+
+            run(delivered.work, iter(blocks), take, World())
+
+    benchmark.pedantic(write, setup=create, rounds=3)
+    require_rows(path, blocks, template)
+    if benchmark.enabled:
+        benchmark.extra_info["megabytes_per_second"] = spec.megabytes / benchmark.stats["median"]
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_write_by_all(benchmark: Any, tmp_path: Path, size: str) -> None:
+    """By two workers under mpiexec; a round is the whole program, which writes with both writers.
+
+    The program asserts that all rows arrived; the rates of the extra info are those of the writers.
+    """
+    if not database.parallel_hdf5():
+        pytest.skip("this h5py has no MPI: make parallel")
+    spec = SIZES[size]
+    arguments = (RANKS, "bench.writers", asdict(spec), tmp_path)
+    seconds = benchmark.pedantic(launch, args=arguments, rounds=1)
+    for writer in ("single", "parallel"):
+        (found,) = seconds[writer]
+        benchmark.extra_info[f"{writer}_megabytes_per_second"] = spec.megabytes / found

@@ -1,0 +1,126 @@
+"""The table of models, and proof that its checks can fail."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bench.stability.case import Case, run_case
+from bench.stability.models import fit_cases, part_cases
+from bench.stability.models.fitted import Asked, fitted
+from bench.stability.models.optimality import optimal
+from bench.stability.models.samples import ordinary
+from bench.stability.models.sheet import SHEET
+from learn.models import MODELS
+
+QUICK = ("Decision Tree", "SVM Regressor", "Kernel Ridge", "GP Regressor")
+FAST = [
+    case
+    for case in SHEET.cases
+    if not case.family.startswith("models: ")
+    or case.name in QUICK
+    or case.family == "models: few rows"
+]
+
+
+@pytest.mark.parametrize("case", FAST, ids=lambda case: f"{case.family}: {case.name}")
+def test_case(case: Case) -> None:
+    result = run_case(case)
+    assert result.passed, "; ".join(str(f) for f in result.findings if not f.passed)
+
+
+def test_names_are_unique_and_families_stand_together() -> None:
+    names = [(case.family, case.name) for case in SHEET.cases]
+    families = [family for family, _ in names]
+    assert len(set(names)) == len(names)
+    assert families == sorted(families, key=families.index)
+
+
+def test_all_models_are_asked() -> None:
+    families = {kind.family for kind in fit_cases.KINDS if len(kind.models) == len(MODELS)}
+    for family in families:
+        titles = {case.name for case in SHEET.cases if case.family == f"models: {family}"}
+        assert titles == {model.title for model in MODELS.values()}
+    assert {"constant target", "constant column", "collinear columns", "a row of zeros"} <= families
+    assert {"duplicated rows", "few rows", "far outside", "single precision"} <= families
+
+
+def asked(name: str, way: str = "default") -> Asked:
+    return fitted(name, way, ordinary())
+
+
+def spoilt(fit: Asked, **attributes: Any) -> Asked:
+    """The same fit with attributes of its estimator changed."""
+    for name, value in attributes.items():
+        setattr(fit.estimator, name, value)
+    return fit
+
+
+def passed(fit: Asked) -> bool:
+    return all(finding.passed for finding in optimal(fit))
+
+
+def test_wrong_coefficients_fail() -> None:
+    for name, attribute in (("kernel-ridge", "dual_coef_"), ("gaussian-process", "alpha_")):
+        fit = asked(name)
+        assert passed(fit)
+        coefficients = getattr(fit.estimator, attribute).copy()
+        coefficients[3] *= 1 + 1e-6
+        assert not passed(spoilt(fit, **{attribute: coefficients}))
+
+
+def test_wrong_alpha_fails() -> None:
+    fit = asked("kernel-ridge")
+    assert not passed(spoilt(fit, alpha_used_=fit.estimator.alpha_used_ * 1.0001))
+
+
+def test_wrong_support_vectors_fail() -> None:
+    fit = asked("svm", "tuned")
+    assert passed(fit)
+    assert not passed(spoilt(fit, C=fit.estimator.C / 1e6))
+
+
+def test_targets_that_a_tree_has_not_seen_fail() -> None:
+    fit = asked("decision-tree")
+    assert passed(fit)
+    other = replace(fit.train, target=fit.train.target * 1.0001)
+    assert not passed(replace(fit, train=other))
+    boosted = asked("gradient-boost")
+    assert passed(boosted)
+    assert not passed(replace(boosted, train=other))
+
+
+def test_what_lies_beyond_the_targets_fails() -> None:
+    fit = asked("adaboost")
+    assert passed(fit)
+    short = replace(fit.train, target=np.minimum(fit.train.target, np.median(fit.train.target)))
+    assert not passed(replace(fit, train=short))
+
+
+def test_an_unflagged_row_fails() -> None:
+    fit = asked("kernel-ridge", "tuned")
+    assert all(finding.passed for finding in fit_cases.flagged(fit))
+    wide = replace(fit.surrogate, low=fit.surrogate.low - np.inf, high=fit.surrogate.high + np.inf)
+    found = list(fit_cases.flagged(replace(fit, surrogate=wide)))
+    assert any(not finding.passed for finding in found)
+
+
+def test_silent_nonsense_fails() -> None:
+    fit = asked("decision-tree")
+    other = replace(fit, train=replace(fit.train, target=fit.train.target[::-1]))
+    assert [f.what for f in fit_cases._sound(other) if not f.passed] == [
+        "worse than a constant, unsaid"
+    ]
+
+
+def test_a_split_that_tears_surfaces_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    groups = np.arange(90) // 3
+    assert all(finding.passed for finding in part_cases._split(groups).findings)
+    draw = part_cases.draw
+
+    def by_row(rows: Any, seed: int) -> Any:
+        return draw(replace(rows, groups=np.arange(90)), seed)
+
+    monkeypatch.setattr(part_cases, "draw", by_row)
+    assert any(not finding.passed for finding in part_cases._split(groups).findings)
