@@ -235,7 +235,7 @@ def test_solve_given_force(benchmark: BenchmarkFixture, control: str) -> None:
         benchmark.extra_info["time_over_given_delta"] = seconds_of(solve_all) / given
 
 
-@pytest.mark.parametrize("rungs", [9, 41])
+@pytest.mark.parametrize("rungs", [9, 41, 161])
 def test_solve_ladder(benchmark: BenchmarkFixture, rungs: int) -> None:
     """Delta from 5 to 45 um on one surface, each contact started from the last three."""
     heights, _ = surfaces(SIZES["paper"], 1)[0]

@@ -11,7 +11,7 @@ DIGITS = 4
 """Significant digits of numbers on the page; the files have all of them."""
 
 PASSED = "passed"
-UNITS = {"um": "µm", "s": "s", "seconds": "s", "percent": "%", "uN": "µN"}
+UNITS = {"um": "µm", "s": "s", "seconds": "s", "ms": "ms", "percent": "%", "uN": "µN"}
 """Last words of columns' names that are units."""
 
 

@@ -1,0 +1,39 @@
+"""What several commands take, and how they tell how far they are."""
+
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+import typer
+
+from gen.errors import InputError
+
+Number = TypeVar("Number", int, float)
+
+Folder = Annotated[
+    Path, typer.Option("--output", "-o", metavar="DIR", help="The folder to write into.")
+]
+
+PaperRows = Annotated[
+    int, typer.Option(min=1, help="Rows of the paper preset; all of them unless given.")
+]
+PaperDatabase = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="A database of the paper preset, not generated anew."),
+]
+AreaMax = Annotated[
+    float,
+    typer.Option(metavar="PERCENT", help="Rows of larger area are left out; the paper's range."),
+]
+
+
+def numbers(name: str, text: str, kind: type[Number]) -> list[Number]:
+    """Numbers with commas between them."""
+    try:
+        return [kind(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(f"{name} {text!r}: give numbers with commas between them") from None
+
+
+def remark(line: str) -> None:
+    """Tell how far a report is, beside its output."""
+    typer.echo(line, err=True)

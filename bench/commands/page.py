@@ -1,0 +1,113 @@
+"""Commands that put the paper beside ours, and all reports on one page."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bench.commands.options import Folder, PaperDatabase, remark
+
+
+def run(
+    output: Folder,
+    full: Annotated[
+        bool, typer.Option("--full", help="Everything: hours. Else what fits into ten minutes.")
+    ] = False,
+    database: PaperDatabase = None,
+    comparison: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of learn compare and tune; made if left out."),
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="PART", help="May be repeated; all if left out.")
+    ] = None,
+) -> int:
+    """Make all reports, and one page of them: DIR/index.html, which needs no network.
+
+    Every part runs in turn as a command of its own, in DIR/PART, and is skipped where the same
+    command of the same commit has made it before: after Ctrl-C the same command goes on. Exit code
+    1 if a check failed or a part could not be made.
+    """
+    from bench.page.report import run as make
+
+    path, outcome = make(
+        output, remark, full=full, database=database, comparison=comparison, only=only or ()
+    )
+    typer.echo(path)
+    if outcome.signal:
+        typer.echo("bench: interrupted; the same command goes on", err=True)
+        return 128 + outcome.signal
+    for name in outcome.failed:
+        typer.echo(f"bench: {name} failed, see {path} or {output / name}", err=True)
+    return 1 if outcome.failed else 0
+
+
+def page(
+    folder: Annotated[Path, typer.Argument(help="Folder of `bench run`.")],
+    full: Annotated[bool, typer.Option("--full", help="It was made with --full.")] = False,
+    comparison: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Comparison that it was made with.")
+    ] = None,
+) -> None:
+    """Write the page of what a folder holds anew, and make nothing."""
+    from bench.page.report import page as write
+
+    typer.echo(write(folder, full=full, comparison=comparison))
+
+
+def paper(
+    output: Folder,
+    rows: Annotated[
+        int, typer.Option(min=100, help="Rows of the paper preset, where no database is given.")
+    ] = 1000,
+    database: PaperDatabase = None,
+    fine: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A database on a finer grid, not generated anew."),
+    ] = None,
+    comparison: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of learn compare and learn tune, for the area."),
+    ] = None,
+    cost: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder of bench cost.")] = None,
+) -> None:
+    """Draw the paper's figures and tables anew, its numbers beside ours.
+
+    What needs a comparison or costs is left out without them. Deviations are named, and explained
+    where that is known. Goes on after Ctrl-C, and makes anew only what its inputs have changed.
+    """
+    from bench.paper.report import write_report
+
+    given = {"--database": database, "--fine": fine, "--comparison": comparison, "--cost": cost}
+    options = [f"{name} {path}" for name, path in given.items() if path is not None]
+    command = " ".join(["python -m bench paper -o", str(output), *options])
+    if database is None:
+        command += f" --rows {rows}"
+    for path in write_report(
+        output,
+        rows,
+        given=database,
+        finer=fine,
+        comparison=comparison,
+        costs=cost,
+        command=command,
+        remark=remark,
+    ):
+        typer.echo(path)
+
+
+def unstated(
+    output: Folder,
+    rows: Annotated[int, typer.Option(min=50, help="Rows of each database.")] = 1000,
+) -> None:
+    """Vary what the paper leaves unstated, one choice at a time, and show what that moves.
+
+    Influence coefficients, far field, spacing, generator, sigma0, shares of Delta, simulations
+    that were cut off; readings of bandwidth, peaks and asperities; an iteration that stops early.
+    Generates a dozen databases in DIR/databases, goes on there after Ctrl-C; DIR/unstated.csv,
+    readings.csv, early-stop.csv and unstated.png. Minutes.
+    """
+    from bench.unstated.report import write_report
+
+    for path in write_report(output, rows, remark):
+        typer.echo(path)

@@ -1,0 +1,120 @@
+"""Commands on the contact solver: exactness, speed, stiff cases."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bench.commands.options import Folder, numbers, remark
+from gen.errors import InputError
+
+
+def solver(
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Small grids: a look in seconds.")] = False,
+    default_tolerance: Annotated[
+        bool, typer.Option("--default-tolerance", help="Print what the default's choice rests on.")
+    ] = False,
+    samples: Annotated[
+        int, typer.Option(min=1, help="Rows of the paper preset for --default-tolerance.")
+    ] = 1000,
+) -> None:
+    """Measure the solver's error against its cost.
+
+    Force, area and pressure over wall time and over applications of the influence matrix, for the
+    tolerance, the grid, both kernels, both precisions and other solvers where they are installed:
+    DIR/solver.csv, DIR/solver.png, and DIR/solver.json for where and with what.
+    """
+    if default_tolerance:
+        from bench.default_tolerance import markdown_table, right_counts
+
+        typer.echo(markdown_table(right_counts(samples=samples)))
+    elif output is None:
+        raise InputError("solver: give -o DIR to write into, or --default-tolerance")
+    else:
+        from bench.work_precision.report import write_report
+        from bench.work_precision.studies import FULL, QUICK
+
+        for path in write_report(output, QUICK if quick else FULL, remark):
+            typer.echo(path)
+
+
+def peers(
+    output: Folder,
+    nodes: Annotated[
+        str, typer.Option(metavar="N,...", help="Nodes a side of the grids, each 2^k + 1.")
+    ] = "129,257",
+    deltas: Annotated[
+        str, typer.Option(metavar="UM,...", help="Displacements of the far field.")
+    ] = "5,25,45",
+    rounds: Annotated[int, typer.Option(min=1, help="Turns; medians count.")] = 4,
+) -> None:
+    """Compare with other solvers, and with the paper's algorithm, at equal accuracy.
+
+    ContactMechanics, Tamaas and ASPHER where they are installed, on surfaces with H = 0.65 and
+    sigma0 = 20 um: each at the loosest tolerance that gives force and contact well enough, timed
+    in turn. Minutes at 129 and 257 nodes, much longer beyond. Prints tables, writes
+    DIR/peers.csv and, where matplotlib is installed, DIR/peers.png.
+    """
+    from bench.peers.report import write_report
+
+    sizes, loads = numbers("nodes", nodes, int), numbers("deltas", deltas, float)
+    for path in write_report(output, sizes, loads, rounds, typer.echo):
+        typer.echo(path)
+
+
+def growth(
+    output: Folder,
+    nodes: Annotated[
+        str, typer.Option(metavar="N,...", help="Nodes a side of the grids, each 2^k + 1.")
+    ] = "129,257,513,1025",
+    surfaces: Annotated[int, typer.Option(min=1, help="Surfaces, each of its own seed.")] = 3,
+) -> None:
+    """Measure how convolutions, time and memory of a solve grow with the grid.
+
+    At 1, 10 and 50 % of the nodes in contact. Two minutes; with 2049 nodes a side and one surface
+    some more. Prints a table, writes DIR/growth.csv and DIR/growth.png.
+    """
+    from bench.growth import growth, markdown_table, write_report
+
+    rows = growth(numbers("nodes", nodes, int), surfaces, remark=remark)
+    typer.echo(markdown_table(rows))
+    for path in write_report(output, rows):
+        typer.echo(path)
+
+
+def hertz(output: Folder) -> None:
+    """Press a paraboloid and compare with Hertz.
+
+    Force and area against the displacement, for the closed form and for both kernels on 128 and on
+    256 nodes a side, as in section 2.4 of the paper: DIR/hertz.csv and DIR/hertz.png.
+    """
+    from bench.hertz import write_report
+
+    for path in write_report(output):
+        typer.echo(path)
+
+
+def stability(
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
+    ] = None,
+    full: Annotated[bool, typer.Option("--full", help="The slow cases too.")] = False,
+    of: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TABLE", help="solver, surfaces or models alone; may be repeated."),
+    ] = None,
+) -> int:
+    """Ask for what is stiff and extreme, and check every answer independently.
+
+    Of the solver, of surfaces (generators and statistics) and of the nine models with their
+    features: prints a table each and writes DIR/stability.csv, surfaces.csv and models.csv if asked
+    to. Exit code 0 if all cases passed, 1 otherwise.
+    """
+    from bench.stability.report import report
+
+    return 0 if report(output, full=full, of=of or ()) else 1
