@@ -93,7 +93,7 @@ PARTS = (
         "generalisation",
         SURROGATES,
         "Where surrogates were not trained",
-        quick="-m bench generalisation --rows 1000 --database {database} -o {folder}",
+        quick="-m bench generalisation --rows 600 --database {database} -o {folder}",
         full="-m bench generalisation --database {database} -o {folder}",
         show=captions.generalisation,
     ),
