@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: quickstart test slurm-test campaign check debian parallel test-parallel clean
+.PHONY: quickstart test slurm-test campaign check browser debian parallel test-parallel clean
 
 quickstart: .venv/quickstart-installed
 	$(BIN)/mpiexec -n 3 $(BIN)/python -m mpi4py -m gen run quick -o quick.h5
@@ -33,6 +33,11 @@ WHEELS ?= $(HOME)/.cache/asperity-wheels
 PARALLEL := .venv-parallel/bin
 DEBIAN := libhdf5-openmpi-dev openmpi-bin gcc python3-dev
 HDF5 = $(firstword $(wildcard /usr/lib/*/hdf5/openmpi))
+
+# The browser that the page of reports is looked at in, without a window.
+browser:
+	@dpkg -s chromium > /dev/null 2>&1 || { test "$$(id -u)" = 0 && apt-get update --quiet && \
+	  DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends chromium; }
 
 debian:
 	@dpkg -s $(DEBIAN) > /dev/null 2>&1 || { test "$$(id -u)" = 0 && apt-get update --quiet && \

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from bench.page.content import Content, Figure, Table, Words
+from bench.page.content import Absent, Content, Figure, Table, Words
+from bench.page.table import column
 
 
 def hertz(folder: Path) -> Sequence[Content]:
@@ -56,7 +57,18 @@ def peers(folder: Path) -> Sequence[Content]:
                 "times_ours", "load_error", "misplaced_nodes", "remark",
             ),
         ),
+        *_absent_peers(folder / "peers.csv"),
     ]  # fmt: skip
+
+
+def _absent_peers(table: Path) -> Sequence[Content]:
+    """The packages that no line of the table is about, with how to get them."""
+    from bench.peers.compare import PEERS
+
+    solvers = set(column(table, "solver"))
+    known = {peer.package: peer.install for peer in PEERS}
+    there = {peer.package for peer in PEERS if peer.name in solvers}
+    return [Absent(package, how) for package, how in known.items() if package not in there]
 
 
 def growth(folder: Path) -> Sequence[Content]:
@@ -170,15 +182,19 @@ def _target(folder: Path) -> Sequence[Content]:
                 "paper_nmaxe", "paper_r2", "failure",
             ),
         ),
-        *(
-            Table(folder / f"{name}.csv", caption)
-            for name, caption in (
-                ("times", "Times of fits made alone, on one thread, and of predictions [s]."),
-                ("tuning", "What was searched, of which grid, and what was found."),
-            )
-            if (folder / f"{name}.csv").exists()
+        Table(
+            folder / "times.csv",
+            "Times of fits made alone, on one thread, and of predictions [s].",
         ),
+        _searches(folder / "tuning.csv"),
     ]  # fmt: skip
+
+
+def _searches(table: Path) -> Content:
+    if column(table, "model"):
+        return Table(table, "What was searched, of which grid, and what was found.")
+    how = "python -m learn tune DATABASE --area-max 16.56 -o COMPARISON --model kernel-ridge"
+    return Absent("Tuned models", how)
 
 
 def models(folder: Path) -> Sequence[Content]:

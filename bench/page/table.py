@@ -3,6 +3,7 @@
 import csv
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 from bench.page.content import Table
 from gen.errors import InputError
@@ -55,7 +56,7 @@ def tabulated(table: Table) -> Tabulated:
     InputError
         If the file cannot be read, or lacks a column.
     """
-    header, lines = _read(table)
+    header, lines = _read(table.data)
     columns = table.columns or tuple(header)
     wanted = {*columns, table.verdict} - {""}
     if missing := wanted - set(header):
@@ -73,12 +74,26 @@ def tabulated(table: Table) -> Tabulated:
     return Tabulated(titles, rows, judges=bool(table.verdict))
 
 
-def _read(table: Table) -> tuple[list[str], list[list[str]]]:
+def column(path: Path, name: str) -> list[str]:
+    """One column of a table.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or lacks it.
+    """
+    header, lines = _read(path)
+    if name not in header:
+        raise InputError(f"{path}: has no column {name}")
+    return [line[header.index(name)] for line in lines]
+
+
+def _read(path: Path) -> tuple[list[str], list[list[str]]]:
     try:
-        with table.data.open(encoding="utf-8", newline="") as file:
+        with path.open(encoding="utf-8", newline="") as file:
             header, *lines = csv.reader(file)
     except (OSError, ValueError) as error:
-        raise InputError(f"{table.data}: cannot be read as a table ({error})") from None
+        raise InputError(f"{path}: cannot be read as a table ({error})") from None
     return header, lines
 
 

@@ -44,10 +44,11 @@ def write_report(folder: Path, rows: Sequence[Row]) -> tuple[list[Path], str]:
 
 def contents(folder: Path) -> list[Content]:
     """What a folder of this report holds."""
-    command = "python -m bench tolerance -o DIR"
     table, picture, words = folder / TABLE, folder / PICTURE, folder / TEXT
     if not all(path.is_file() for path in (table, picture, words)):
-        return [Absent("what the solver's tolerance does to a surrogate", command)]
+        return [
+            Absent("what the solver's tolerance does to a surrogate", "python -m bench tolerance")
+        ]
     caption = (
         "Error over the time of the database at several tolerances of the solver, written beside"
         " the crosses. Black: error of the areas that are learnt. Colours: error of kernel ridge"
@@ -59,15 +60,14 @@ def contents(folder: Path) -> list[Content]:
         "nmae", "r2", "own_nmae",
     )  # fmt: skip
     return [
-        Figure(picture, caption, command, (table,)),
+        Figure(picture, caption, data=(table,)),
         Words(words.read_text(encoding="utf-8").strip()),
         Table(
             table,
             "The same as numbers [%], and the processor time of the database [s], also over that at"
             " the default tolerance. label: of the areas and forces learnt; right: rows with the"
             " exact number of contact nodes; own: tested on rows of the same tolerance.",
-            command,
-            shown,
+            columns=shown,
         ),
     ]
 
