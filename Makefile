@@ -11,7 +11,7 @@ quickstart: .venv/quickstart-installed
 
 # On two processors; the batch scripts' tests and the fault campaign stand apart.
 test: .venv/test-installed
-	$(BIN)/python -m pytest -m "not slurm and not campaign" -n 2 --dist loadgroup
+	$(BIN)/python -m pytest -m "not slurm and not campaign" -n 2 --dist loadfile
 
 # The batch scripts on a Slurm of their own, which is installed where root may do so.
 slurm-test: .venv/test-installed

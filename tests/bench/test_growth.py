@@ -20,7 +20,9 @@ def test_rows_reach_their_contact_and_say_what_it_took(tmp_path: Path) -> None:
         assert 0 < row.padded_arrays < 12
     assert rows[0].growth == 1
     assert rows[1].growth == pytest.approx(rows[1].convolutions / rows[0].convolutions)
-    with write_report(tmp_path / "new", rows).open(newline="") as file:
+    table, picture = write_report(tmp_path / "new", rows)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    with table.open(newline="") as file:
         written = list(csv.DictReader(file))
     assert [float(row["convolutions"]) for row in written] == [row.convolutions for row in rows]
     missed = [rows[0], replace(rows[1], growth=1.77, padded_arrays=13.0)]

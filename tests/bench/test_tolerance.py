@@ -139,7 +139,7 @@ def test_the_loosest_tolerance_that_is_good_enough_is_chosen(errors, chosen):
 def test_the_report(small, tmp_path):
     folder = tmp_path / "report"
     (absent,) = contents(folder)
-    assert absent == Absent(absent.what, "python -m bench tolerance -o DIR")
+    assert absent == Absent(absent.what, "python -m bench tolerance")
     paths, text = write_report(folder, small[1])
     assert [path.name for path in paths] == ["tolerance.csv", "tolerance.txt", "tolerance.png"]
     figure, words, table = contents(folder)
