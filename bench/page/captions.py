@@ -13,10 +13,10 @@ def hertz(folder: Path) -> Sequence[Content]:
         Figure(
             folder / "hertz.png",
             "A rigid paraboloid (R = 5 mm) pressed into a half-space: force and contact area over"
-            " the displacement, with the deviation from Hertz below. The force of the default"
-            " kernel, uniform pressure on cells, stays within a per cent; the area moves in steps"
-            " because nodes touch one after the other. The concentrated-force kernel, MIRCO's,"
-            " makes forces too large and areas too small.",
+            " the displacement, with the deviation from Hertz below, in per cent of Hertz's largest"
+            " value. Areas move in steps because nodes touch one after the other. The default"
+            " kernel, uniform pressure on cells, is the nearer one; the concentrated-force kernel,"
+            " MIRCO's, gives way too little under a cell's own force.",
             data=(folder / "hertz.csv",),
         )
     ]
@@ -29,9 +29,9 @@ def solver(folder: Path) -> Sequence[Content]:
             folder / "solver.png",
             "Error of force, area and pressure against wall time and against convolutions: for the"
             " tolerance, the grid, both kernels, both precisions, and other solvers where they are"
-            " installed. Down and to the left is better. A tighter tolerance costs little: the"
-            " curves are steep. The area of a self-affine surface does not converge with the grid,"
-            " as the force does.",
+            " installed. Down and to the left is better; a flat curve says that accuracy is cheap."
+            " Unlike the force, the area of a self-affine surface does not converge as the grid is"
+            " refined.",
             data=(folder / "solver.csv",),
         )
     ]
@@ -45,8 +45,7 @@ def peers(folder: Path) -> Sequence[Content]:
             "Processor time of a solve against the displacement, each solver at its loosest"
             " tolerance with the force within 1e-6 and the contact set within 0.05 %; below, over"
             " ours (1 is as fast). The paper's algorithm, non-negative least squares with a dense"
-            " matrix, is as fast where a few nodes touch and hundreds of times slower at 5 % of"
-            " the nodes.",
+            " matrix, has its best where few nodes touch; its time grows with their cube.",
             data=(folder / "peers.csv",),
         ),
         Table(
@@ -77,9 +76,8 @@ def growth(folder: Path) -> Sequence[Content]:
         Figure(
             folder / "growth.png",
             "Convolutions, seconds and memory of a solve over the nodes a side, at 1, 10 and 50 %"
-            " of the nodes in contact. Seconds grow with the nodes times their logarithm and with"
-            " the convolutions, of which a grid of twice the nodes a side needs 1.1 to 1.4 times"
-            " as many.",
+            " of the nodes in contact. Seconds grow with the nodes times their logarithm, and with"
+            " the convolutions.",
             data=(folder / "growth.csv",),
         ),
         Table(
@@ -111,17 +109,17 @@ def generalisation(folder: Path) -> Sequence[Content]:
             Figure(
                 picture,
                 "Prediction over truth where the surrogate was not trained: a row for each feature"
-                " set, a column for each case; dots off the diagonal are wrong. On the finer grid"
-                " the statistics alone fail, since their values depend on the spacing; a loose"
-                " solve among the features mends it.",
+                " set, a column for each case; dots off the diagonal are wrong. Statistics such as"
+                " curvatures depend on the spacing of the nodes, a loose solve among the features"
+                " does not.",
                 data=(folder / "generalisation.csv",),
             )
             for picture in sorted(folder.glob("generalisation-*.png"))
         ),
         Table(
             folder / "generalisation.csv",
-            "Scores [%], share of rows flagged as outside the training ranges and inside the 90 %"
-            " intervals, and what follows.",
+            "Scores [%]; shares (0 to 1) of rows flagged as outside the training ranges, and"
+            " covered by the 90 % intervals; and what follows.",
             columns=(
                 "tested_on", "features", "trained", "judged", "nmse", "nmae", "r2", "flagged",
                 "covered", "verdict",
@@ -154,7 +152,8 @@ def throughput(folder: Path) -> Sequence[Content]:
     return [
         Table(
             folder / "throughput.csv",
-            "Contacts a second of surrogates, called singly and in batches, beside the solver.",
+            "Processor time of one contact, by surrogates called singly and in batches and by the"
+            " solver; `solves` is how many of them fit into the time of one solve.",
         )
     ]
 
@@ -186,15 +185,19 @@ def _target(folder: Path) -> Sequence[Content]:
             folder / "times.csv",
             "Times of fits made alone, on one thread, and of predictions [s].",
         ),
-        _searches(folder / "tuning.csv"),
     ]  # fmt: skip
+
+
+def tuning(folder: Path) -> Sequence[Content]:
+    """Searches of settings."""
+    return [_searches(table) for table in sorted(folder.glob("*/tuning.csv"))]
 
 
 def _searches(table: Path) -> Content:
     if column(table, "model"):
-        return Table(table, "What was searched, of which grid, and what was found.")
-    how = "python -m learn tune DATABASE --area-max 16.56 -o COMPARISON --model kernel-ridge"
-    return Absent("Tuned models", how)
+        caption = f"{table.parent.name}: what was searched, of which grid, and what was found."
+        return Table(table, caption)
+    return Absent("tuned models", f"python -m learn tune DATABASE -o {table.parent.parent}")
 
 
 def models(folder: Path) -> Sequence[Content]:

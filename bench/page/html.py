@@ -8,8 +8,9 @@ from typing import Any
 
 from bench.circumstances import circumstances
 from bench.page.content import Absent, Content, Figure, Table, Words
+from bench.page.inputs import Inputs, typed
 from bench.page.part import Part
-from bench.page.run import FINISHED, Inputs, record, typed
+from bench.page.record import record
 from bench.page.table import Row, tabulated
 from gen.errors import InputError
 
@@ -93,19 +94,29 @@ def write_page(parts: Sequence[Part], inputs: Inputs) -> Path:
 
 
 def _shown(part: Part, inputs: Inputs) -> Shown:
-    folder = inputs.folder(part)
-    found = record(folder)
-    if found is None and part.name != "comparison":
-        arguments = inputs.arguments(part)
-        how = typed(arguments) if arguments else "python -m bench run --full"
-        return Shown(part, {}, absent=f"Not here. It is made by: {how}")
-    if found is not None and found["code"] not in FINISHED:
+    """What a part holds; what cannot be shown does not keep the others from it."""
+    found = record(part, inputs)
+    given = inputs.folder(part) == inputs.comparison and inputs.comparison.is_dir()
+    if found is None and not given:
+        return Shown(part, {}, absent=f"Not here. It is made by: {_how(part, inputs)}")
+    if found is not None and not found["finished"]:
         told = found["told"][-1] if found["told"] else "it said nothing"
         return Shown(part, found, absent=f"{found['command']}: code {found['code']}, {told}")
-    contents = tuple(_prepared(each) for each in part.show(folder))
+    try:
+        contents = tuple(_prepared(each) for each in part.show(inputs.folder(part)))
+    except InputError as error:
+        return Shown(part, found or {}, absent=str(error))
     if not contents:
-        return Shown(part, {}, absent=f"{folder} holds nothing to show")
+        return Shown(part, {}, absent=f"{inputs.folder(part)} holds nothing to show")
     return Shown(part, found or {}, contents)
+
+
+def _how(part: Part, inputs: Inputs) -> str:
+    """The command that makes a part."""
+    arguments = inputs.arguments(part)
+    if arguments:
+        return typed(arguments)
+    return f"python -m bench run --full --only {part.name} -o {inputs.output}"
 
 
 def _prepared(content: Content) -> tuple[str, dict[str, Any]]:

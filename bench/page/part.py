@@ -6,25 +6,24 @@ from pathlib import Path
 
 from bench.page.content import Content
 
-RECORD = "part.json"
-"""File in a part's folder that says how it was made; there once the part is finished."""
-
-Shown = Callable[[Path], Sequence[Content]]
+ShowContents = Callable[[Path], Sequence[Content]]
 
 
 @dataclass(frozen=True)
 class Part:
-    """A report of its own in a folder of its own.
+    """A report of its own.
 
     Attributes
     ----------
-    name : of the folder
+    name : of the part, and of its folder unless `folder` says otherwise
     chapter : under which it stands
     title : of its section
     quick, full : arguments of the Python interpreter, with {folder}, {database}, {comparison},
-        {cost} and {fine} for what a run fills in; no arguments: not part of that run
+        {cost} and {fine} for what a run fills in; words in brackets are left out where the file
+        that they name is not there; no arguments: not part of that run
     show : lists what the folder holds
-    minutes : that `quick` and `full` take, about, on two processors
+    folder : of another part whose files it adds to
+    judges : whether exit code 1 says that a check has failed, not that the report has
     """
 
     name: str
@@ -32,5 +31,6 @@ class Part:
     title: str
     quick: str
     full: str
-    show: Shown
-    minutes: tuple[float, float] = (0.0, 0.0)
+    show: ShowContents
+    folder: str = ""
+    judges: bool = False

@@ -14,8 +14,6 @@ ROWS = 1500
 """Rows of the paper preset that a short run generates; a full one generates all 15,878."""
 
 DATABASE = "databases/paper.h5"
-COMPARISON = "comparison"
-
 PARTS = (
     Part(
         "solver",
@@ -56,6 +54,7 @@ PARTS = (
         quick="-m bench stability -o {folder}",
         full="-m bench stability --full -o {folder}",
         show=captions.stability,
+        judges=True,
     ),
     Part(
         "scale",
@@ -72,6 +71,15 @@ PARTS = (
         quick="-m learn compare {database} --area-max 16.56 -o {folder}",
         full="-m learn compare {database} --area-max 16.56 -o {folder}",
         show=captions.comparison,
+    ),
+    Part(
+        "tuning",
+        SURROGATES,
+        "The search for settings",
+        quick="",
+        full="-m learn tune {database} --area-max 16.56 --budget 2h -o {comparison}",
+        show=captions.tuning,
+        folder="comparison",
     ),
     Part(
         "models",
@@ -108,7 +116,7 @@ PARTS = (
     Part(
         "throughput",
         SURROGATES,
-        "Contacts a second",
+        "Time of one contact",
         quick="-m bench throughput --rows 500 --database {database} -o {folder}",
         full="-m bench throughput --database {database} -o {folder}",
         show=captions.throughput,
@@ -125,10 +133,10 @@ PARTS = (
         "paper",
         PAPER,
         "Figures and tables",
-        quick="-m bench paper --database {database} --comparison {comparison} --cost {cost}"
+        quick="-m bench paper --database {database} [--comparison {comparison}] [--cost {cost}]"
         " -o {folder}",
-        full="-m bench paper --database {database} --comparison {comparison} --cost {cost}"
-        " --fine {fine} -o {folder}",
+        full="-m bench paper --database {database} [--comparison {comparison}] [--cost {cost}]"
+        " [--fine {fine}] -o {folder}",
         show=captions.paper,
     ),
     Part(
@@ -146,5 +154,6 @@ PARTS = (
         quick="-m pytest bench --benchmark-only -q -k smoke --benchmark-json {folder}/times.json",
         full="-m pytest bench --benchmark-only -q --benchmark-json {folder}/times.json",
         show=captions.benchmarks,
+        judges=True,
     ),
 )

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bench.page.html import write_page
+from bench.page.inputs import COMPARISON, Inputs
 from bench.page.part import Part
-from bench.page.parts import COMPARISON, DATABASE, PARTS, ROWS
-from bench.page.run import Inputs, Outcome, Remark, make
+from bench.page.parts import DATABASE, PARTS, ROWS
+from bench.page.run import Outcome, Remark, make
 from gen.errors import InputError
 
 
@@ -39,12 +40,12 @@ def run(
     InputError
         If a name is unknown, a given file cannot be used or the folder cannot be written to.
     """
-    parts = _chosen(only)
+    parts = _chosen(only, full=full)
     inputs = _inputs(output, full=full, database=database, comparison=comparison)
     if comparison is not None and not comparison.is_dir():
         raise InputError(f"--comparison {comparison}: give a folder of learn compare or learn tune")
     if comparison is not None:  # it is there, and not ours to add to
-        parts = [part for part in parts if part.name != COMPARISON]
+        parts = [part for part in parts if inputs.folder(part) != comparison]
     if output.exists() and not output.is_dir():
         raise InputError(f"{output} is a file: give a folder")
     output.mkdir(parents=True, exist_ok=True)
@@ -83,11 +84,13 @@ def _inputs(output: Path, *, full: bool, database: Path | None, comparison: Path
     )
 
 
-def _chosen(only: Sequence[str]) -> list[Part]:
+def _chosen(only: Sequence[str], *, full: bool) -> list[Part]:
     names = {part.name: part for part in PARTS}
     for name in only:
         if name not in names:
             raise InputError(f"--only {name}: give one of {', '.join(names)}")
+        if not full and not names[name].quick:
+            raise InputError(f"--only {name}: takes long, and needs --full")
     return [part for part in PARTS if not only or part.name in only]
 
 

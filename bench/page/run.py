@@ -1,62 +1,26 @@
 """Make the parts of a page, one after the other, each by the command that a user would type."""
 
-import json
-import shlex
+import os
+import signal
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
-from bench.circumstances import circumstances
-from bench.page.part import RECORD, Part
+from bench.page.inputs import Inputs, typed
+from bench.page.part import Part
+from bench.page.record import path_of, record, stays, write
 from gen.errors import InputError
 from gen.interruption import Interruption
 
 PATIENCE = 60.0
 """Seconds that a part has to end after a signal, before it is killed."""
 
-FINISHED = (0, 1)
-"""Exit codes of parts that have something to show: 1 says that a check has failed."""
-
 Remark = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Inputs:
-    """What the commands of parts are filled in with.
-
-    Attributes
-    ----------
-    output : folder of the page
-    database : of the paper preset
-    comparison : folder of `learn compare` and `learn tune`
-    full : everything, or what fits into ten minutes
-    """
-
-    output: Path
-    database: Path
-    comparison: Path
-    full: bool
-
-    def arguments(self, part: Part) -> list[str]:
-        """Arguments of the interpreter; none if the part is not in this run."""
-        template = part.full if self.full else part.quick
-        values = {
-            "folder": self.folder(part),
-            "database": self.database,
-            "comparison": self.comparison,
-            "cost": self.output / "cost",
-            "fine": self.output / "generalisation" / "databases" / "fine.h5",
-        }
-        return [word.format_map(values) for word in template.split()]
-
-    def folder(self, part: Part) -> Path:
-        """Where a part's files are."""
-        return self.comparison if part.name == "comparison" else self.output / part.name
 
 
 @dataclass(frozen=True)
@@ -65,7 +29,7 @@ class Outcome:
 
     Attributes
     ----------
-    failed : parts that ended with another code than 0
+    failed : parts that ended with another code than 0, now or when they were made
     signal : number of the signal that came, 0 if none did
     """
 
@@ -78,7 +42,8 @@ def make(
 ) -> Outcome:
     """Make what is not there yet.
 
-    A part that was made by the same command and commit stays as it is.
+    A part stays as it is if the same command made it from the same inputs, with the same commit
+    and packages on the same machine.
 
     Parameters
     ----------
@@ -95,68 +60,39 @@ def make(
     failed: list[str] = []
     with Interruption(listening=True) as interruption:
         for number, part in enumerate(wanted, 1):
-            heading = f"[{number}/{len(wanted)}] {part.name}"
-            if made(part, inputs):
-                remark(f"{heading}: is there")
-                continue
-            remark(f"{heading}: {typed(inputs.arguments(part))}")
-            code = _run(part, inputs, remark, interruption)
             if interruption.requested():
-                return Outcome(tuple(failed), interruption.signal)
+                break
+            heading = f"[{number}/{len(wanted)}] {part.name}"
+            found = record(part, inputs)
+            if found is not None and stays(part, inputs, found):
+                remark(f"{heading}: is there")
+                code = int(found["code"])
+            else:
+                remark(f"{heading}: {typed(inputs.arguments(part))}")
+                code = _run(part, inputs, remark, interruption)
+                if interruption.requested():
+                    break
+                after()
             if code != 0:
                 failed.append(part.name)
-            after()
-    return Outcome(tuple(failed))
-
-
-def made(part: Part, inputs: Inputs) -> bool:
-    """Whether a part is there, by the same command and the same commit."""
-    found = record(inputs.folder(part))
-    return (
-        found is not None
-        and found["code"] in FINISHED
-        and found["command"] == typed(inputs.arguments(part))
-        and found["commit"] == circumstances()["commit"]
-    )
-
-
-def record(folder: Path) -> dict[str, Any] | None:
-    """How a part was made; None if it was not.
-
-    Raises
-    ------
-    InputError
-        If the record cannot be read.
-    """
-    path = folder / RECORD
-    try:
-        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); remove it") from None
-    return found
-
-
-def typed(arguments: Sequence[str]) -> str:
-    """The command as a user types it."""
-    return shlex.join(["python", *arguments])
+    return Outcome(tuple(failed), interruption.signal)
 
 
 def _run(part: Part, inputs: Inputs, remark: Remark, interruption: Interruption) -> int:
     """Run one command to its end, or to a signal's; write down how it ended."""
-    folder, arguments = inputs.folder(part), inputs.arguments(part)
+    path, arguments = path_of(part, inputs), inputs.arguments(part)
+    printed = path.with_name(f"{part.name}.printed.txt")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / RECORD).unlink(missing_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.unlink(missing_ok=True)
+        began = time.monotonic()
+        told: list[str] = []
+        with printed.open("w", encoding="utf-8") as file:
+            code = _call(arguments, file, told, remark, interruption)
     except OSError as error:
-        raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
-    began = time.monotonic()
-    told: list[str] = []
-    with (folder / "printed.txt").open("w", encoding="utf-8") as printed:
-        code = _call(arguments, printed, told, remark, interruption)
+        raise InputError(f"{path.parent} cannot be written to: {error.strerror or error}") from None
     if not interruption.requested():
-        _write_record(folder, arguments, code, time.monotonic() - began, told)
+        write(part, inputs, code, time.monotonic() - began, told)
     return code
 
 
@@ -169,7 +105,8 @@ def _call(
 ) -> int:
     """Run one command; its exit code.
 
-    In a session of its own: Ctrl-C reaches us alone, and is passed on once.
+    In a session of its own: Ctrl-C reaches us alone, and is passed on once. Whatever the command
+    has started ends with it.
     """
     with subprocess.Popen(
         [sys.executable, *arguments],
@@ -181,7 +118,11 @@ def _call(
     ) as process:
         listener = threading.Thread(target=_listen, args=(process, told, remark), daemon=True)
         listener.start()
-        code = _wait(process, interruption)
+        try:
+            code = _wait(process, interruption)
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
         listener.join(PATIENCE)
         return code
 
@@ -197,29 +138,10 @@ def _listen(process: "subprocess.Popen[str]", told: list[str], remark: Remark) -
 def _wait(process: "subprocess.Popen[str]", interruption: Interruption) -> int:
     """Wait for the end; pass a signal on, and kill what does not heed it."""
     while not interruption.requested():
-        try:
+        with suppress(subprocess.TimeoutExpired):
             return process.wait(timeout=0.2)
-        except subprocess.TimeoutExpired:
-            continue
     process.send_signal(interruption.signal)
-    try:
+    with suppress(subprocess.TimeoutExpired):
         return process.wait(timeout=PATIENCE)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        return process.wait()
-
-
-def _write_record(
-    folder: Path, arguments: Sequence[str], code: int, seconds: float, told: Sequence[str]
-) -> None:
-    """Write down how a part was made, under the record's name only once it is whole."""
-    found = {
-        "command": typed(arguments),
-        "code": code,
-        "seconds": round(seconds, 1),
-        "told": list(told[-5:]),
-        **circumstances(),
-    }
-    unfinished = folder / f".{RECORD}"
-    unfinished.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
-    unfinished.replace(folder / RECORD)
+    process.kill()
+    return process.wait()

@@ -12,6 +12,7 @@ DIGITS = 4
 """Significant digits of numbers on the page; the files have all of them."""
 
 PASSED = "passed"
+SPECIAL = {"": "", "nan": "nan", "inf": "∞", "-inf": "-∞"}
 UNITS = {"um": "µm", "s": "s", "seconds": "s", "ms": "ms", "percent": "%", "uN": "µN"}
 """Last words of columns' names that are units."""
 
@@ -106,12 +107,14 @@ def _title(name: str) -> str:
 
 
 def _cell(text: str) -> Cell:
+    if text in SPECIAL:
+        return Cell(SPECIAL[text], number=True)
     try:
-        value = float(text or "nan")
+        value = float(text)
     except ValueError:
         return Cell(text, number=False)
-    if not math.isfinite(value):
-        return Cell("" if math.isnan(value) else text.replace("inf", "∞"), number=True)
+    if not math.isfinite(value):  # a word: numbers that are written so are in SPECIAL
+        return Cell(text, number=False)
     if value.is_integer() and abs(value) < 1e7:
         return Cell(f"{value:,.0f}" if abs(value) >= 1e4 else f"{value:.0f}", number=True)
     return Cell(f"{value:.{DIGITS}g}", number=True)

@@ -39,6 +39,8 @@ SOLVED = (
     "residual",
     "iterations",
     "ordinary_iterations",
+    "reason",
+    "checks",
     "verdict",
 )
 COLUMNS = {"surfaces": CHECKED, "solver": SOLVED, "models": CHECKED}

@@ -2,14 +2,17 @@
 
 import hashlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from io import BytesIO
 from pathlib import Path
 from time import process_time
+from typing import NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 
+from bench.circumstances import circumstances
 from gen.errors import InputError
 from gen.interruption import Interruption
 from gen.progress import RunProgress
@@ -22,6 +25,8 @@ TIGHT = 1e-10
 
 DEFAULT = load("paper").contact.rtol
 
+Values = NDArray[np.float64]
+
 MEASURED = ("area_percent", "force", "contact_nodes")
 
 BLOCK = 20
@@ -29,6 +34,14 @@ BLOCK = 20
 
 SAVE_BLOCKS = 5
 """Blocks between two saves."""
+
+
+class Kept(NamedTuple):
+    """What the file holds: (t,) tolerances, (t, rows, 3) values and (t, rows) seconds."""
+
+    tolerances: Values
+    values: Values
+    seconds: Values
 
 
 class Solved:
@@ -71,16 +84,17 @@ class Solved:
                     self.values[place, row] = [found[name][0] for name in MEASURED]
 
     def save(self) -> None:
-        """Write the file, under its name once it is whole."""
+        """Write the file, under its name once it is whole, with what else it held."""
+        known = self._with_others()
         unfinished = self.path.with_name(f".{self.path.name}.{os.getpid()}")
         try:
             with unfinished.open("wb") as file:
                 np.savez(
                     file,
                     key=_key(),
-                    tolerances=self.tolerances,
-                    values=self.values,
-                    seconds=self.seconds,
+                    tolerances=known.tolerances,
+                    values=known.values,
+                    seconds=known.seconds,
                 )
             unfinished.replace(self.path)
         except OSError as error:
@@ -90,20 +104,47 @@ class Solved:
 
     def _take_over(self) -> None:
         """Take over what the file has of these rows and tolerances."""
+        kept = self._kept()
+        if kept is not None:
+            _copy(*kept, self.tolerances, self.values, self.seconds)
+
+    def _with_others(self) -> Kept:
+        """Join it with what the file has of other rows and tolerances."""
+        kept = self._kept()
+        if kept is None:
+            return Kept(np.array(self.tolerances), self.values, self.seconds)
+        tolerances = np.union1d(self.tolerances, kept.tolerances)
+        rows = max(self.rows, kept.seconds.shape[1])
+        values = np.full((len(tolerances), rows, len(MEASURED)), np.nan)
+        seconds = np.full((len(tolerances), rows), np.nan)
+        for source in (kept, Kept(np.array(self.tolerances), self.values, self.seconds)):
+            _copy(*source, tolerances, values, seconds)
+        return Kept(tolerances, values, seconds)
+
+    def _kept(self) -> Kept | None:
+        """What the file holds, if it is of the same scene, code and machine."""
         try:
-            with np.load(BytesIO(self.path.read_bytes()), allow_pickle=False) as kept:
-                if str(kept["key"]) != _key():
-                    return
-                tolerances, values, seconds = kept["tolerances"], kept["values"], kept["seconds"]
+            with np.load(BytesIO(self.path.read_bytes()), allow_pickle=False) as file:
+                if str(file["key"]) != _key():
+                    return None
+                kept = Kept(file["tolerances"], file["values"], file["seconds"])
         except (OSError, ValueError, KeyError, BadZipFile, EOFError):
-            return
-        if values.shape != (*seconds.shape, len(MEASURED)) or len(tolerances) != len(seconds):
-            return
-        rows = min(self.rows, seconds.shape[1])
-        for place, tolerance in enumerate(self.tolerances):
-            for there in np.flatnonzero(tolerances == tolerance):
-                self.values[place, :rows] = values[there, :rows]
-                self.seconds[place, :rows] = seconds[there, :rows]
+            return None
+        rows = kept.seconds.shape[1:]
+        if kept.values.shape != (len(kept.tolerances), *rows, len(MEASURED)):
+            return None
+        return kept
+
+
+def _copy(
+    tolerances: Values, values: Values, seconds: Values, wanted: Iterable[float], *into: Values
+) -> None:
+    """Copy the rows that both sides have, tolerance by tolerance."""
+    rows = min(seconds.shape[1], into[1].shape[1])
+    for place, tolerance in enumerate(wanted):
+        for there in np.flatnonzero(tolerances == tolerance):
+            into[0][place, :rows] = values[there, :rows]
+            into[1][place, :rows] = seconds[there, :rows]
 
 
 def scene_of(tolerance: float) -> Scene:
@@ -116,7 +157,8 @@ def scene_of(tolerance: float) -> Scene:
 
 def _key() -> str:
     """Fingerprint of what the values depend on besides row and tolerance."""
-    text = f"{PHYSICS} {scene_of(TIGHT).fingerprint()}"
+    now = circumstances()  # times are those of one machine and one state of the code
+    text = f"{PHYSICS} {scene_of(TIGHT).fingerprint()} {now['commit']} {now['machine']}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 

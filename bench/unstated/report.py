@@ -62,7 +62,9 @@ def contents(folder: Path) -> Sequence[Content]:
             " against the preset (first line). Left, mean area and force over the preset's, on rows"
             " that both have solved; middle, kernel ridge's R2 on the test rows, as many training"
             " rows for all; right, how far the ranges of the 22 statistics are from Table 1's. The"
-            " second line is another seed: what moves less than that is chance.",
+            " second line is another seed, other surfaces and loads: choices that change surfaces"
+            " or loads, and R2, have to move more than that to mean anything. Influence"
+            " coefficients, far field and spacing are compared on the same surfaces.",
             data=(folder / "unstated.csv",),
         ),
         Table(

@@ -9,19 +9,25 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 
+from bench.__main__ import app as bench
 from bench.__main__ import main
 from bench.page import run as running
 from bench.page.content import Absent, Content, Figure, Table, Words
 from bench.page.html import write_page
-from bench.page.part import RECORD, Part
+from bench.page.inputs import Inputs
+from bench.page.part import Part
 from bench.page.parts import PARTS
-from bench.page.run import Inputs, Outcome, make, record
+from bench.page.record import path_of, record
+from bench.page.run import Outcome, make
 from bench.page.table import tabulated
 from bench.picture import new_figure, save
 from gen.errors import InputError
+from learn.cli import app as learn
 
 WRITE = "-c open('{folder}/made.txt','a').write('x')"
 
@@ -39,7 +45,11 @@ def shows_made(folder: Path) -> list[Content]:
 
 
 def part(name: str, quick: str, full: str = "") -> Part:
-    return Part(name, "Chapter", f"Title of {name}", quick, full, shows_made)
+    return Part(name, "Chapter", f"Title of {name}", quick, full or quick, shows_made)
+
+
+def long_part(name: str, full: str) -> Part:
+    return Part(name, "Chapter", f"Title of {name}", "", full, shows_made)
 
 
 def inputs(folder: Path, *, full: bool = False) -> Inputs:
@@ -72,7 +82,8 @@ def test_another_command_or_commit_makes_a_part_anew(
     makes(tmp_path, [part("one", WRITE.replace("'x'", "'y'"))])
     assert (tmp_path / "one" / "made.txt").read_text() == "xy"
     monkeypatch.setattr(
-        "bench.page.run.circumstances", lambda: {"commit": "another", "machine": {}}
+        "bench.page.record.circumstances",
+        lambda: {"commit": "another", "machine": {}, "versions": {}},
     )
     makes(tmp_path, [part("one", WRITE.replace("'x'", "'y'"))])
     assert (tmp_path / "one" / "made.txt").read_text() == "xyy"
@@ -84,7 +95,7 @@ def test_a_part_that_fails_is_named_and_does_not_stop_the_others(tmp_path: Path)
     outcome = makes(tmp_path, [failing, part("two", WRITE)], said=said)
     assert outcome == Outcome(failed=("one",))
     assert (tmp_path / "two" / "made.txt").exists()
-    found = record(tmp_path / "one")
+    found = record(failing, inputs(tmp_path))
     assert found is not None
     assert found["code"] == 2
     assert "Missing option" in found["told"][-1]
@@ -95,11 +106,74 @@ def test_a_part_that_fails_is_named_and_does_not_stop_the_others(tmp_path: Path)
 
 
 def test_only_parts_of_the_run_are_made(tmp_path: Path) -> None:
-    parts = [part("one", WRITE), part("two", "", full=WRITE)]
+    parts = [part("one", WRITE), long_part("two", WRITE)]
     makes(tmp_path, parts)
     assert not (tmp_path / "two").exists()
     makes(tmp_path, parts, full=True)
     assert (tmp_path / "two" / "made.txt").exists()
+
+
+def failing_check(name: str, *, judges: bool, crashes: bool = False) -> Part:
+    said = "Traceback" if crashes else "bad"
+    command = (
+        f"-c s=__import__('sys');open('{{folder}}/made.txt','a').write('x');"
+        f"s.stderr.write('{said}');s.exit(1)"
+    )
+    return Part(name, "Chapter", name, command, command, shows_made, judges=judges)
+
+
+def test_a_failed_check_is_shown_and_stays_failed(tmp_path: Path) -> None:
+    checks = failing_check("checks", judges=True)
+    for _ in range(2):  # made, and then there
+        assert makes(tmp_path, [checks]).failed == ("checks",)
+    assert (tmp_path / "checks" / "made.txt").read_text() == "x"
+    assert "<p>x</p>" in write_page([checks], inputs(tmp_path)).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("judges", "crashes"), [(False, False), (True, True)])
+def test_a_crash_is_no_failed_check(tmp_path: Path, *, judges: bool, crashes: bool) -> None:
+    crashed = failing_check("crashed", judges=judges, crashes=crashes)
+    for _ in range(2):  # it is tried again
+        assert makes(tmp_path, [crashed]).failed == ("crashed",)
+    assert (tmp_path / "crashed" / "made.txt").read_text() == "xx"
+    assert "code 1" in write_page([crashed], inputs(tmp_path)).read_text(encoding="utf-8")
+
+
+def test_other_inputs_make_a_part_anew(tmp_path: Path) -> None:
+    reading = part("reading", WRITE + "#{database}")
+    (tmp_path / "paper.h5").write_text("a")
+    makes(tmp_path, [reading])
+    makes(tmp_path, [reading])
+    assert (tmp_path / "reading" / "made.txt").read_text() == "x"
+    os.utime(tmp_path / "paper.h5", ns=(0, 10**18))
+    makes(tmp_path, [reading])
+    assert (tmp_path / "reading" / "made.txt").read_text() == "xx"
+
+
+def test_what_is_not_there_is_left_out_of_a_command(tmp_path: Path) -> None:
+    wishing = part("wishing", "-m bench paper [--cost {cost}] [--comparison {comparison}]")
+    assert inputs(tmp_path).arguments(wishing) == ["-m", "bench", "paper"]
+    written("cost.csv", [["solve"], [1]], tmp_path / "cost")
+    assert inputs(tmp_path).arguments(wishing)[3:] == ["--cost", str(tmp_path / "cost")]
+
+
+def test_a_short_run_leaves_a_full_one_alone(tmp_path: Path) -> None:
+    both = part("both", WRITE.replace("'x'", "'short'"), full=WRITE.replace("'x'", "'full'"))
+    makes(tmp_path, [both], full=True)
+    makes(tmp_path, [both])
+    assert (tmp_path / "both" / "made.txt").read_text() == "full"
+
+
+def test_a_part_that_cannot_be_shown_does_not_hide_the_others(tmp_path: Path) -> None:
+    def without_file(folder: Path) -> list[Content]:
+        return [Table(folder / "none.csv", "Nothing.")]
+
+    one = Part("one", "First", "No table", WRITE, WRITE, without_file)
+    two = part("two", WRITE)
+    makes(tmp_path, [one, two])
+    text = write_page([one, two], inputs(tmp_path)).read_text(encoding="utf-8")
+    assert "none.csv: cannot be read as a table" in text
+    assert "<p>x</p>" in text
 
 
 def test_a_signal_ends_the_part_and_the_same_call_goes_on(tmp_path: Path) -> None:
@@ -107,7 +181,8 @@ def test_a_signal_ends_the_part_and_the_same_call_goes_on(tmp_path: Path) -> Non
     code = (
         "import pathlib, sys\n"
         "from bench.page.part import Part\n"
-        "from bench.page.run import Inputs, make\n"
+        "from bench.page.inputs import Inputs\n"
+        "from bench.page.run import make\n"
         f"here = pathlib.Path({str(tmp_path)!r})\n"
         f"slow = Part('slow', '', '', {str(tmp_path / 'slow.py')!r}, '', lambda folder: [])\n"
         "outcome = make([slow], Inputs(here, here, here, False), print, lambda: None)\n"
@@ -116,7 +191,7 @@ def test_a_signal_ends_the_part_and_the_same_call_goes_on(tmp_path: Path) -> Non
     process = subprocess.Popen([sys.executable, "-c", code])
     try:
         began = time.monotonic()
-        while not (tmp_path / "slow" / "printed.txt").exists():
+        while not (tmp_path / "slow" / "slow.printed.txt").exists():
             assert time.monotonic() < began + 60
             time.sleep(0.05)
         time.sleep(0.5)
@@ -125,7 +200,7 @@ def test_a_signal_ends_the_part_and_the_same_call_goes_on(tmp_path: Path) -> Non
     finally:
         process.kill()
         process.wait()
-    assert not (tmp_path / "slow" / RECORD).exists()
+    assert not (tmp_path / "slow" / "slow.part.json").exists()
 
 
 def test_a_part_that_does_not_heed_a_signal_is_killed(
@@ -148,10 +223,11 @@ def test_a_part_that_does_not_heed_a_signal_is_killed(
 
 def test_record_says_where_and_with_what(tmp_path: Path) -> None:
     makes(tmp_path, [part("one", WRITE)])
-    found = json.loads((tmp_path / "one" / RECORD).read_text())
+    path = path_of(part("one", WRITE), inputs(tmp_path))
+    found = json.loads(path.read_text())
     assert found["command"].startswith("python -c ")
     assert {"code", "seconds", "created", "commit", "machine", "versions"} <= found.keys()
-    (tmp_path / "one" / RECORD).write_text("{")
+    path.write_text("{")
     with pytest.raises(InputError, match="cannot be read"):
         makes(tmp_path, [part("one", WRITE)])
 
@@ -224,7 +300,9 @@ def test_page_links_hold_all_digits(shown: Path) -> None:
     ("text", "expected"),
     [
         ("", ""),
-        ("nan", ""),
+        ("nan", "nan"),
+        ("NaN", "NaN"),
+        ("infinity", "infinity"),
         ("inf", "∞"),
         ("15878", "15,878"),
         ("129", "129"),
@@ -271,6 +349,7 @@ def test_commands_make_and_rewrite_a_page(
     ("arguments", "message"),
     [
         (["run", "-o", "here", "--only", "nothing"], "--only nothing: give one of solver, peers"),
+        (["run", "-o", "here", "--only", "scale"], "--only scale: takes long, and needs --full"),
         (["run", "-o", "here", "--comparison", "nowhere"], "--comparison nowhere: give a folder"),
         (["run", "-o", "file"], "file is a file: give a folder"),
         (["run", "-o", "here", "--only", "cost", "--database", "none.h5"], "none.h5"),
@@ -299,7 +378,22 @@ def test_names_of_parts_are_those_of_their_folders() -> None:
     for each in PARTS:
         assert each.full, each.name
         for template in filter(None, (each.quick, each.full)):
-            assert "{folder}" in template
+            _assert_a_command(inputs(Path("report")), each)
+
+
+def _assert_a_command(given: Inputs, each: Part) -> None:
+    """Its words are those of a command that there is; options are asked of the command itself."""
+    for full in (False, True):
+        arguments = inputs(given.output, full=full).arguments(each)
+        if not arguments:
+            continue
+        assert arguments[0] == "-m"
+        if arguments[1] == "pytest":
+            continue
+        program: Any = {"bench": bench, "learn": learn}[arguments[1]]
+        command = typer.main.get_command(program).commands[arguments[2]]
+        known = {option for parameter in command.params for option in parameter.opts}
+        assert {word for word in arguments[3:] if word.startswith("-")} <= known, arguments
 
 
 # --- in a browser ------------------------------------------------------------

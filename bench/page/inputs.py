@@ -1,0 +1,96 @@
+"""What the commands of parts are filled in with, and how old it is."""
+
+import re
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from bench.page.part import Part
+
+COMPARISON = "comparison"
+RECORDS = (".part.json", ".printed.txt")
+"""Ends of the names of files that say how a part was made, and are nobody's input."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """Where files are.
+
+    Attributes
+    ----------
+    output : folder of the page
+    database : of the paper preset
+    comparison : folder of `learn compare` and `learn tune`
+    full : everything, or what fits into ten minutes
+    """
+
+    output: Path
+    database: Path
+    comparison: Path
+    full: bool
+
+    def folder(self, part: Part) -> Path:
+        """Where a part's files are."""
+        name = part.folder or part.name
+        return self.comparison if name == COMPARISON else self.output / name
+
+    def arguments(self, part: Part) -> list[str]:
+        """Arguments of the interpreter; none if the part is not in this run."""
+        return self._filled(part, part.full if self.full else part.quick)
+
+    def full_command(self, part: Part) -> str:
+        """The command of a run of everything, as a user types it."""
+        return typed(self._filled(part, part.full))
+
+    def stamps(self, part: Part) -> dict[str, int]:
+        """How old the inputs of a part's command are: other stamps, and it is to be made anew."""
+        template = part.full if self.full else part.quick
+        files = self._files()
+        return {
+            name: _newest(files[name])
+            for name in re.findall(r"\{(\w+)\}", template)
+            if name in files and files[name] != self.folder(part)
+        }
+
+    def _filled(self, part: Part, template: str) -> list[str]:
+        files = self._files()
+        given = re.sub(
+            r"\[([^]]*\{(\w+)\})\]",
+            lambda found: found[1] if _there(files[found[2]]) else "",
+            template,
+        )
+        values = {"folder": self.folder(part), **files}
+        return [word.format_map(values) for word in given.split()]
+
+    def _files(self) -> dict[str, Path]:
+        return {
+            "database": self.database,
+            "comparison": self.comparison,
+            "cost": self.output / "cost",
+            "fine": self.output / "generalisation" / "databases" / "fine.h5",
+        }
+
+
+def typed(arguments: Sequence[str]) -> str:
+    """The command as a user types it."""
+    return shlex.join(["python", *arguments])
+
+
+def _there(path: Path) -> bool:
+    """Whether an input is there: a file, or a folder with a finished table."""
+    return path.is_file() or any(path.glob("**/*.csv"))
+
+
+def _newest(path: Path) -> int:
+    """When a file, or the newest in a folder, was written last [ns]; 0 where there is none."""
+    return max((file.stat().st_mtime_ns for file in _inside(path)), default=0)
+
+
+def _inside(path: Path) -> Iterator[Path]:
+    if path.is_file():
+        yield path
+    elif path.is_dir():
+        yield from (
+            file for file in path.rglob("*") if file.is_file() and not file.name.endswith(RECORDS)
+        )
