@@ -24,9 +24,10 @@ def run(
 ) -> int:
     """Make all reports, and one page of them: DIR/index.html, which needs no network.
 
-    Every part runs in turn as a command of its own, in DIR/PART, and is skipped where the same
-    command of the same commit has made it before: after Ctrl-C the same command goes on. Exit code
-    1 if a check failed or a part could not be made.
+    Every part runs in turn as a command of its own, in DIR/PART, and stays where the same command
+    has made it from the same inputs, with the same commit and packages: after Ctrl-C the same
+    command goes on. A short run leaves alone what a full one has made. Exit code 1 if a check
+    failed or a part could not be made.
     """
     from bench.page.report import run as make
 

@@ -69,6 +69,20 @@ def test_labels_are_the_solvers_answers(small):
         assert solved.values[0, row].tolist() == [*expected]
 
 
+def test_other_rows_and_tolerances_are_kept(small, tmp_path):
+    path = tmp_path / "tolerances.npz"
+    path.write_bytes((small[0] / "databases" / "tolerances.npz").read_bytes())
+    fewer = Solved(path, (DEFAULT, 0.5), 20)
+    assert fewer.missing() == [(0, 20)]
+    fewer.values[1], fewer.seconds[1] = 7.0, 1.0
+    fewer.save()
+    before = Solved(small[0] / "databases" / "tolerances.npz", (0.1, DEFAULT), 100)
+    after = Solved(path, (0.1, DEFAULT), 100)
+    assert not after.missing()
+    assert (after.values == before.values).all()
+    assert (Solved(path, (0.5,), 20).values == 7).all()
+
+
 def test_looser_areas_are_worse_and_tight_ones_teach_as_well_as_exact_ones(small):
     _, found = small
     assert [(row.features, row.tolerance) for row in found] == [
@@ -139,13 +153,13 @@ def test_the_loosest_tolerance_that_is_good_enough_is_chosen(errors, chosen):
 def test_the_report(small, tmp_path):
     folder = tmp_path / "report"
     (absent,) = contents(folder)
-    assert absent == Absent(absent.what, "python -m bench tolerance")
+    assert absent == Absent(absent.what, "python -m bench tolerance -o DIR")
     paths, text = write_report(folder, small[1])
     assert [path.name for path in paths] == ["tolerance.csv", "tolerance.txt", "tolerance.png"]
-    figure, words, table = contents(folder)
+    figure, *words, table = contents(folder)
     assert isinstance(figure, Figure)
     assert isinstance(table, Table)
-    assert words == Words(text)
+    assert words == [Words(line) for line in text.splitlines()]
     with table.data.open(encoding="utf-8") as file:
         written = list(csv.DictReader(file))
     assert len(written) == 6
