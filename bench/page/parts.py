@@ -93,7 +93,7 @@ PARTS = (
         "tolerance",
         SURROGATES,
         "What the solver's tolerance does to a surrogate",
-        quick="-m bench tolerance -o {folder}",
+        quick="-m bench tolerance --rows 400 -o {folder}",
         full="-m bench tolerance --rows 4000 -o {folder}",
         show=captions.tolerance,
     ),
