@@ -47,8 +47,7 @@ def contents(path: Path) -> list[Content]:
             "Times of single steps, each with its answer asserted: median and interquartile range"
             " of the rounds, convolutions and residual where something is solved. Sizes: smoke is a"
             " look, paper the paper's, large beyond it. Compare ratios, not milliseconds.",
-            command,
-            SHOWN,
+            columns=SHOWN,
         ),
         Words(circumstances(measured)),
     ]

@@ -1,11 +1,10 @@
 """A case of surfaces or models as data, and what comes out of running it."""
 
-import math
 import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from bench.stability.finding import Finding, Refusal
+from bench.stability.finding import Finding, Refusal, worst_of
 from bench.stability.sheet import Sheet, nothing_more, verdict
 
 
@@ -80,13 +79,7 @@ class Result:
     @property
     def worst(self) -> Finding:
         """The finding that is nearest to its bound, or furthest beyond."""
-        return max(self.findings, key=_share, default=Finding("nothing was looked for", 1, 0))
-
-
-def _share(finding: Finding) -> tuple[bool, float]:
-    """Order of findings: what failed first, then the larger share of what is allowed."""
-    share = finding.error / (finding.allowed or 1.0)
-    return not finding.passed, math.inf if math.isnan(share) else share
+        return worst_of(self.findings)
 
 
 def run_case(case: Case) -> Result:

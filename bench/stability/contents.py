@@ -40,7 +40,7 @@ SOLVED = (
     "iterations",
     "ordinary_iterations",
     "reason",
-    "checks",
+    "worst",
     "verdict",
 )
 COLUMNS = {"surfaces": CHECKED, "solver": SOLVED, "models": CHECKED}

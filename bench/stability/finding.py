@@ -1,6 +1,7 @@
 """What a check finds: a number and its bound; and how input has to be refused."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 
@@ -27,6 +28,17 @@ class Finding:
     def __str__(self) -> str:
         """Both numbers and which is the larger."""
         return f"{self.what} {self.error:.2g} {'≤' if self.passed else '>'} {self.allowed:.2g}"
+
+
+def worst_of(findings: Iterable[Finding]) -> Finding:
+    """The finding that is nearest to its bound, or furthest beyond."""
+    return max(findings, key=_share, default=Finding("nothing was looked for", 1, 0))
+
+
+def _share(finding: Finding) -> tuple[bool, float]:
+    """Order of findings: what failed first, then the larger share of what is allowed."""
+    share = finding.error / (finding.allowed or 1.0)
+    return not finding.passed, math.inf if math.isnan(share) else share
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
+from bench.stability.finding import worst_of
 from bench.stability.sheet import Sheet, verdict
 from bench.stability.solver.case import MOST_TIMES_ORDINARY, Result, run_case
 from bench.stability.solver.table import CASES
@@ -21,6 +22,7 @@ HEADER = (
     "message",
     *NUMBERS,
     "checks",
+    "worst",
     "verdict",
     "reason",
 )
@@ -43,6 +45,7 @@ def row(result: Result) -> tuple[object, ...]:
         result.message,
         *(_numbers(result) if result.answered else ("",) * len(NUMBERS)),
         "; ".join(str(finding) for finding in (*result.findings, *result.conduct)),
+        worst_of((*result.findings, *result.conduct)),
         verdict(result),
         result.reason,
     )
