@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bench.stability.case import Case, run_case
-from bench.stability.models import fit_cases, part_cases
+from bench.stability.models import fit_cases, fit_checks, part_cases
 from bench.stability.models.fitted import Asked, fitted
 from bench.stability.models.optimality import optimal
 from bench.stability.models.samples import ordinary
@@ -100,16 +100,16 @@ def test_what_lies_beyond_the_targets_fails() -> None:
 
 def test_an_unflagged_row_fails() -> None:
     fit = asked("kernel-ridge", "tuned")
-    assert all(finding.passed for finding in fit_cases.flagged(fit))
+    assert all(finding.passed for finding in fit_checks.flagged(fit))
     wide = replace(fit.surrogate, low=fit.surrogate.low - np.inf, high=fit.surrogate.high + np.inf)
-    found = list(fit_cases.flagged(replace(fit, surrogate=wide)))
+    found = list(fit_checks.flagged(replace(fit, surrogate=wide)))
     assert any(not finding.passed for finding in found)
 
 
 def test_silent_nonsense_fails() -> None:
     fit = asked("decision-tree")
     other = replace(fit, train=replace(fit.train, target=fit.train.target[::-1]))
-    assert [f.what for f in fit_cases._sound(other) if not f.passed] == [
+    assert [f.what for f in fit_checks.sound(other) if not f.passed] == [
         "worse than a constant, unsaid"
     ]
 
