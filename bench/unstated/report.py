@@ -23,6 +23,10 @@ SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 1.0, 1.05)
 """Displacements over Delta*."""
 
 
+TICKS = (0.5, 1.0, 2.0, 5.0)
+"""Of areas and forces over the preset's."""
+
+
 def write_report(folder: Path, rows: int, remark: Remark) -> list[Path]:
     """Measure, and write `unstated.csv`, `readings.csv`, `early-stop.csv` and `unstated.png`.
 
@@ -105,7 +109,7 @@ def _picture(rows: Sequence[measurement.Row]) -> Any:
     for panel, columns, label in zip(
         panels,
         (("area_times", "force_times"), ("r2",), ("table_1",)),
-        ("times the preset's", "R2 [%]", "ranges off Table 1's [% of width]"),
+        ("times the preset's", "R2 [%]", "off Table 1's ranges\n[% of their widths]"),
         strict=True,
     ):
         for number, column in enumerate(columns):
@@ -116,5 +120,8 @@ def _picture(rows: Sequence[measurement.Row]) -> Any:
         panel.set(xlabel=label)
         panel.grid(visible=True, axis="y", color="0.92")
     panels[0].set_yticks(places, labels)
+    panels[0].set(xscale="log")
+    panels[0].minorticks_off()
+    panels[0].set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
     panels[0].legend()
     return figure
