@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from stability import assert_in_order, assert_passes, title
 
-from bench.stability.case import Case, run_case
+from bench.stability.case import Case
 from bench.stability.models import fit_cases, fit_checks, part_cases
 from bench.stability.models.fitted import Asked, fitted
 from bench.stability.models.optimality import optimal
@@ -24,17 +25,13 @@ FAST = [
 ]
 
 
-@pytest.mark.parametrize("case", FAST, ids=lambda case: f"{case.family}: {case.name}")
+@pytest.mark.parametrize("case", FAST, ids=title)
 def test_case(case: Case) -> None:
-    result = run_case(case)
-    assert result.passed, "; ".join(str(f) for f in result.findings if not f.passed)
+    assert_passes(case)
 
 
 def test_names_are_unique_and_families_stand_together() -> None:
-    names = [(case.family, case.name) for case in SHEET.cases]
-    families = [family for family, _ in names]
-    assert len(set(names)) == len(names)
-    assert families == sorted(families, key=families.index)
+    assert_in_order(SHEET)
 
 
 def test_all_models_are_asked() -> None:

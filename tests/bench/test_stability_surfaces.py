@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from stability import assert_in_order, assert_passes, title
 
 from bench.stability.case import Answer, Case, Result, refused, run_case
 from bench.stability.finding import Finding, Refusal
@@ -18,17 +19,13 @@ LARGE = {"k = 9", "k = 10", "k = 11"}
 FAST = [case for case in SHEET.cases if not {case.name, case.name.partition(",")[0]} & LARGE]
 
 
-@pytest.mark.parametrize("case", FAST, ids=lambda case: f"{case.family}: {case.name}")
+@pytest.mark.parametrize("case", FAST, ids=title)
 def test_case(case: Case) -> None:
-    result = run_case(case)
-    assert result.passed, "; ".join(str(f) for f in result.findings if not f.passed)
+    assert_passes(case)
 
 
 def test_names_are_unique_and_families_stand_together() -> None:
-    names = [(case.family, case.name) for case in SHEET.cases]
-    families = [family for family, _ in names]
-    assert len(set(names)) == len(names)
-    assert families == sorted(families, key=families.index)
+    assert_in_order(SHEET)
 
 
 def test_what_was_promised_is_in_the_table() -> None:

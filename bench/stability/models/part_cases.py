@@ -73,7 +73,7 @@ def _other_unit(name: str, factor: float, allowed: float) -> Answer:
     other = SurfaceFeatures(heights * factor, sides).features(wanted, deltas * factor)
     error = float((np.abs(other - first) / np.maximum(np.abs(first), 1)).max())
     out = f"{first.shape[1]} features, {first.min():.4g} to {first.max():.4g}"
-    return Answer(out, [Finding("off the same in um", error, max(allowed, ROUNDING))])
+    return Answer(out, [Finding("off the same in um", error, allowed)])
 
 
 def _bearing(delta: float, offset: float, shape: tuple[int, int] = (65, 65)) -> Answer:
