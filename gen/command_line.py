@@ -11,6 +11,18 @@ from gen.errors import InputError
 # The base class of what typer raises for a wrong command line; its own home has moved twice.
 CommandLineError: Any = typer.BadParameter.__mro__[2]
 
+EXTRAS = {
+    "jinja2": "bench",
+    "mapie": "learn",
+    "matplotlib": "plot",
+    "pytest": "bench",
+    "sklearn": "learn",
+    "skops": "learn",
+    "SurfaceTopography": "instruments",
+    "xgboost": "learn",
+}
+"""Packages that only some commands need, and the extra that brings each."""
+
 
 def call(app: typer.Typer, name: str, arguments: Sequence[str], *, speaking: bool = True) -> int:
     """Run a command and return the process's exit code.
@@ -34,8 +46,8 @@ def call(app: typer.Typer, name: str, arguments: Sequence[str], *, speaking: boo
         message = f"{name}: {error.format_message()} (see python -m {path} --help)"
         _complain(message, speaking=speaking)
         return 2
-    except InputError as error:
-        _complain(f"{name}: {error}", speaking=speaking)
+    except (InputError, ModuleNotFoundError) as error:
+        _complain(f"{name}: {_in_words(error)}", speaking=speaking)
         return 2
     except (KeyboardInterrupt, typer.Abort):
         _complain(f"{name}: interrupted", speaking=speaking)
@@ -47,6 +59,16 @@ def call(app: typer.Typer, name: str, arguments: Sequence[str], *, speaking: boo
         _complain(f"{name}: {error}", speaking=speaking)
         return 2
     return code if isinstance(code, int) else 0
+
+
+def _in_words(error: InputError | ModuleNotFoundError) -> str:
+    """What to tell; a module of our own that is missing is a bug, and is raised again."""
+    if isinstance(error, InputError):
+        return str(error)
+    package = (error.name or "").partition(".")[0]
+    if package not in EXTRAS:
+        raise error
+    return f"needs {package}, which is not installed: pip install -e '.[{EXTRAS[package]}]'"
 
 
 def _complain(message: str, *, speaking: bool) -> None:

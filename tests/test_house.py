@@ -80,6 +80,28 @@ def test_bem_neither_prints_nor_opens_files():
             assert not (called and node.func.id in {"print", "open", "input"}), path
 
 
+@pytest.mark.parametrize(
+    "command", ["learn fit none.h5 -o a", "learn compare none.h5 -o b", "bench cost -o c"]
+)
+def test_a_missing_extra_is_one_line(command: str, tmp_path: Path) -> None:
+    """As after `make quickstart`, which installs what databases need and no more."""
+    package, *arguments = command.split()
+    home = {"learn": "learn.cli", "bench": "bench.__main__"}[package]
+    code = "import sys; sys.modules['sklearn'] = sys.modules['sklearn.metrics'] = None\n"
+    code += f"from {home} import main; sys.exit(main({arguments!r}))"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        check=False,
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        timeout=120,
+    )
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.endswith("which is not installed: pip install -e '.[learn]'")
+
+
 def loaded_by(code: str, folder: Path) -> set[str]:
     """Top-level modules that a fresh interpreter has loaded after some code."""
     code = f"{code}\nimport sys; print(sorted(n for n in sys.modules if '.' not in n))"
