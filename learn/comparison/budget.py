@@ -1,7 +1,8 @@
 """A search that fits into a time: successive halving on the training size.
 
-All candidates are fitted to few rows, the best third to three times as many, and so on; every
-step gets an equal share of the time. Where the first step shows that the whole grid fits into the
+All candidates are fitted to few rows and scored on one fold, the best third on three times as many,
+and so on; only the last step, on all rows, takes all folds. Every step gets an equal share of the
+time. Where the first step shows that the whole grid fits into the
 time, it is searched in full instead. scikit-learn's own halving serves neither purpose: it knows
 rows, not hours, shares no fits, and can be neither spread over machines nor resumed.
 
@@ -20,7 +21,12 @@ from learn.comparison.pruning import Grid
 from learn.comparison.search import Found, rank, tasks, work_off
 from learn.comparison.training_data import held
 from learn.comparison.trials import Trials
+from learn.comparison.whole_grid import WholeGrid, whole_grid
 from learn.models import Model
+from learn.split import FOLDS
+
+WHOLE = "whole grid"
+"""How a search went that left nothing out."""
 
 FACTOR = 3
 """Of three candidates one goes on, with three times the rows."""
@@ -43,11 +49,15 @@ class Searched:
     found : the scores on the largest number of rows that any candidate was finished with
     rows : that number
     how : the steps in words
+    seconds : sum of the times of all fits so far, of all steps and earlier runs [s]
+    whole : what the whole grid takes
     """
 
     found: Found
     rows: int
     how: str
+    seconds: float
+    whole: WholeGrid
 
 
 def seconds(text: str) -> float:
@@ -104,27 +114,28 @@ def search(
     sizes = steps(total)
     order = np.random.default_rng(held().seed).permutation(len(grid.families))
     numbers = [number for family in order for number in grid.families[family]]
-    best: Searched | None = None
-    told = []
+    best: tuple[Found, int] | None = None
+    told: list[str] = []
     for place, rows in enumerate(sizes):
         share = limit * (place + 1) / len(sizes)
-        todo = [] if trials is None else tasks(model, grid, numbers, rows, trials)
+        folds = FOLDS if rows == total else 1
+        todo = [] if trials is None else tasks(model, grid, numbers, rows, trials, folds)
         work_off(
             todo,
             trials,
             world,
             stopping=lambda share=share: stopping() or time.monotonic() > began + share,  # type: ignore[misc]
-            title=f"{model.title}: {len(numbers)} candidates on {rows} rows",
+            title=f"{model.title}: {len(numbers)} candidates on {_extent(rows, folds)}",
         )
         whole = False
         if trials is not None:
-            found = rank(grid, trials, rows)
+            found = rank(grid, trials, rows, folds)
             scored = [number for number in numbers if not np.isnan(found.means[number])]
             if scored:
-                told.append(f"{len(scored)} candidates on {rows} rows")
-                best = Searched(found, rows, f"successive halving: {', '.join(told)}")
+                told.append(f"{len(scored)} candidates on {_extent(rows, folds)}")
+                best = found, rows
             left = limit - (time.monotonic() - began)
-            growth = (total / rows) ** GROWTH.get(model.name, 1.5)
+            growth = (total / rows) ** GROWTH.get(model.name, 1.5) * FOLDS / folds
             tried = len(scored) == len(grid.differing)
             whole = tried and rows < total and found.seconds * growth / world.workers < left
             scored.sort(key=lambda number: -found.means[number])
@@ -139,15 +150,24 @@ def search(
                 stopping=lambda: stopping() or time.monotonic() > began + limit,
                 title=f"{model.title}: the whole grid fits into the time",
             )
-            return _whole(grid, trials, total) or best
-    return best
+            break
+    if trials is None or best is None:
+        return None
+    everywhere = rank(grid, trials, total)
+    if everywhere.winner >= 0 and everywhere.fits == FOLDS * len(grid.families):
+        return searched(model, grid, trials, everywhere, total, WHOLE)
+    return searched(model, grid, trials, *best, f"successive halving: {', '.join(told)}")
 
 
-def _whole(grid: Grid, trials: Trials | None, total: int) -> Searched | None:
-    """The whole grid, if it was finished."""
-    if trials is None:
-        return None
-    found = rank(grid, trials, total)
-    if found.fits < len(grid.families) * found.scores.shape[1] or found.winner < 0:
-        return None
-    return Searched(found, total, "whole grid")
+def searched(
+    model: Model, grid: Grid, trials: Trials, found: Found, rows: int, how: str
+) -> Searched:
+    """Put together what a search has found and what it took."""
+    finished = trials.finished.values()
+    spent = sum(trial.seconds for trial in finished)
+    cost = whole_grid(model, grid, finished, held().target.size)
+    return Searched(found, rows, how, spent, cost)
+
+
+def _extent(rows: int, folds: int) -> str:
+    return f"{rows} rows" if folds == FOLDS else f"{rows} rows, {folds} fold"

@@ -174,7 +174,8 @@ def _searched(
     )
     if trials is None:
         return None
-    return budget.Searched(search.rank(grid, trials, rows), rows, "whole grid")
+    found = search.rank(grid, trials, rows)
+    return budget.searched(model, grid, trials, found, rows, budget.WHOLE)
 
 
 def _alone(final: Final, world: farm.World) -> Outcome | None:

@@ -66,12 +66,14 @@ def keep_tuned(
         "candidates_scored": _scored(searched),
         "fits_nominal": split.FOLDS * grid.nominal,
         "fits": found.fits,
+        "whole_grid_seconds": searched.whole.seconds,
+        "whole_grid_measured": searched.whole.measured,
         "r2_folds": [100 * float(score) for score in found.scores[found.winner]],
         "failures": found.failures,
         "remarks": found.remarks,
     }
     folder.write_table(f"tuned/{model.name}-grid.csv", *_candidates(grid, found))
-    keep(folder, "tuned", model, grid.first(found.winner), outcome, report, found.seconds)
+    keep(folder, "tuned", model, grid.first(found.winner), outcome, report, searched.seconds)
     for text, number in [*found.failures.items(), *found.remarks.items()]:
         _say(f"{model.title}: {number} of {found.scores.size} scores: {text}")
     tell(None, model, "tuned", outcome)
@@ -80,7 +82,7 @@ def keep_tuned(
 def _candidates(grid: pruning.Grid, found: search.Found) -> tuple[list[str], list[list[object]]]:
     """Table of all candidates as the paper counts them, in ParameterGrid's order."""
     names = list(grid.candidates[0])
-    folds = [f"r2_fold_{fold}" for fold in range(split.FOLDS)]
+    folds = [f"r2_fold_{fold}" for fold in range(found.scores.shape[1])]
     rows: list[list[object]] = []
     for candidate, number in zip(grid.candidates, grid.canonical, strict=True):
         scored = [float(found.means[number]), *map(float, found.scores[number])]

@@ -59,7 +59,7 @@ class Found:
 
     Attributes
     ----------
-    scores : (candidates, folds) R2 of every canonical candidate, NaN where a fit failed
+    scores : (candidates, folds that count) R2 of every canonical candidate, NaN where a fit failed
     means : (candidates,) over the folds
     winner : number of the best canonical candidate, -1 if all failed
     fits : fits that the search takes, those of earlier runs included
@@ -78,7 +78,12 @@ class Found:
 
 
 def tasks(
-    model: Model, grid: Grid, numbers: Iterable[int], rows: int, finished: Trials
+    model: Model,
+    grid: Grid,
+    numbers: Iterable[int],
+    rows: int,
+    finished: Trials,
+    folds: int = FOLDS,
 ) -> list[Task]:
     """List the fits that some candidates still lack.
 
@@ -89,6 +94,7 @@ def tasks(
     numbers : of the canonical candidates wanted, in the order in which they are to be fitted
     rows : training rows at most
     finished : what need not be done again
+    folds : so many of them, the first ones
 
     Returns
     -------
@@ -100,7 +106,7 @@ def tasks(
         wanted.setdefault(family_of[number], []).append(number)
     found = []
     for family in wanted.values():
-        for fold in range(FOLDS):
+        for fold in range(folds):
             left = tuple(
                 grid.differing[number]
                 for number in sorted(family)
@@ -255,7 +261,7 @@ def _magnitude(value: Any) -> float:
     return abs(float(value)) if isinstance(value, int | float) else 1.0
 
 
-def rank(grid: Grid, trials: Trials, rows: int) -> Found:
+def rank(grid: Grid, trials: Trials, rows: int, folds: int = FOLDS) -> Found:
     """Collect the scores of all candidates.
 
     Parameters
@@ -263,19 +269,20 @@ def rank(grid: Grid, trials: Trials, rows: int) -> Found:
     grid : what was searched
     trials : the finished ones; candidates that lack a fold count as failed
     rows : training rows of the trials that count
+    folds : so many of them count, the first ones
 
     Returns
     -------
     Found
     """
-    scores = np.full((len(grid.differing), FOLDS), math.nan)
+    scores = np.full((len(grid.differing), folds), math.nan)
     failures: dict[str, int] = {}
     remarks: dict[str, int] = {}
     seconds = 0.0
     families = set()
     family_of = {number: place for place, family in enumerate(grid.families) for number in family}
     for number, settings in enumerate(grid.differing):
-        for fold in range(FOLDS):
+        for fold in range(folds):
             trial = trials.finished.get((key(settings), fold, rows))
             if trial is None:
                 continue

@@ -65,7 +65,9 @@ def write(folder: Folder) -> list[Path]:
         folder.write_table("times.csv", times, _time_rows(folder)),
         folder.write_table("tuning.csv", search, _search_rows(folder)),
         folder.write_table(
-            "tuning-times.csv", ["model", "fit_seconds", "paper_s"], _search_time_rows(folder)
+            "tuning-times.csv",
+            ["model", "fit_seconds", "whole_grid_s", "whole_grid", "paper_s"],
+            _search_time_rows(folder),
         ),
     ]
 
@@ -138,11 +140,19 @@ def _search_rows(folder: Folder) -> Iterator[list[object]]:
             yield [model, found.get("grid", TABLE_2), *numbers, _settings(result)]
 
 
+def _whole_grid(found: dict[str, Any]) -> tuple[object, str]:
+    """What the whole grid takes [s], and how that is known; nothing from older folders."""
+    if "whole_grid_seconds" not in found:
+        return "", ""
+    return found["whole_grid_seconds"], "measured" if found["whole_grid_measured"] else "estimated"
+
+
 def _search_time_rows(folder: Folder) -> Iterator[list[object]]:
     for model in MODELS:
         result = folder.result("tuned", model)
         if result and "times" in result:
-            yield [model, result["times"]["search"], paper.TUNING_SECONDS[model]]
+            spent = result["times"]["search"]
+            yield [model, spent, *_whole_grid(result["search"]), paper.TUNING_SECONDS[model]]
 
 
 def _settings(result: dict[str, Any]) -> str:
@@ -205,7 +215,7 @@ def _search_table(folder: Folder, target: str) -> Table:
     )
     for column in ("Model", "Grid", "Searched", "Best settings"):
         table.add_column(column)
-    for column in ("candidates", "differ", "fits", "of", "time"):
+    for column in ("candidates", "differ", "fits", "of", "time", "whole grid"):
         table.add_column(column, justify="right")
     for model, kind, result in results(folder):
         if kind != "tuned":
@@ -225,5 +235,12 @@ def _search_table(folder: Folder, target: str) -> Table:
             str(found["fits"]),
             str(found["fits_nominal"]),
             f"{_seconds(result['times']['search'])}{theirs}",
+            _hours(*_whole_grid(found)),
         )
     return table
+
+
+def _hours(seconds: object, known: str) -> str:
+    if not isinstance(seconds, float):
+        return ""
+    return f"{'about ' if known == 'estimated' else ''}{seconds / 3600:.2g} h"

@@ -106,8 +106,11 @@ def test_a_budget_is_reported_as_such(work, monkeypatch):
     assert run("tune", "database.h5", "-o", "out", *arguments) == 0
     (found,) = table("out/area/tuning.csv")
     assert found["searched"] == (
-        "successive halving: 110 candidates on 24 rows, 37 candidates on 72 rows"
+        "successive halving: 110 candidates on 24 rows, 1 fold, 37 candidates on 72 rows"
     )
+    (times,) = table("out/area/tuning-times.csv")
+    assert times["whole_grid"] == "estimated"
+    assert float(times["whole_grid_s"]) > float(times["fit_seconds"])
     assert found["candidates_scored"] == "37"
 
 
