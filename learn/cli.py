@@ -119,6 +119,38 @@ def tune(
 
 
 @app.command()
+def estimate(
+    file: Database,
+    output: Output,
+    model: Models = None,
+    budget: Annotated[
+        str, typer.Option(metavar="TIME", help="Time for all models together, as 1h or 90min.")
+    ] = "1h",
+    target: Target = "area",
+    area_max: AreaMax = None,
+    features: Features = "paper",
+    normalise: Normalise = "",
+    seed: Seed = 0,
+    train_rows: TrainRows = None,
+) -> int:
+    """Estimate what tuning over whole grids takes, from fits drawn at random and done here.
+
+    The times are those of one thread: divide by the workers. What is fitted is kept, and need not
+    be done again by `tune` on the same folder.
+    """
+    from learn.comparison import jobs
+    from learn.comparison.budget import seconds
+
+    limit = seconds(budget)
+    request = _request(
+        file, output, model, target, area_max, features, normalise, seed, train_rows, False, limit
+    )
+    world = farm.this_world()
+    ended = jobs.estimate(request, world)
+    return _show(request, world, ended.signal)
+
+
+@app.command()
 def show(
     folder: Comparison,
     pictures: Annotated[bool, typer.Option(help="Draw the pictures too.")] = True,

@@ -21,7 +21,6 @@ from learn.comparison.pruning import Grid
 from learn.comparison.search import Found, rank, tasks, work_off
 from learn.comparison.training_data import held
 from learn.comparison.trials import Trials
-from learn.comparison.whole_grid import WholeGrid, whole_grid
 from learn.models import Model
 from learn.split import FOLDS
 
@@ -50,14 +49,12 @@ class Searched:
     rows : that number
     how : the steps in words
     seconds : sum of the times of all fits so far, of all steps and earlier runs [s]
-    whole : what the whole grid takes
     """
 
     found: Found
     rows: int
     how: str
     seconds: float
-    whole: WholeGrid
 
 
 def seconds(text: str) -> float:
@@ -155,18 +152,12 @@ def search(
         return None
     everywhere = rank(grid, trials, total)
     if everywhere.winner >= 0 and everywhere.fits == FOLDS * len(grid.families):
-        return searched(model, grid, trials, everywhere, total, WHOLE)
-    return searched(model, grid, trials, *best, f"successive halving: {', '.join(told)}")
+        return Searched(everywhere, total, WHOLE, _spent(trials))
+    return Searched(*best, f"successive halving: {', '.join(told)}", _spent(trials))
 
 
-def searched(
-    model: Model, grid: Grid, trials: Trials, found: Found, rows: int, how: str
-) -> Searched:
-    """Put together what a search has found and what it took."""
-    finished = trials.finished.values()
-    spent = sum(trial.seconds for trial in finished)
-    cost = whole_grid(model, grid, finished, held().target.size)
-    return Searched(found, rows, how, spent, cost)
+def _spent(trials: Trials) -> float:
+    return sum(trial.seconds for trial in trials.finished.values())
 
 
 def _extent(rows: int, folds: int) -> str:

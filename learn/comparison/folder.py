@@ -6,6 +6,7 @@
     area/baseline/MODEL.json    settings, scores, times; MODEL.csv has the test rows' predictions
     area/tuned/MODEL.json       the same for a search's winner, and how it was found
     area/tuned/MODEL-grid.csv   every candidate of the grid with its scores
+    area/whole-grid/MODEL.json  what the model's whole grid takes, estimated
     area/*.csv, *.png           the tables and pictures that `learn show` makes of them
 
 One folder a target (here area). Files are written beside their place and then renamed.

@@ -1,7 +1,7 @@
-"""The two jobs: fit the baselines of the models, and tune them over their grids."""
+"""The jobs: fit the models' baselines, tune them over their grids, estimate what that takes."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
@@ -10,10 +10,10 @@ from gen.errors import InputError
 from gen.interruption import Interruption
 from gen.progress import RunProgress
 from learn import split
-from learn.comparison import budget, pruning, search, spaces, training_data
+from learn.comparison import budget, pruning, search, spaces, training_data, whole_grid
 from learn.comparison.folder import Folder
 from learn.comparison.preparation import prepared
-from learn.comparison.results import is_there, keep, keep_tuned, tell
+from learn.comparison.results import is_there, keep, keep_cost, keep_tuned, tell
 from learn.comparison.timing import Final, Outcome, measure
 from learn.comparison.trials import Trials
 from learn.models import NORMALISATIONS, Model, chosen
@@ -53,6 +53,25 @@ def tune(request: Request, world: farm.World) -> Ended:
     InputError
         On every process alike, for input that cannot be used.
     """
+    return _one_by_one(_tune_model, request, world)
+
+
+def estimate(request: Request, world: farm.World) -> Ended:
+    """Time fits that are drawn from the grids at random; every process of the world has to call it.
+
+    Raises
+    ------
+    InputError
+        On every process alike, for input that cannot be used.
+    """
+    return _one_by_one(_estimate_model, request, world)
+
+
+Step = Callable[[Request, Model, Folder | None, farm.World, Interruption, float | None], None]
+
+
+def _one_by_one(step: Step, request: Request, world: farm.World) -> Ended:
+    """Do what grids are concerned with, model after model, each in its share of the time left."""
     end = None if request.limit is None else time.monotonic() + request.limit
     with _job(request, world) as (interruption, models):
         left = len(models) * len(request.targets)
@@ -65,7 +84,7 @@ def tune(request: Request, world: farm.World) -> Ended:
                     limit = None if end is None else max(end - time.monotonic(), 0.0) / left
                     left -= 1
                     if not world.broadcast(interruption.requested()):
-                        _tune_model(request, model, folder, world, interruption, limit)
+                        step(request, model, folder, world, interruption, limit)
     return _ended(interruption, world)
 
 
@@ -116,18 +135,7 @@ def _tune_model(
     if request.spaces is not None:
         source, space = spaces.GIVEN, request.spaces[model.name]
     grid = pruning.grid(model, space, training_data.held().inputs.shape[1])
-    with ExitStack() as stack:
-        trials: Trials | None = None
-        refusal = ""
-        if folder is not None:
-            try:
-                path = folder.path / "trials" / f"{model.name}.jsonl"
-                trials = stack.enter_context(Trials(path, folder.record()["conditions"]))
-            except InputError as error:
-                refusal = str(error)
-        refusal = world.broadcast(refusal)
-        if refusal:
-            raise InputError(refusal)
+    with _trials(model, folder, world) as trials:
         searched = _searched(model, grid, trials, world, interruption, limit)
         if world.broadcast(interruption.requested()):
             return
@@ -141,6 +149,42 @@ def _tune_model(
             outcome = None if final is None else _alone(final, world)
             if folder is not None:
                 keep_tuned(folder, model, grid, source, searched, outcome)
+
+
+def _estimate_model(
+    request: Request,
+    model: Model,
+    folder: Folder | None,
+    world: farm.World,
+    interruption: Interruption,
+    limit: float | None,
+) -> None:
+    """Estimate what one model's grid takes."""
+    source, space = spaces.of(model.name, request.features)
+    grid = pruning.grid(model, space, training_data.held().inputs.shape[1])
+    stopping = interruption.requested
+    with _trials(model, folder, world) as trials:
+        cost = whole_grid.measure(model, grid, trials, world, limit or 0.0, stopping)
+        if folder is not None and cost is not None:
+            keep_cost(folder, model, source, cost)
+
+
+@contextmanager
+def _trials(model: Model, folder: Folder | None, world: farm.World) -> Iterator[Trials | None]:
+    """Open the finished fits on the master, None elsewhere; refused on every process alike."""
+    with ExitStack() as stack:
+        trials: Trials | None = None
+        refusal = ""
+        if folder is not None:
+            try:
+                path = folder.path / "trials" / f"{model.name}.jsonl"
+                trials = stack.enter_context(Trials(path, folder.record()["conditions"]))
+            except InputError as error:
+                refusal = str(error)
+        refusal = world.broadcast(refusal)
+        if refusal:
+            raise InputError(refusal)
+        yield trials
 
 
 def _searched(
@@ -175,7 +219,7 @@ def _searched(
     if trials is None:
         return None
     found = search.rank(grid, trials, rows)
-    return budget.searched(model, grid, trials, found, rows, budget.WHOLE)
+    return budget.Searched(found, rows, budget.WHOLE, found.seconds)
 
 
 def _alone(final: Final, world: farm.World) -> Outcome | None:

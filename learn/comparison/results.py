@@ -11,6 +11,7 @@ from learn.comparison import budget, pruning, search, training_data
 from learn.comparison.folder import Folder
 from learn.comparison.spaces import TABLE_2
 from learn.comparison.timing import Final, Outcome
+from learn.comparison.whole_grid import Cost
 from learn.models import Model
 
 
@@ -66,8 +67,6 @@ def keep_tuned(
         "candidates_scored": _scored(searched),
         "fits_nominal": split.FOLDS * grid.nominal,
         "fits": found.fits,
-        "whole_grid_seconds": searched.whole.seconds,
-        "whole_grid_measured": searched.whole.measured,
         "r2_folds": [100 * float(score) for score in found.scores[found.winner]],
         "failures": found.failures,
         "remarks": found.remarks,
@@ -124,6 +123,11 @@ def keep(
             "times": {**vars(outcome.times), "search": search_seconds},
         },
     )
+
+
+def keep_cost(folder: Folder, model: Model, source: str, cost: Cost) -> None:
+    """Write what a whole grid takes."""
+    folder.write_json(f"whole-grid/{model.name}.json", {"grid": source, **asdict(cost)})
 
 
 def tell(progress: RunProgress | None, model: Model, kind: str, outcome: Outcome) -> None:

@@ -6,7 +6,7 @@ number of processes, the times are not.
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rich.console import Console
 from rich.markup import escape
@@ -22,6 +22,16 @@ SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}
 
 OUR_AREA = "area_percent"
 """The target of the paper's tables: beside any other its numbers would mislead."""
+
+
+class WholeGrid(NamedTuple):
+    """What a whole grid takes: seconds and their standard error, fits that were timed, and all."""
+
+    grid: str
+    seconds: float
+    error: float | None
+    fits: int
+    of: int
 
 
 def names(target: str) -> list[str]:
@@ -65,9 +75,12 @@ def write(folder: Folder) -> list[Path]:
         folder.write_table("times.csv", times, _time_rows(folder)),
         folder.write_table("tuning.csv", search, _search_rows(folder)),
         folder.write_table(
-            "tuning-times.csv",
-            ["model", "fit_seconds", "whole_grid_s", "whole_grid", "paper_s"],
-            _search_time_rows(folder),
+            "tuning-times.csv", ["model", "fit_seconds", "paper_s"], _search_time_rows(folder)
+        ),
+        folder.write_table(
+            "whole-grids.csv",
+            ["model", *WholeGrid._fields, "paper_s"],
+            ([model, *cost, paper.TUNING_SECONDS[model]] for model, cost in _grid_costs(folder)),
         ),
     ]
 
@@ -87,6 +100,8 @@ def show(folder: Folder) -> None:
     console.print(_score_table(folder, str(conditions["target"])))
     if any(folder.result("tuned", model) for model in MODELS):
         console.print(_search_table(folder, str(conditions["target"])))
+    if any(_grid_costs(folder)):
+        console.print(_grid_cost_table(folder))
     for model, kind, result in results(folder):
         if result.get("failure"):
             text = f"{MODELS[model].title}, {kind}, failed: {result['failure']}"
@@ -140,19 +155,11 @@ def _search_rows(folder: Folder) -> Iterator[list[object]]:
             yield [model, found.get("grid", TABLE_2), *numbers, _settings(result)]
 
 
-def _whole_grid(found: dict[str, Any]) -> tuple[object, str]:
-    """What the whole grid takes [s], and how that is known; nothing from older folders."""
-    if "whole_grid_seconds" not in found:
-        return "", ""
-    return found["whole_grid_seconds"], "measured" if found["whole_grid_measured"] else "estimated"
-
-
 def _search_time_rows(folder: Folder) -> Iterator[list[object]]:
     for model in MODELS:
         result = folder.result("tuned", model)
         if result and "times" in result:
-            spent = result["times"]["search"]
-            yield [model, spent, *_whole_grid(result["search"]), paper.TUNING_SECONDS[model]]
+            yield [model, result["times"]["search"], paper.TUNING_SECONDS[model]]
 
 
 def _settings(result: dict[str, Any]) -> str:
@@ -215,7 +222,7 @@ def _search_table(folder: Folder, target: str) -> Table:
     )
     for column in ("Model", "Grid", "Searched", "Best settings"):
         table.add_column(column)
-    for column in ("candidates", "differ", "fits", "of", "time", "whole grid"):
+    for column in ("candidates", "differ", "fits", "of", "time"):
         table.add_column(column, justify="right")
     for model, kind, result in results(folder):
         if kind != "tuned":
@@ -235,12 +242,41 @@ def _search_table(folder: Folder, target: str) -> Table:
             str(found["fits"]),
             str(found["fits_nominal"]),
             f"{_seconds(result['times']['search'])}{theirs}",
-            _hours(*_whole_grid(found)),
         )
     return table
 
 
-def _hours(seconds: object, known: str) -> str:
-    if not isinstance(seconds, float):
-        return ""
-    return f"{'about ' if known == 'estimated' else ''}{seconds / 3600:.2g} h"
+def _grid_costs(folder: Folder) -> Iterator[tuple[str, WholeGrid]]:
+    """Give what whole grids take, where that is known."""
+    for model in MODELS:
+        result = folder.result("tuned", model) or {}
+        estimate = folder.result("whole-grid", model)
+        found = result.get("search") or {}
+        if found.get("how") == "whole grid":
+            seconds, fits = result["times"]["search"], found["fits"]
+            yield model, WholeGrid(found.get("grid", TABLE_2), seconds, 0.0, fits, fits)
+        elif estimate is not None:
+            yield model, WholeGrid(**estimate)
+
+
+def _grid_cost_table(folder: Folder) -> Table:
+    """Hours of whole grids on one thread."""
+    table = Table(
+        title=escape("Whole grids, one fit after the other on one thread; the paper's in brackets")
+    )
+    table.add_column("Model")
+    table.add_column("Grid")
+    for column in ("time [h]", "fits", "timed", "relative error"):
+        table.add_column(column, justify="right")
+    for model, cost in _grid_costs(folder):
+        theirs = f" ({paper.TUNING_SECONDS[model] / 3600:.2g})"
+        error = "" if cost.error is None else f"{100 * cost.error / cost.seconds:.0f} %"
+        table.add_row(
+            MODELS[model].title,
+            cost.grid,
+            f"{cost.seconds / 3600:.2g}{theirs}",
+            str(cost.of),
+            str(cost.fits),
+            "measured" if cost.fits == cost.of else error,
+        )
+    return table

@@ -1,115 +1,161 @@
-"""What a whole grid takes: measured where it was searched, estimated from what was timed elsewhere.
+"""What a whole grid takes, from fits that are drawn at random and done on all training rows.
 
-Where no family of candidates was fitted to all rows, or not all of them, times are scaled by the
-fits' expected work (`learn.comparison.search.expected_work`) to families that were not tried, and
-by the growth of times per unit of that work, as measured on the families that were fitted to more
-than one number of rows.
+Families of candidates are drawn without regard to their worth: the winners of a search would not
+do, whose fits are shorter or longer than others'. Times are compared with the fits' expected work
+(`learn.comparison.search.expected_work`): sum of the times over sum of the work drawn, times the
+work of the whole grid, a ratio estimate (W. G. Cochran, Sampling Techniques, chapter 6). The fits
+are trials like all others, which a later search need not do again.
 """
 
-from collections import defaultdict
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
-from math import log
-from statistics import median
+from math import sqrt
 
-from learn.comparison.pruning import Grid, key
-from learn.comparison.search import Task, expected_work
-from learn.comparison.trials import Trial
+import numpy as np
+
+from gen import farm
+from learn.comparison import pruning
+from learn.comparison.pruning import Grid, Settings
+from learn.comparison.search import Task, expected_work, work_off
+from learn.comparison.training_data import held
+from learn.comparison.trials import Trial, Trials
 from learn.models import Model
 from learn.split import FOLDS
 
+Finished = Mapping[tuple[str, int, int], Trial]
+
+DRAWN = 40
+"""Families that are drawn at most: the error is then about a sixth of their times' scatter."""
+
 
 @dataclass(frozen=True)
-class WholeGrid:
+class Cost:
     """The time of all fits of a grid, one after the other on one thread.
 
     Attributes
     ----------
     seconds : sum of the fits' times [s]
-    measured : all of them were done; else the sum is an estimate, good to a factor of two or so
+    error : standard error of the sum [s]; 0 if measured, None if one fit alone was drawn
+    fits : so many of them were timed
+    of : fits of the whole grid
     """
 
     seconds: float
-    measured: bool
+    error: float | None
+    fits: int
+    of: int
+
+    @property
+    def measured(self) -> bool:
+        """Whether all fits were done."""
+        return self.fits == self.of
 
 
-@dataclass
-class Timed:
-    """Fits of one family with one number of rows: their seconds [s] and their expected work."""
-
-    seconds: float = 0.0
-    work: float = 0.0
-    whole_fits: int = 0
+def drawn(grid: Grid, seed: int) -> list[tuple[int, int]]:
+    """Family and fold of the fits to do, in their order."""
+    families = np.random.default_rng([seed, len(grid.families)]).permutation(len(grid.families))
+    return [(int(family), place % FOLDS) for place, family in enumerate(families[:DRAWN])]
 
 
-def whole_grid(model: Model, grid: Grid, finished: Iterable[Trial], total: int) -> WholeGrid:
-    """Measure or estimate what the whole grid takes.
+def measure(
+    model: Model,
+    grid: Grid,
+    trials: Trials | None,
+    world: farm.World,
+    limit: float,
+    stopping: Callable[[], bool],
+) -> Cost | None:
+    """Do the drawn fits that fit into a time; every process of the world has to call it.
 
     Parameters
     ----------
-    model, grid : what is searched
-    finished : the trials so far, on whatever numbers of rows; at least one
-    total : training rows of a whole search
+    model, grid : what is to be searched
+    trials : where results are kept, on the master; None elsewhere
+    world : from `gen.farm`
+    limit : time to take [s]; a fit under way when it ends is finished
+    stopping : asked on the master before a fit
 
     Returns
     -------
-    WholeGrid
+    What is known by then, on the master; None elsewhere, and if nothing was finished
     """
-    timed = _timed(model, grid, finished)
-    done = {family: fits for (family, rows), fits in timed.items() if rows == total}
-    if sum(fits.whole_fits for fits in done.values()) == FOLDS * len(grid.families):
-        return WholeGrid(sum(fits.seconds for fits in done.values()), measured=True)
-    sizes = sorted({rows for _, rows in timed})
-    families = {rows: {f for f, r in timed if r == rows} for rows in sizes}
-    base = max(sizes, key=lambda rows: (len(families[rows]), rows))
-    rates = {f: timed[f, base].seconds / timed[f, base].work for f in families[base]}
-    each = [timed[f, base] for f in families[base]]
-    usual = sum(fits.seconds for fits in each) / sum(fits.work for fits in each)
-    growth = _growth(timed, sizes, base, total)
-    seconds = 0.0
-    for family, numbers in enumerate(grid.families):
-        settings = tuple(grid.differing[number] for number in numbers)
-        work = expected_work(Task(model.name, settings, 0, total))
-        seconds += FOLDS * work * rates.get(family, usual) * growth
-    return WholeGrid(seconds, measured=False)
-
-
-def _timed(model: Model, grid: Grid, finished: Iterable[Trial]) -> dict[tuple[int, int], Timed]:
-    """Sum up the fits by family and rows."""
-    number_of = {key(settings): number for number, settings in enumerate(grid.differing)}
-    family_of = {number: place for place, family in enumerate(grid.families) for number in family}
-    fits: dict[tuple[int, int, int], list[Trial]] = defaultdict(list)
-    for trial in finished:
-        if trial.candidate in number_of:
-            family = family_of[number_of[trial.candidate]]
-            fits[family, trial.fold, trial.rows].append(trial)
-    found: dict[tuple[int, int], Timed] = defaultdict(Timed)
-    for (family, fold, rows), trials in fits.items():
-        settings = tuple(grid.differing[number_of[trial.candidate]] for trial in trials)
-        sums = found[family, rows]
-        sums.seconds += sum(trial.seconds for trial in trials)
-        sums.work += expected_work(Task(model.name, settings, fold, rows))
-        sums.whole_fits += len(trials) == len(grid.families[family])
-    return found
-
-
-def _growth(timed: dict[tuple[int, int], Timed], sizes: list[int], base: int, total: int) -> float:
-    """How many times as long a unit of work takes with all rows as with those of the base."""
-    growth, power = 1.0, 0.0
-    reached = base
-    for few, many in pairwise(rows for rows in sizes if rows >= base):
-        ratios = [
-            _rate(timed[family, many]) / _rate(timed[family, few])
-            for family, rows in timed
-            if rows == many and (family, few) in timed
+    rows, seed = held().target.size, held().seed
+    end = time.monotonic() + limit
+    todo: list[Task] = []
+    if trials is not None and not _all(grid, rows, trials.finished):
+        todo = [
+            Task(model.name, _settings(grid, family), fold, rows)
+            for family, fold in drawn(grid, seed)
+            if _seconds(grid, (family, fold), rows, trials.finished) is None
         ]
-        if not ratios:
+    work_off(
+        todo,
+        trials,
+        world,
+        stopping=lambda: stopping() or time.monotonic() > end,
+        title=f"{model.title}: {FOLDS * len(grid.families)} fits, {len(todo)} drawn to be timed",
+    )
+    return None if trials is None else cost(model, grid, trials.finished, rows, seed)
+
+
+def cost(model: Model, grid: Grid, finished: Finished, rows: int, seed: int) -> Cost | None:
+    """Estimate what a grid takes, or add it up where all of it was done.
+
+    Parameters
+    ----------
+    model, grid : what is to be searched
+    finished : trials, by their places
+    rows : training rows of the search
+    seed : of the draw
+
+    Returns
+    -------
+    None if no drawn fit is finished
+    """
+    fits = FOLDS * len(grid.families)
+    if _all(grid, rows, finished):
+        of_grid = {pruning.key(settings) for settings in grid.differing}
+        each = [t.seconds for t in finished.values() if t.rows == rows and t.candidate in of_grid]
+        return Cost(sum(each), 0.0, fits, fits)
+    times: list[float] = []
+    works: list[float] = []
+    for place in drawn(grid, seed):
+        taken = _seconds(grid, place, rows, finished)
+        if taken is None:
             break
-        factor = median(ratios)
-        growth, power, reached = growth * factor, log(factor) / log(many / few), many
-    return growth * float((total / reached) ** power)
+        times.append(taken)
+        works.append(_work(model, grid, place[0], rows))
+    if not times:
+        return None
+    whole = FOLDS * sum(_work(model, grid, family, rows) for family in range(len(grid.families)))
+    error = None if len(times) == 1 else whole * _error(np.array(times), np.array(works))
+    return Cost(whole * sum(times) / sum(works), error, len(times), fits)
 
 
-def _rate(fits: Timed) -> float:
-    return fits.seconds / fits.work
+def _error(times: np.ndarray, works: np.ndarray) -> float:
+    """Standard error of the sum of times over the sum of works."""
+    residuals = times - works * times.sum() / works.sum()
+    return float(sqrt(residuals @ residuals / (times.size - 1) / times.size) / works.mean())
+
+
+def _all(grid: Grid, rows: int, finished: Finished) -> bool:
+    names = [pruning.key(settings) for settings in grid.differing]
+    return all((name, fold, rows) in finished for name in names for fold in range(FOLDS))
+
+
+def _seconds(grid: Grid, place: tuple[int, int], rows: int, finished: Finished) -> float | None:
+    """What one fit took for all its candidates; None if some lack it."""
+    family, fold = place
+    names = [pruning.key(settings) for settings in _settings(grid, family)]
+    found = [finished.get((name, fold, rows)) for name in names]
+    done = [trial.seconds for trial in found if trial is not None]
+    return sum(done) if len(done) == len(names) else None
+
+
+def _work(model: Model, grid: Grid, family: int, rows: int) -> float:
+    return expected_work(Task(model.name, _settings(grid, family), 0, rows))
+
+
+def _settings(grid: Grid, family: int) -> tuple[Settings, ...]:
+    return tuple(grid.differing[number] for number in sorted(grid.families[family]))

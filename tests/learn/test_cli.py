@@ -108,10 +108,22 @@ def test_a_budget_is_reported_as_such(work, monkeypatch):
     assert found["searched"] == (
         "successive halving: 110 candidates on 24 rows, 1 fold, 37 candidates on 72 rows"
     )
-    (times,) = table("out/area/tuning-times.csv")
-    assert times["whole_grid"] == "estimated"
-    assert float(times["whole_grid_s"]) > float(times["fit_seconds"])
     assert found["candidates_scored"] == "37"
+
+
+def test_whole_grids_are_estimated_and_then_measured(work, capsys):
+    models = ["--model", "decision-tree", "--model", "svm"]
+    assert run("estimate", "database.h5", "-o", "out", *models, "--budget", "1h") == 0
+    said = capsys.readouterr()
+    assert "550 fits, 40 drawn to be timed" in said.err
+    assert "Whole grids" in said.out
+    tree, svm = table("out/area/whole-grids.csv")
+    assert (tree["fits"], tree["of"], svm["fits"], svm["of"]) == ("40", "550", "40", "660")
+    assert float(tree["seconds"]) > float(tree["error"]) > 0
+    assert run("tune", "database.h5", "-o", "out", "--model", "decision-tree") == 0
+    assert "550 fits, 510 to do" in capsys.readouterr().err
+    measured, _ = table("out/area/whole-grids.csv")
+    assert (measured["fits"], measured["error"]) == ("550", "0.0")
 
 
 def test_importance_drops_the_weakest(work, capsys):

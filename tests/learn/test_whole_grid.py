@@ -1,4 +1,6 @@
-"""The estimate of a whole grid's time, on fits whose times are known exactly."""
+"""What a whole grid takes, on fits whose times are known exactly, and by the command."""
+
+import math
 
 import numpy as np
 import pytest
@@ -6,83 +8,92 @@ import pytest
 from learn.comparison import pruning, spaces
 from learn.comparison.search import Task, expected_work
 from learn.comparison.trials import Trial
-from learn.comparison.whole_grid import whole_grid
+from learn.comparison.whole_grid import cost, drawn
 from learn.models import MODELS
 from learn.split import FOLDS
 
-TOTAL = 10_000
+ROWS = 10_000
 
 
 def grid_of(model):
     return pruning.grid(MODELS[model], spaces.of(model, "paper")[1], 23)
 
 
-def fits(model, grid, families, rows, folds, rate):
-    """Trials of whole families that take `rate(family, rows)` seconds for a unit of work."""
-    for family in families:
-        numbers = grid.families[family]
-        settings = tuple(grid.differing[number] for number in numbers)
-        work = expected_work(Task(model, settings, 0, rows))
-        share = work * rate(family, rows) / len(numbers)
-        for fold in range(folds):
-            for candidate in settings:
-                yield Trial(pruning.key(candidate), fold, rows, 0.5, seconds=share)
+def fits(model, grid, places, rate):
+    """Finished trials of whole families that take `rate(family)` seconds for a unit of work."""
+    found = {}
+    for family, fold in places:
+        settings = tuple(grid.differing[number] for number in grid.families[family])
+        seconds = rate(family) * expected_work(Task(model, settings, 0, ROWS))
+        for candidate in settings:
+            share = seconds / len(settings)
+            trial = Trial(pruning.key(candidate), fold, ROWS, 0.5, seconds=share)
+            found[trial.place] = trial
+    return found
 
 
-def exact(model, grid, rate):
-    everything = fits(model, grid, range(len(grid.families)), TOTAL, FOLDS, rate)
-    return sum(trial.seconds for trial in everything)
+def everywhere(grid):
+    return [(family, fold) for family in range(len(grid.families)) for fold in range(FOLDS)]
+
+
+def seconds_of(trials):
+    return math.fsum(trial.seconds for trial in trials.values())
 
 
 @pytest.mark.parametrize("model", sorted(MODELS))
-def test_a_whole_grid_is_measured(model):
+def test_a_whole_grid_is_added_up(model):
     grid = grid_of(model)
-    trials = list(fits(model, grid, range(len(grid.families)), TOTAL, FOLDS, lambda f, r: 1e-6))
-    found = whole_grid(MODELS[model], grid, trials, TOTAL)
+    trials = fits(model, grid, everywhere(grid), lambda family: 1e-6 * (family + 1))
+    found = cost(MODELS[model], grid, trials, ROWS, 0)
     assert found.measured
-    assert found.seconds == pytest.approx(sum(trial.seconds for trial in trials), rel=1e-12)
+    assert found.fits == found.of == FOLDS * len(grid.families)
+    assert (found.seconds, found.error) == (pytest.approx(seconds_of(trials), rel=1e-12), 0.0)
 
 
 @pytest.mark.parametrize("model", sorted(MODELS))
-def test_the_estimate_is_exact_where_times_follow_a_power_of_the_rows(model):
+def test_the_estimate_is_exact_where_times_follow_the_expected_work(model):
     grid = grid_of(model)
-    drawn = np.random.default_rng(1).permutation(len(grid.families))
-
-    def rate(family, rows):
-        return 1e-6 * rows**0.7
-
-    trials = [
-        *fits(model, grid, drawn[:9], 400, 1, rate),
-        *fits(model, grid, drawn[:3], 1200, 1, rate),
-    ]
-    found = whole_grid(MODELS[model], grid, trials, TOTAL)
+    whole = fits(model, grid, everywhere(grid), lambda family: 2e-6)
+    some = fits(model, grid, drawn(grid, 3)[:7], lambda family: 2e-6)
+    found = cost(MODELS[model], grid, some, ROWS, 3)
     assert not found.measured
-    assert found.seconds == pytest.approx(exact(model, grid, rate), rel=1e-9)
+    assert found.fits == 7
+    assert found.seconds == pytest.approx(seconds_of(whole), rel=1e-9)
+    assert found.error == pytest.approx(0.0, abs=1e-9 * found.seconds)
+    alone = cost(MODELS[model], grid, fits(model, grid, drawn(grid, 3)[:1], lambda f: 1.0), ROWS, 3)
+    assert (alone.fits, alone.error) == (1, None)
 
 
-def test_the_estimate_knows_every_family_that_was_timed():
+def test_the_error_is_that_of_many_draws():
+    """Scatter of 300 estimates about the truth beside the errors that they state."""
     model = "svm"
     grid = grid_of(model)
-    factors = np.random.default_rng(2).lognormal(0, 2, len(grid.families))
+    scatter = np.random.default_rng(0).lognormal(0.0, 0.5, len(grid.families))
+    whole = fits(model, grid, everywhere(grid), lambda family: scatter[family])
+    truth = seconds_of(whole)
+    found = []
+    for seed in range(300):
+        some = fits(model, grid, drawn(grid, seed)[:12], lambda family: scatter[family])
+        found.append(cost(MODELS[model], grid, some, ROWS, seed))
+    ratios = np.array([each.seconds / truth for each in found])
+    stated = np.sqrt(np.mean([(each.error / truth) ** 2 for each in found]))
+    assert ratios.mean() == pytest.approx(1.0, abs=0.05)
+    assert stated == pytest.approx(ratios.std(), rel=0.25)
 
-    def rate(family, rows):
-        return 1e-6 * factors[family] * rows**1.5
 
-    trials = [
-        *fits(model, grid, range(len(grid.families)), 400, 1, rate),
-        *fits(model, grid, [5, 17, 23], TOTAL, FOLDS, rate),
-    ]
-    found = whole_grid(MODELS[model], grid, trials, TOTAL)
-    assert found.seconds == pytest.approx(exact(model, grid, rate), rel=1e-9)
-
-
-def test_survivors_of_a_family_do_not_stand_for_its_larger_members():
-    """Of a family of estimator counts only the smallest goes on: the growth is that of its work."""
-    model = "gradient-boost"
+def test_winners_of_a_search_do_not_bias_the_estimate():
+    model = "svm"
     grid = grid_of(model)
-    small = list(fits(model, grid, [0], 400, 1, lambda f, r: 1e-6))
-    first = grid.differing[grid.families[0][0]]
-    work = expected_work(Task(model, (first,), 0, TOTAL))
-    alone = Trial(pruning.key(first), 0, TOTAL, 0.5, seconds=2e-6 * work)
-    found = whole_grid(MODELS[model], grid, [*small, alone], TOTAL)
-    assert found.seconds == pytest.approx(2 * exact(model, grid, lambda f, r: 1e-6), rel=1e-9)
+    first = fits(model, grid, drawn(grid, 0)[:4], lambda family: 1.0)
+    best = fits(model, grid, everywhere(grid)[-10:], lambda family: 1e-3)
+    ends_early = cost(MODELS[model], grid, best | first, ROWS, 0)
+    assert ends_early.seconds == pytest.approx(cost(MODELS[model], grid, first, ROWS, 0).seconds)
+    assert cost(MODELS[model], grid, {}, ROWS, 0) is None
+
+
+def test_drawn_families_differ_and_depend_on_the_seed():
+    grid = grid_of("xgboost")
+    first = drawn(grid, 0)
+    assert len({family for family, _ in first}) == len(first) == 40
+    assert drawn(grid, 0) == first != drawn(grid, 1)
+    assert {fold for _, fold in first} == set(range(FOLDS))
