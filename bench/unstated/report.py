@@ -23,6 +23,14 @@ SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 1.0, 1.05)
 """Displacements over Delta*."""
 
 
+NAMES = {
+    "area_times": "mean area",
+    "force_times": "mean force",
+    "r2": "kernel ridge",
+    "tree_r2": "decision tree",
+}
+"""Of the columns that share a panel."""
+
 TICKS = (0.5, 1.0, 2.0, 5.0)
 """Of areas and forces over the preset's."""
 
@@ -64,11 +72,12 @@ def contents(folder: Path) -> Sequence[Content]:
             folder / "unstated.png",
             "What the paper does not say, and what it does to the result: one choice at a time"
             " against the preset (first line). Left, mean area and force over the preset's, on rows"
-            " that both have solved; middle, kernel ridge's R2 on the test rows, as many training"
-            " rows for all; right, how far the ranges of the 22 statistics are from Table 1's. The"
-            " second line is another seed, other surfaces and loads: choices that change surfaces"
-            " or loads, and R2, have to move more than that to mean anything. Influence"
-            " coefficients, far field and spacing are compared on the same surfaces.",
+            " that both have solved; middle, R2 of kernel ridge and of decision trees on the test"
+            " rows, as many training rows for all; right, how far the ranges of the 22 statistics"
+            " are from Table 1's. The second line is another seed, other surfaces and loads:"
+            " choices that change surfaces or loads, and R2, have to move more than that to mean"
+            " anything. Influence coefficients, far field and spacing are compared on the same"
+            " surfaces.",
             data=(folder / "unstated.csv",),
         ),
         Table(
@@ -77,7 +86,7 @@ def contents(folder: Path) -> Sequence[Content]:
             " test areas over their mean, to which nMSE is proportional at equal R2.",
             columns=(
                 "choice", "ours", "other", "done", "area_mean", "area_times", "force_times",
-                "area_largest", "kept", "table_1", "nmse", "nmae", "r2", "spread",
+                "area_largest", "kept", "table_1", "nmse", "nmae", "r2", "tree_r2", "spread",
             ),
         ),
         Table(
@@ -108,14 +117,13 @@ def _picture(rows: Sequence[measurement.Row]) -> Any:
     panels = figure.subplots(1, 3, sharey=True, width_ratios=(3, 2, 2))
     for panel, columns, label in zip(
         panels,
-        (("area_times", "force_times"), ("r2",), ("table_1",)),
+        (("area_times", "force_times"), ("r2", "tree_r2"), ("table_1",)),
         ("times the preset's", "R2 [%]", "off Table 1's ranges\n[% of their widths]"),
         strict=True,
     ):
         for number, column in enumerate(columns):
             values = [getattr(row, column) for row in rows]
-            name = {"area_times": "mean area", "force_times": "mean force"}.get(column)
-            panel.plot(values, places, **STYLES[number], linestyle="none", label=name)
+            panel.plot(values, places, **STYLES[number], linestyle="none", label=NAMES.get(column))
             panel.axvline(values[0], color="0.7", lw=1, zorder=0)
         panel.set(xlabel=label)
         panel.grid(visible=True, axis="y", color="0.92")
@@ -123,5 +131,6 @@ def _picture(rows: Sequence[measurement.Row]) -> Any:
     panels[0].set(xscale="log")
     panels[0].minorticks_off()
     panels[0].set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
-    panels[0].legend()
+    for panel in panels[:2]:
+        panel.legend()
     return figure

@@ -131,6 +131,7 @@ def test_report_compares_each_choice_with_the_preset(
     assert float(uncut["kept"]) == 100 > float(ours["kept"])
     assert ours["trained"] == other["trained"] == uncut["trained"]
     assert float(ours["table_1"]) == float(other["table_1"])
+    assert float(ours["tree_r2"]) < float(ours["r2"])
     shown = report.contents(tmp_path)
     assert (tmp_path / "unstated.png").read_bytes().startswith(b"\x89PNG")
     assert len(shown) == 4
