@@ -193,6 +193,22 @@ def tuning(folder: Path) -> Sequence[Content]:
     return [_searches(table) for table in sorted(folder.glob("*/tuning.csv"))]
 
 
+def grids(folder: Path) -> Sequence[Content]:
+    """Times of whole grids."""
+    return [_whole_grids(table) for table in sorted(folder.glob("*/whole-grids.csv"))]
+
+
+def _whole_grids(table: Path) -> Content:
+    if not column(table, "model"):
+        return Absent("whole grids", f"python -m learn estimate DATABASE -o {table.parent.parent}")
+    return Table(
+        table,
+        f"{table.parent.name}: what searching the whole grid takes on one thread [s], and the"
+        " standard error of that; so many fits of all were timed. Where they are fewer, they were"
+        " drawn at random and done on all training rows; the paper's time beside it.",
+    )
+
+
 def _searches(table: Path) -> Content:
     if column(table, "model"):
         caption = f"{table.parent.name}: what was searched, of which grid, and what was found."

@@ -82,6 +82,15 @@ PARTS = (
         folder="comparison",
     ),
     Part(
+        "grids",
+        SURROGATES,
+        "What the search over whole grids takes",
+        quick="",
+        full="-m learn estimate {database} --area-max 16.56 --budget 1h -o {comparison}",
+        show=captions.grids,
+        folder="comparison",
+    ),
+    Part(
         "models",
         SURROGATES,
         "Error against the time of prediction, fit and search",
