@@ -28,7 +28,7 @@ PARTS = (
         SOLVER,
         "Other solvers, and the paper's algorithm",
         quick="-m bench peers --nodes 129 --deltas 5,15,25 --rounds 2 -o {folder}",
-        full="-m bench peers --nodes 129,257,513 --deltas 5,15,25,35,45 -o {folder}",
+        full="-m bench peers --nodes 129,257,513 --deltas 5,15,25,35,45 --rounds 2 -o {folder}",
         show=captions.peers,
     ),
     Part(
