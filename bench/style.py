@@ -1,4 +1,5 @@
-"""How curves look: Okabe and Ito's colours, which colour-blind readers tell apart, and markers."""
+"""How curves look: Okabe and Ito's colours, which colour-blind readers tell apart, three more, and
+markers."""
 
 STYLES = (
     {"color": "#0072B2", "marker": "o"},
@@ -9,6 +10,8 @@ STYLES = (
     {"color": "#56B4E9", "marker": "P"},
     {"color": "#000000", "marker": "x"},
     {"color": "#888888", "marker": "*"},
+    {"color": "#6B3D0A", "marker": "<"},
+    {"color": "#4B2E83", "marker": ">"},
 )
 """One for each curve: the marker tells it apart on paper too."""
 

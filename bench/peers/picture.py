@@ -18,7 +18,7 @@ def draw(figure: Any, rows: Sequence[Row]) -> None:
         times, ratios = panels[:, column]
         for number, name in enumerate(names):
             known = [r for r in group if r.solver == name and r.seconds and r.times_ours]
-            style = {**STYLES[number % len(STYLES)], "label": name}
+            style = {**STYLES[number], "label": name}
             deltas = [row.delta for row in known]
             times.plot(deltas, [1e3 * (row.seconds or 0) for row in known], **style)
             ratios.plot(deltas, [row.times_ours for row in known], **style)

@@ -168,11 +168,8 @@ def _picture(found: Sequence[Cost]) -> Any:
 
 
 def _style(model: str) -> dict[str, Any]:
-    """Colour and marker; there is one model more than there are styles."""
-    number = list(MODELS).index(model)
-    style = {**STYLES[number % len(STYLES)], "markersize": 8, "linestyle": "none"}
-    if number >= len(STYLES):
-        style["marker"] = "h"
+    """Colour and marker."""
+    style = {**STYLES[list(MODELS).index(model)], "markersize": 8, "linestyle": "none"}
     if style["marker"] == "x":  # which cannot be hollow
         style["marker"] = "X"
     return style
