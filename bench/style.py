@@ -1,5 +1,4 @@
-"""How curves look: Okabe and Ito's colours, which colour-blind readers tell apart, three more, and
-markers."""
+"""How curves look: colours for colour-blind readers (Okabe and Ito's, and three more), markers."""
 
 STYLES = (
     {"color": "#0072B2", "marker": "o"},
