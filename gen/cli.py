@@ -189,7 +189,8 @@ def contact(
 ) -> None:
     """Solve contact problems of one surface: area, force, pressure, gap, residual.
 
-    Give one of --delta, --force and --pressure: a number, or start:stop:count for a law.
+    Give one of --delta, --force and --pressure: a number, or for a law start:stop:count or several
+    with commas.
     """
     if not farm.this_world().is_master:
         return

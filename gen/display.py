@@ -13,6 +13,7 @@ from rich.table import Table
 
 from gen.progress import RunProgress
 from gen.schema import REASONS, RUNTIME, Column, Status, statistics_columns
+from gen.single import warnings_about
 
 if TYPE_CHECKING:  # a table of statistics needs no solver, one of a contact no HDF5
     from collections.abc import Iterable, Sequence
@@ -185,7 +186,7 @@ def followed(
     """
     if count == 1:
         [(contact, seconds)] = solutions
-        print_preparation(topography, warnings)
+        print_preparation(topography, warnings + warnings_about(topography, [contact]))
         print_contact(contact, seconds)
         return [contact]
     contacts = []
@@ -193,7 +194,7 @@ def followed(
         for contact, _ in solutions:
             contacts.append(contact)
             progress.advance(1, 0)
-    print_preparation(topography, warnings)
+    print_preparation(topography, warnings + warnings_about(topography, contacts))
     print_law(contacts)
     return contacts
 

@@ -18,6 +18,10 @@ LEVELS = ("mean", "plane", "quadratic")
 SPIKE = 7.0
 # Half-space theory takes slopes for small; rough surfaces of the paper have 0.07 to 0.26.
 STEEP = 0.3
+# Polished mirrors have 1e-4: what is flatter has probably lost the unit of its heights.
+FLAT = 1e-5
+# Rows of so many triples are hardly a strip three nodes wide.
+TRIPLES = 100
 
 
 def prepare(
@@ -74,6 +78,15 @@ def warnings_about(topography: Topography) -> list[str]:
         notes.append(
             f"rms slope {slope:.2g}: the theory of the half-space takes slopes for small"
             f" (below {STEEP:g}); check the unit of heights and lengths"
+        )
+    if 0 < slope < FLAT:
+        notes.append(
+            f"rms slope {slope:.2g}: flatter than a mirror; are the heights in metres? --unit says"
+        )
+    rows, columns = topography.heights.shape
+    if columns == 3 and rows >= TRIPLES:
+        notes.append(
+            f"{rows} x 3 nodes: if this is a list of x, y and z, give the heights as a grid"
         )
     return notes
 

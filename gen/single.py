@@ -24,7 +24,8 @@ def chosen_load(given: dict[str, str]) -> tuple[str, list[float]]:
 
     Parameters
     ----------
-    given : text of each option, "" where it was not: a number, or start:stop:count
+    given : text of each option, "" where it was not: a number, start:stop:count, or several with
+        commas
 
     Raises
     ------
@@ -69,6 +70,16 @@ def solve_loads(
             began = time.perf_counter()
     except (bem.NotConverged, ValueError) as error:
         raise InputError(f"{topography.name}: {error}") from None
+
+
+def warnings_about(topography: Topography, contacts: Sequence[Contact]) -> list[str]:
+    """What a user should know before trusting contacts of this surface, a line each."""
+    full = [contact.delta for contact in contacts if contact.contact_nodes == contact.pressure.size]
+    if not full:
+        return []
+    span = float(np.ptp(topography.heights))
+    touching = f"from Delta = {min(full):.4g} um on every node touches, the heights span {span:.4g}"
+    return [f"{touching} um: check the load and the unit of the heights"]
 
 
 def describe(topography: Topography) -> Description:
@@ -126,7 +137,9 @@ def _contacts(
 
 
 def _values(name: str, text: str) -> list[float]:
-    """Numbers from "5" or "1:100:20", start, stop and count."""
+    """Numbers from "5", "1,2,5" or "1:100:20", start, stop and count."""
+    if "," in text:
+        return [value for part in text.split(",") for value in _values(name, part)]
     parts = text.split(":")
     try:
         if len(parts) == 1:
@@ -135,5 +148,5 @@ def _values(name: str, text: str) -> list[float]:
     except (ValueError, IndexError):
         start, stop, count = 0.0, 0.0, 0
     if len(parts) != 3 or count < 2 or not np.isfinite([start, stop]).all():
-        raise InputError(f"--{name} {text!r}: give a number, or start:stop:count, as 1:100:20")
+        raise InputError(f"--{name} {text!r}: give a number, several as 1,2,5, or start:stop:count")
     return [float(value) for value in np.linspace(start, stop, count)]

@@ -171,7 +171,7 @@ def predict(
         for path in inputs:
             rows += answers(surrogate, [path], question, progress.say)
             progress.advance(1, 0)
-    show(rows, interval)
+    show(rows, interval, question.e_star or surrogate.modulus)
     if output is not None:
         write_csv(output, rows)
         typer.echo(f"wrote {output}")

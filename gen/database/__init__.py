@@ -16,7 +16,7 @@ from gen.database.disk import coherent
 from gen.database.merging import merge
 from gen.database.opening import Counts
 from gen.database.parallel import ParallelWriter, parallel_hdf5
-from gen.database.reader import Reader
+from gen.database.reader import Reader, is_database
 from gen.database.writer import Writer
 from gen.lock import lock
 
@@ -29,6 +29,7 @@ __all__ = [
     "coherent",
     "create",
     "extend",
+    "is_database",
     "lock",
     "merge",
     "open_or_create",

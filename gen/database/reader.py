@@ -14,6 +14,21 @@ from gen.database.opening import OpenDatabase, checked, open_file
 from gen.errors import InputError
 from gen.schema import REASON, STATUS, Status
 
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+"""How HDF5 files begin."""
+
+
+def is_database(path: Path) -> bool:
+    """Whether a file is a database that can be read."""
+    try:
+        with path.open("rb") as file:
+            if file.read(len(SIGNATURE)) != SIGNATURE:
+                return False
+        with Reader(path):
+            return True
+    except (OSError, InputError):
+        return False
+
 
 class Reader(OpenDatabase):
     """A database open for reading, also while a run writes it; a context manager.

@@ -1,5 +1,7 @@
 """Predictions for files, as tables: one row a surface and displacement."""
 
+import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +18,11 @@ from learn.surrogate.prediction import Prediction
 from learn.surrogate.sources import Options, Table, files_in, is_table, read_surface, read_table
 
 Values = NDArray[np.float64]
+
+REASONS = 12
+"""Reasons that are printed at most."""
+VALUE = re.compile(r" \S+ outside")
+"""What differs between rows that are outside for the same reason."""
 
 SHOWN = 40
 """Rows that are printed at most; a file gets all of them."""
@@ -137,11 +144,11 @@ def heading(column: str, unit: str) -> str:
     return column if unit in {"%", "1"} else f"{column}_{unit}"
 
 
-def show(rows: Sequence[Row], level: float) -> None:
-    """Print the first rows of the table."""
+def show(rows: Sequence[Row], level: float, e_star: float) -> None:
+    """Print the first rows of the table, and below it why some are outside."""
     console = Console(width=None if Console().is_terminal else 160)
     names = [name for name in rows[0] if not name.endswith(("_low", "_high", "_std"))]
-    table = Printed(title=f"Predictions with {100 * level:g} % intervals")
+    table = Printed(title=f"Predictions with {100 * level:g} % intervals, E* = {e_star:g} MPa")
     for name in names:
         table.add_column(name, justify="left" if name in {"input", "flag", "reason"} else "right")
     for row in rows[:SHOWN]:
@@ -156,6 +163,23 @@ def show(rows: Sequence[Row], level: float) -> None:
             " interval holds there"
         )
         console.print(text, highlight=False, soft_wrap=True)
+        for line in _reasons(rows):
+            console.print(f"  {line}", highlight=False, markup=False, soft_wrap=True)
+
+
+def _reasons(rows: Sequence[Row]) -> Iterator[str]:
+    """Why rows are outside, a line for each feature, with the value of its first row."""
+    numbers: Counter[str] = Counter()
+    first: dict[str, str] = {}
+    for row in rows:
+        for reason in filter(None, str(row["reason"]).split("; ")):
+            kind = VALUE.sub(" outside", reason)
+            numbers[kind] += 1
+            first.setdefault(kind, reason)
+    for kind, number in numbers.most_common(REASONS):
+        yield f"{number} of {len(rows)}: {first[kind]}"
+    if len(numbers) > REASONS:
+        yield f"and {len(numbers) - REASONS} more: -o writes all of them"
 
 
 def _cell(row: Row, name: str) -> str:

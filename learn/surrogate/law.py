@@ -62,6 +62,7 @@ class Law:
     Attributes
     ----------
     delta : (k,) far-field displacement, from 0 on [um]
+    outside : (k,) share of the surfaces that are outside the training ranges there
     by_delta : curves over Delta by name of the quantity
     pressure : (m,) nominal pressure [MPa]
     by_pressure : curves over the pressure; Delta among them
@@ -71,6 +72,7 @@ class Law:
     """
 
     delta: Values
+    outside: Values
     by_delta: dict[str, Curve]
     pressure: Values
     by_pressure: dict[str, Curve]
@@ -105,10 +107,11 @@ def make(surrogate: Surrogate, order: Order, say: Callable[[str], None]) -> Law:
     else:
         band = f"quantiles of {len(surfaces)} surfaces, {100 * order.level:g} % between them"
     how = "solved contact by contact" if order.solver else f"predicted by {surrogate.card['title']}"
-    if outside and not order.solver:
+    beyond = np.count_nonzero(outside)
+    if beyond:
         notes.append(
-            f"warning: {outside} of {deltas.size * len(surfaces)} points are outside the training"
-            " ranges: python -m learn predict says where"
+            f"warning: {beyond} of {outside.size} points are outside the training"
+            " ranges: no band holds there; python -m learn predict says why"
         )
     start = _at_rest(surfaces)
     curves, corrected = by_delta(deltas, tables, start, order.level)
@@ -117,8 +120,9 @@ def make(surrogate: Surrogate, order: Order, say: Callable[[str], None]) -> Law:
             f"warning: made monotone by up to {100 * corrected:.2g} % of the largest value"
         )
     deltas = np.concatenate([[0.0], deltas])
+    share = np.concatenate([[0.0], outside.mean(axis=0)])
     pressure, over_pressure = by_pressure(deltas, curves, order.pressure)
-    return Law(deltas, curves, pressure, over_pressure, e_star, band, (how, *notes))
+    return Law(deltas, share, curves, pressure, over_pressure, e_star, band, (how, *notes))
 
 
 def _surfaces(
@@ -169,18 +173,20 @@ def _tables(
     deltas: Values,
     order: Order,
     e_star: float,
-) -> tuple[dict[str, Values], int]:
-    """(surfaces, 3, k): value, low and high of each quantity; and how many points are outside."""
+) -> tuple[dict[str, Values], NDArray[np.bool_]]:
+    """(surfaces, 3, k) value, low and high of each quantity; (surfaces, k) what is outside."""
     one = points.solved if order.solver else points.predicted
     parts: list[dict[str, Values]] = []
-    outside = 0
+    outside: list[NDArray[np.bool_]] = []
     with RunProgress(len(surfaces), "surfaces") as progress:
         for surface in surfaces:
             found, beyond = one(surface, deltas, order.level, e_star)
             parts.append(found)
-            outside += beyond
+            outside.append(beyond)
             progress.advance(1, 0)
-    return {name: np.stack([each[name] for each in parts]) for name in QUANTITIES}, outside
+    return {name: np.stack([each[name] for each in parts]) for name in QUANTITIES}, np.stack(
+        outside
+    )
 
 
 def _at_rest(surfaces: list[OnSurface]) -> dict[str, Values]:

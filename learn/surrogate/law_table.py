@@ -45,13 +45,15 @@ def show(law: Law) -> None:
 
 
 def _rows(law: Law) -> Iterator[Row]:
-    """Rows of the CSV: the table against Delta, then the one against pressure."""
+    """Rows of the CSV: the table against Delta with what is outside, the table against pressure."""
     for against, arguments, curves in (
         ("delta_um", law.delta, law.by_delta),
         ("pressure_MPa", law.pressure, law.by_pressure),
     ):
         for place, argument in enumerate(arguments):
-            row: Row = {"against": against}
+            row: Row = {"against": against, "outside": ""}
+            if against == "delta_um":
+                row["outside"] = float(law.outside[place])
             for name in ("delta_um", *QUANTITIES):
                 row |= {f"{name}{end}": "" for end in ("", "_low", "_high", "_slope")}
                 if name == against:

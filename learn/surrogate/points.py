@@ -8,12 +8,13 @@ from gen.topography import Topography
 from learn.surrogate.model import OnSurface
 
 Values = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 def predicted(
     pressed: OnSurface, deltas: Values, level: float, e_star: float
-) -> tuple[dict[str, Values], int]:
-    """One surface's law from the surrogate."""
+) -> tuple[dict[str, Values], Flags]:
+    """One surface's law from the surrogate, and where that is outside its training ranges."""
     answer = pressed.predict(deltas, e_star=e_star, level=level)
     area = np.stack([answer.area, answer.low["area"], answer.high["area"]])
     force = np.stack([answer.force, answer.low["force"], answer.high["force"]])
@@ -29,13 +30,13 @@ def predicted(
         "mean_gap_um": gap,
         "pressure_MPa": force / _nominal(pressed),
     }
-    return found, int(np.count_nonzero(~answer.inside))
+    return found, ~answer.inside
 
 
 def solved(
     pressed: OnSurface, deltas: Values, level: float, e_star: float
-) -> tuple[dict[str, Values], int]:
-    """One surface's law from the solver, which has no band."""
+) -> tuple[dict[str, Values], Flags]:
+    """One surface's law from the solver, which has no band and is nowhere outside."""
     surface = pressed.surface
     topography = Topography(surface.name, surface.heights, surface.sides)
     contacts = [
@@ -48,7 +49,8 @@ def solved(
         "mean_gap_um": np.array([contact.mean_gap for contact in contacts]),
         "pressure_MPa": force / _nominal(pressed),
     }
-    return {name: np.stack([values] * 3) for name, values in found.items()}, 0
+    inside = np.zeros(deltas.size, dtype=np.bool_)
+    return {name: np.stack([values] * 3) for name, values in found.items()}, inside
 
 
 def _mean_gap(pressed: OnSurface, deltas: Values, force: Values) -> Values:

@@ -85,16 +85,14 @@ def numbers_from(text: str, option: str, advice: str) -> Values:
     InputError
         If they are none, or more than `MOST`; with the option and the advice.
     """
-    found: list[float] = []
     for part in text.split(","):
         count = part.rpartition(":")[2].strip()
         if ":" in part and count.isdigit() and int(count) > MOST:
             raise InputError(f"{option} {text!r}: give {MOST:,} values at most")
-        try:
-            found += chosen_load({"delta": part.strip() or "?", "force": "", "pressure": ""})[1]
-        except InputError:
-            raise InputError(f"{option} {text!r}: {advice}") from None
-    values = np.array(found)
+    try:
+        values = np.array(chosen_load({"delta": text or "?", "force": "", "pressure": ""})[1])
+    except InputError:
+        raise InputError(f"{option} {text!r}: {advice}") from None
     if not np.isfinite(values).all():
         raise InputError(f"{option} {text!r}: {advice}")
     return values
@@ -114,6 +112,11 @@ def files_in(paths: Sequence[Path]) -> tuple[list[Path], int]:
         if not path.is_dir():
             if not path.is_file():
                 raise InputError(f"{path}: is neither a file nor a folder")
+            if path.suffix.lower() == ".h5" and _is_database(path):
+                raise InputError(
+                    f"{path}: is a database; python -m learn fit makes a surrogate of it, which"
+                    " predicts for surfaces"
+                )
             found.append(path)
             continue
         inside = [each for each in sorted(path.iterdir()) if each.is_file()]
@@ -126,6 +129,12 @@ def files_in(paths: Sequence[Path]) -> tuple[list[Path], int]:
         others += len(inside) - len(wanted)
         found += wanted
     return found, others
+
+
+def _is_database(path: Path) -> bool:
+    from gen.database import is_database  # which needs HDF5, as surfaces do not
+
+    return is_database(path)
 
 
 def is_table(path: Path) -> bool:

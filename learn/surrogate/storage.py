@@ -86,6 +86,11 @@ def load(path: Path) -> tuple[dict[str, Any], list[str]]:
             raise
         except Exception as error:  # a damaged file makes its readers raise nearly anything
             fault = printable(" ".join(str(error).split())[:100])
+            from gen.database import is_database
+
+            if is_database(path):
+                fault = "it is a database: python -m learn fit makes a surrogate of it"
+                raise InputError(f"{path}: is no surrogate; {fault}") from None
             raise InputError(
                 f"{path}: is no surrogate that could be read ({type(error).__name__}: {fault})"
             ) from None

@@ -108,6 +108,14 @@ def test_flat_and_smooth_surfaces_have_nothing_to_tell() -> None:
     assert not warnings_about(topography(-((X - 11) ** 2) / 1e3))
 
 
+def test_heights_in_metres_and_lists_of_points_are_told() -> None:
+    rough = generate("diamond-square", 33, 0.65, 2.0, np.random.default_rng(0))
+    [warning] = warnings_about(topography(1e-6 * rough, (100.0, 100.0)))
+    assert "in metres? --unit" in warning
+    points = np.column_stack([np.arange(200.0), np.arange(200.0) % 7, np.zeros(200)])
+    assert any("a list of x, y and z" in line for line in warnings_about(topography(points)))
+
+
 def test_moduli_combine() -> None:
     assert combined_modulus([], []) == 1
     assert combined_modulus([210e3], [0.3]) == pytest.approx(210e3 / 0.91)
@@ -170,6 +178,28 @@ def test_a_scanned_sphere_is_hertz(
     np.testing.assert_allclose(pd.read_csv(law).delta_um, [0.1, 0.3], rtol=1e-4)
 
 
+def test_full_contact_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    heights = generate("diamond-square", 17, 0.65, 2.0, np.random.default_rng(0))
+    np.save(tmp_path / "surface.npy", heights)
+    arguments = ["contact", str(tmp_path / "surface.npy"), "--side", "1000", "--delta"]
+    assert cli.main([*arguments, "0.5"]) == 0
+    assert "touches" not in "".join(capsys.readouterr())
+    assert cli.main([*arguments, "0.5,200"]) == 0
+    said = " ".join("".join(capsys.readouterr()).split())
+    span = f"{np.ptp(heights):.4g}"
+    assert f"from Delta = 200 um on every node touches, the heights span {span} um" in said
+
+
+def test_loads_are_numbers_ranges_or_both(
+    scanned_sphere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    prepared = ["--side", "160,120", "--unit", "nm", "--level", "plane", "--fill"]
+    law = tmp_path / "law.csv"
+    arguments = [str(scanned_sphere), *prepared, "--delta", "0.05,0.1:0.3:3", "--csv", str(law)]
+    assert cli.main(["contact", *arguments]) == 0
+    np.testing.assert_allclose(pd.read_csv(law).delta_um, [0.05, 0.1, 0.2, 0.3])
+
+
 def test_describe_writes_a_row_of_statistics(scanned_sphere: Path, tmp_path: Path) -> None:
     table = tmp_path / "row.csv"
     arguments = ["--side", "160,120", "--unit", "nm", "--fill", "--csv", str(table)]
@@ -185,7 +215,10 @@ def test_describe_writes_a_row_of_statistics(scanned_sphere: Path, tmp_path: Pat
     [
         (["--delta", "1", "--force", "2"], "--delta and --force given: give one"),
         ([], "no load given"),
-        (["--pressure", "1:2"], "--pressure '1:2': give a number, or start:stop:count"),
+        (
+            ["--pressure", "1:2"],
+            "--pressure '1:2': give a number, several as 1,2,5, or",
+        ),
         (["--pressure", "1:2:1"], "start:stop:count"),
         (["--delta", "deep"], "--delta 'deep'"),
         (["--delta", "1", "--plot", "no/where.png"], "no folder"),

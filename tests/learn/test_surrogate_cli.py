@@ -244,6 +244,31 @@ def test_a_solved_law_is_the_solvers_and_the_predicted_one_near_it(work):
         assert float(two["mean_gap_um"]) == pytest.approx(contact.mean_gap, abs=0.5)
 
 
+def test_a_law_says_where_it_is_outside(work):
+    ask = ["law", "hybrid.surrogate", "many", "--side", 1000, "--delta", "10,400", "--csv"]
+    assert run(*ask, "law.csv") == 0
+    rows = [row for row in table("law.csv") if row["against"] == "delta_um"]
+    own = Surrogate.load("hybrid.surrogate")
+    surfaces = [np.load(f"many/s{seed}.npy") for seed in range(3)]
+    inside = [own.for_surface(each, 1000.0).predict([10.0, 400.0]).inside for each in surfaces]
+    expected = [0.0, *(1 - np.mean(inside, axis=0))]
+    np.testing.assert_allclose([float(row["outside"]) for row in rows], expected)
+    assert expected[2] == 1
+    assert {row["outside"] for row in table("law.csv") if row["against"] != "delta_um"} == {""}
+
+
+def test_a_prediction_names_modulus_and_reasons(work, capsys):
+    ask = ["predict", "dimensionless.surrogate", "many", "--side", 1000, "--delta", "10,400"]
+    assert run(*ask, "--young", "210e3", "--poisson", "0.3", "-o", "p.csv") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "E* = 230769 MPa" in said
+    reasons = [row["reason"] for row in table("p.csv")]
+    outside = sum("delta/h" in reason for reason in reasons)
+    assert f"{outside} of 6: delta/h" in said
+    assert run(*ask) == 0
+    assert "E* = 1 MPa" in " ".join(capsys.readouterr().out.split())
+
+
 def test_laws_of_scenes_databases_and_given_pressures(work, capsys):
     for text in ("database.h5", "scene.toml"):
         (work / "scene.toml").write_text("samples = 9\n[surface]\nnodes = 33\n")
@@ -364,7 +389,7 @@ WRONG = [
     ([*PREDICT, "cube.npy"], "cube.npy: holds 3 x 4 x 5"),
     ([*PREDICT, "complex.npy"], "complex.npy: holds complex128 values"),
     ([*PREDICT, "bare"], "bare: holds no surface"),
-    ([*PREDICT[:2], "database.h5", "--delta", "5"], "database.h5: "),
+    ([*PREDICT[:2], "database.h5", "--delta", "5"], "database.h5: is a database; python -m learn"),
     ([*PREDICT, "many", "--delta", "5;9"], "as 2, 1,2,5 or 5:45:9"),
     ([*PREDICT, "many", "--delta", "five"], "--delta 'five'"),
     ([*PREDICT, "many", "--delta", "1:5:99999999999"], "100,000 values at most"),
@@ -372,7 +397,11 @@ WRONG = [
     ([*PREDICT, "many", "-o", "nowhere/p.csv"], "folder that exists"),
     ([*PREDICT, "many", "-o", "many/s0.npy"], "not replaced"),
     ([*PREDICT, "many", "-o", "hybrid.surrogate"], "not replaced"),
-    (["predict", "database.h5", "many", "--side", "1000", "--delta", "5"], "is no surrogate"),
+    (
+        ["predict", "database.h5", "many", "--side", "1000", "--delta", "5"],
+        "is no surrogate; it is a database",
+    ),
+    (["predict", "table.csv", "many", "--side", "1000", "--delta", "5"], "could be read"),
     (["predict", "paper.surrogate", "table.csv", "--delta", "5", "-o", "table.csv"], "is an input"),
     (["fit", "database.h5", "-o", "database.h5"], "not replaced"),
     (["fit", "empty.h5", "-o", "x"], "empty.h5 is empty"),
