@@ -8,6 +8,7 @@ quickstart: .venv/quickstart-installed
 	$(BIN)/mpiexec -n 3 $(BIN)/python -m mpi4py -m gen run quick -o quick.h5
 	$(BIN)/python -m gen info quick.h5
 	$(BIN)/python -m gen plot quick.h5 -o quick.png
+	@echo "Look at quick.png; go on with README.md, below 'After that'."
 
 # On two processors; the batch scripts' tests and the fault campaign stand apart.
 test: .venv/test-installed
