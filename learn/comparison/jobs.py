@@ -14,6 +14,7 @@ from learn.comparison import budget, pruning, search, spaces, training_data, who
 from learn.comparison.folder import Folder
 from learn.comparison.preparation import prepared
 from learn.comparison.results import is_there, keep, keep_cost, keep_tuned, tell
+from learn.comparison.task import Task, expected_work
 from learn.comparison.timing import Final, Outcome, measure
 from learn.comparison.trials import Trials
 from learn.models import NORMALISATIONS, Model, chosen
@@ -200,12 +201,12 @@ def _searched(
     if limit is not None:
         return budget.search(model, grid, trials, world, limit, stopping)
     rows = training_data.held().target.size
-    todo: list[search.Task] = []
+    todo: list[Task] = []
     if trials is not None:
         everything = range(len(grid.differing))
         todo = search.tasks(model, grid, everything, rows, trials)
         # The dearest first: what is left at the end is short, so that no process waits long.
-        todo.sort(key=search.expected_work, reverse=True)
+        todo.sort(key=expected_work, reverse=True)
     search.work_off(
         todo,
         trials,

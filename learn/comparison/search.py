@@ -10,9 +10,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from itertools import pairwise
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +22,7 @@ from gen.progress import RunProgress
 from learn import memory
 from learn.comparison.pruning import Grid, Settings, key, shared_fit
 from learn.comparison.staged import shared_predictions
+from learn.comparison.task import Task, expected_work
 from learn.comparison.training_data import Training, held
 from learn.comparison.trials import Trial, Trials
 from learn.models import MODELS, Model, pipeline
@@ -33,24 +32,6 @@ Values = NDArray[np.float64]
 
 REMARK_LENGTH = 300
 """Characters of a warning or an error that are kept."""
-
-
-@dataclass(frozen=True)
-class Task:
-    """One fit: candidates that it serves, and the fold that it leaves out.
-
-    Attributes
-    ----------
-    model : name of the model
-    candidates : canonical settings; they differ in the setting that one fit serves only
-    fold : left out of the training, and predicted
-    rows : training rows at most
-    """
-
-    model: str
-    candidates: tuple[Settings, ...]
-    fold: int
-    rows: int
 
 
 @dataclass(frozen=True)
@@ -233,32 +214,6 @@ def _one_line(message: object) -> str:
 
 def _ignore(task: Task, results: list[Trial]) -> None:
     """Drop results: only the master has any."""
-
-
-def expected_work(task: Task) -> float:
-    """Guess the relative cost of a task of one model: for the order of tasks and the time left."""
-    most = {
-        name: max((c[name] for c in task.candidates), key=_magnitude) for name in task.candidates[0]
-    }
-    work = float(task.rows)
-    for name in ("n_estimators", "max_features", "C"):
-        work *= _magnitude(most.get(name, 1.0)) ** (0.5 if name == "C" else 1.0)
-    depth = most.get("max_depth", most.get("estimator__max_depth"))
-    if depth is not None:
-        work *= min(depth, 20)
-    if most.get("criterion") == "absolute_error":
-        work *= 5
-    if "hidden_layer_sizes" in most:
-        sizes = most["hidden_layer_sizes"]
-        work *= sum(a * b for a, b in pairwise(sizes)) + 23 * sizes[0]
-        work *= 3 if most.get("solver") == "lbfgs" else 1
-    if task.model == "kernel-ridge":
-        work *= len(task.candidates) if most.get("kernel") == "rbf" else 0.01
-    return work
-
-
-def _magnitude(value: Any) -> float:
-    return abs(float(value)) if isinstance(value, int | float) else 1.0
 
 
 def rank(grid: Grid, trials: Trials, rows: int, folds: int = FOLDS) -> Found:

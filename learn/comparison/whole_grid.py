@@ -2,7 +2,7 @@
 
 Families of candidates are drawn without regard to their worth: the winners of a search would not
 do, whose fits are shorter or longer than others'. Times are compared with the fits' expected work
-(`learn.comparison.search.expected_work`): sum of the times over sum of the work drawn, times the
+(`learn.comparison.task.expected_work`): sum of the times over sum of the work drawn, times the
 work of the whole grid, a ratio estimate (W. G. Cochran, Sampling Techniques, chapter 6). The fits
 are trials like all others, which a later search need not do again.
 """
@@ -17,7 +17,8 @@ import numpy as np
 from gen import farm
 from learn.comparison import pruning
 from learn.comparison.pruning import Grid, Settings
-from learn.comparison.search import Task, expected_work, work_off
+from learn.comparison.search import work_off
+from learn.comparison.task import Task, expected_work
 from learn.comparison.training_data import held
 from learn.comparison.trials import Trial, Trials
 from learn.models import Model

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from learn.comparison import pruning, spaces
-from learn.comparison.search import Task, expected_work
+from learn.comparison.task import Task, expected_work
 from learn.comparison.trials import Trial
 from learn.comparison.whole_grid import cost, drawn
 from learn.models import MODELS
