@@ -1,0 +1,141 @@
+"""What is published: numbers of the README are those of bench/results, which say how they came."""
+
+import csv
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from learn.comparison.folder import LIBRARIES
+from learn.models import MODELS
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+RESULTS = ROOT / "bench" / "results"
+Row = dict[str, str]
+
+
+def table(name: str) -> list[Row]:
+    with (RESULTS / name).open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def scores(comparison: str) -> dict[tuple[str, str], Row]:
+    found = table(f"{comparison}/area/scores.csv")
+    return {(row["model"], row["result"]): row for row in found}
+
+
+def cells(row: Row, *names: str) -> str:
+    return " | ".join(f"{float(row[name]):.2f}" for name in names)
+
+
+def pair(row: Row, first: str, second: str) -> str:
+    return f"{float(row[first]):.2f}, {float(row[second]):.2f}"
+
+
+def models() -> list[str]:
+    names = "nmse", "nmae", "nmaxe", "r2"
+    lines = []
+    for (model, result), row in scores("comparison").items():
+        title = MODELS[model].title + (", tuned" if result == "tuned" else "")
+        theirs = cells(row, *(f"paper_{name}" for name in names))
+        lines.append(f"| {title} | {cells(row, *names)} | {theirs} |")
+    return lines
+
+
+def hybrid() -> list[str]:
+    paper, other = scores("comparison"), scores("comparison-hybrid")
+    return [
+        f"| {MODELS[model].title} | {pair(paper[model, 'baseline'], 'nmse', 'r2')}"
+        f" | {pair(other[model, 'baseline'], 'nmse', 'r2')} |"
+        for model in MODELS
+    ]
+
+
+def surrogates() -> list[str]:
+    found: dict[str, list[str]] = {}
+    for row in table("generalisation/generalisation.csv"):
+        if "same heights" not in row["tested_on"]:
+            found.setdefault(row["tested_on"], []).append(pair(row, "r2", "nmae"))
+    return [f"| {' | '.join([name, *columns])} |" for name, columns in found.items()]
+
+
+def grids() -> list[str]:
+    searched = {row["model"]: row["searched"] for row in table("comparison/area/tuning.csv")}
+    lines = []
+    for row in table("comparison/area/whole-grids.csv"):
+        hours = f"{float(row['seconds']) / 3600:.2g}"
+        if row["fits"] != row["of"]:
+            error = 100 * float(row["error"]) / float(row["seconds"]) if row["error"] else None
+            hours += "" if error is None else f" +- {error:.0f} %"
+        theirs = f"{float(row['paper_s']) / 3600:.2g}"
+        how = searched.get(row["model"], "not searched")
+        title = MODELS[row["model"]].title
+        lines.append(f"| {title} | {row['fits']} of {row['of']} | {hours} | {theirs} | {how} |")
+    return lines
+
+
+def unstated() -> list[str]:
+    lines = []
+    for row in table("unstated/unstated.csv"):
+        ours = f" instead of {row['ours']}" if row["ours"] else ""
+        what = f"{row['choice']}: {row['other']}{ours}" if row["other"] else row["choice"]
+        times = cells(row, "area_times", "force_times")
+        shares = " | ".join(f"{float(row[name]):.0f}" for name in ("done", "table_1"))
+        lines.append(f"| {what} | {shares} | {times} | {cells(row, 'r2', 'tree_r2')} |")
+    return lines
+
+
+TABLES = {
+    "models": models,
+    "hybrid": hybrid,
+    "surrogates": surrogates,
+    "grids": grids,
+    "unstated": unstated,
+}
+
+
+@pytest.mark.parametrize(("marker", "expected"), TABLES.items())
+def test_tables_of_the_readme_are_those_of_the_results(
+    marker: str, expected: Callable[[], list[str]]
+) -> None:
+    block = README.split(f"<!-- {marker} -->")[1].split(f"<!-- /{marker} -->")[0].strip()
+    assert block.splitlines()[2:] == expected()
+
+
+@pytest.mark.parametrize("record", sorted(RESULTS.glob("*/*.part.json")), ids=lambda p: p.name)
+def test_every_part_says_how_it_came(record: Path) -> None:
+    found = json.loads(record.read_text(encoding="utf-8"))
+    assert found["command"].startswith("python -m ")
+    assert re.fullmatch(r"[0-9a-f]{40}", found["commit"])
+    assert found["machine"]["processor"]
+    assert found["finished"]
+    assert found["command"].replace("&", "&amp;") in (RESULTS / "index.html").read_text("utf-8")
+
+
+@pytest.mark.parametrize("name", ["comparison", "comparison-hybrid"])
+def test_comparisons_are_of_the_same_data_and_say_their_versions(name: str) -> None:
+    record = json.loads((RESULTS / name / "area" / "comparison.json").read_text("utf-8"))
+    other = json.loads((RESULTS / "comparison" / "area" / "comparison.json").read_text("utf-8"))
+    for key in ("database_sha256", "train_rows", "test_rows", "seed", "area_max"):
+        assert record["conditions"][key] == other["conditions"][key]
+    assert set(record["conditions"]["versions"]) == set(LIBRARIES)
+
+
+def test_finished_fits_are_those_of_their_comparison() -> None:
+    folder = RESULTS / "comparison" / "area"
+    conditions = json.loads((folder / "comparison.json").read_text("utf-8"))["conditions"]
+    files = sorted((folder / "trials").glob("*.jsonl"))
+    assert {path.stem for path in files} <= set(MODELS)
+    for path in files:
+        lines = path.read_text("utf-8").splitlines()
+        assert json.loads(lines[0]) == conditions
+        assert all(json.loads(line)["rows"] <= conditions["train_rows"] for line in lines[1:])
+
+
+def test_nothing_large_is_published() -> None:
+    sizes = {path: path.stat().st_size for path in RESULTS.rglob("*") if path.is_file()}
+    assert not [path for path in sizes if path.suffix == ".h5"]
+    assert sum(sizes.values()) < 20e6
