@@ -14,6 +14,7 @@ from learn.models import MODELS
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 RESULTS = ROOT / "bench" / "results"
+FEATURES = "paper", "dimensionless", "hybrid"
 Row = dict[str, str]
 
 
@@ -62,6 +63,34 @@ def surrogates() -> list[str]:
     return [f"| {' | '.join([name, *columns])} |" for name, columns in found.items()]
 
 
+def cost() -> list[str]:
+    rows = [row for row in table("cost/cost.csv") if row["solver"] == "ours"]
+    found = {(row["asked"], row["features"]): row for row in rows}
+
+    def line(title: str, asked: str, text: Callable[[Row], str]) -> str:
+        columns = [text(found[asked, features]) for features in FEATURES]
+        return f"| {title} | {' | '.join(columns)} |"
+
+    def cheaper(row: Row) -> str:
+        return f"{float(row['solve']) / float(row['query']):.3g}"
+
+    return [
+        line(
+            "pays from so many contacts on", "new surfaces", lambda r: f"{int(r['break_even']):,}"
+        ),
+        line(
+            "an answer, with its statistics, is cheaper than a solve, times",
+            "new surfaces",
+            cheaper,
+        ),
+        line(
+            "a further load on a known surface, than the next of a ladder, times",
+            "loads on one surface",
+            cheaper,
+        ),
+    ]
+
+
 def grids() -> list[str]:
     searched = {row["model"]: row["searched"] for row in table("comparison/area/tuning.csv")}
     lines = []
@@ -92,6 +121,7 @@ TABLES = {
     "models": models,
     "hybrid": hybrid,
     "surrogates": surrogates,
+    "cost": cost,
     "grids": grids,
     "unstated": unstated,
 }
