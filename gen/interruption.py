@@ -1,11 +1,22 @@
-"""Signals that ask a run to stop: what is in flight is finished, nothing new is begun."""
+"""Signals that ask a run to stop: what is in flight is finished, nothing new is begun.
 
+Python hears signals between two of its own steps. Where compiled code takes minutes for one, as
+a fit may, a thread hears them: it says what is waited for, and the second signal ends the process.
+"""
+
+import os
 import signal
+import sys
+import threading
+from contextlib import suppress
 from types import FrameType
 from typing import Any, Self
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 """Ctrl-C, the end of a batch job, and the warning that Slurm can send before it."""
+
+PATIENCE = 2.0
+"""Time after which a signal that Python has not heard is answered by the thread [s]."""
 
 
 class Interruption:
@@ -25,17 +36,27 @@ class Interruption:
         self.signal = 0
         self._listening = listening
         self._previous: dict[int, Any] = {}
+        self._heard = threading.Event()
 
     def __enter__(self) -> Self:
         """Take the signals over."""
         for number in SIGNALS:
             handler = self._note if self._listening else signal.SIG_IGN
             self._previous[number] = signal.signal(number, handler)
+        if self._listening:
+            read, write = os.pipe()
+            os.set_blocking(write, False)
+            self._wakeup = signal.set_wakeup_fd(write, warn_on_full_buffer=False), write
+            threading.Thread(target=self._watch, args=(read,), daemon=True).start()
         return self
 
     def __exit__(self, *error: object) -> None:
         """Give the signals back."""
         self._release()
+        if self._listening:
+            previous, write = self._wakeup
+            signal.set_wakeup_fd(previous)
+            os.close(write)
 
     def requested(self) -> bool:
         """Whether a signal has come."""
@@ -43,7 +64,21 @@ class Interruption:
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.signal = number
+        self._heard.set()
         self._release()
+
+    def _watch(self, read: int) -> None:
+        """Answer signals while Python is busy elsewhere; ends when the other end is closed."""
+        came = 0
+        with os.fdopen(read, "rb", buffering=0) as pipe:
+            while number := pipe.read(1):
+                if number[0] not in SIGNALS or self._heard.wait(PATIENCE):
+                    continue
+                came += 1
+                if came > 1:  # whatever was finished is on disk
+                    os._exit(128 + number[0])
+                with suppress(OSError, ValueError):
+                    sys.stderr.write("stopping after the step under way; again, to stop now\n")
 
     def _release(self) -> None:
         for number, handler in self._previous.items():

@@ -13,22 +13,25 @@ pytestmark = [
     pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'"),
 ]
 
-SCENE = "samples = 1200\n[surface]\nnodes = 33\n"
+SCENE = "samples = {}\n[surface]\nnodes = 33\n"
+LONG = 200_000
+"""Rows of a run that is not at its end when a second process has at last started."""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("interruption")
-    (folder / "scene.toml").write_text(SCENE)
+    (folder / "scene.toml").write_text(SCENE.format(1200))
+    (folder / "long.toml").write_text(SCENE.format(LONG))
     done = launch(3, "run", "scene.toml", "-o", "whole.h5", folder=folder)
     assert done.returncode == 0, done.stderr
     return folder
 
 
-def start(folder, ranks, output):
+def start(folder, ranks, output, scene="scene.toml"):
     """A run that is surely in its midst: some rows are finished, others are not."""
     run = subprocess.Popen(
-        command(ranks, "run", "scene.toml", "-o", output),
+        command(ranks, "run", scene, "-o", output),
         cwd=folder,
         env=environment(),
         stdout=subprocess.PIPE,
@@ -66,9 +69,9 @@ def test_a_signal_stops_in_order_and_the_same_command_goes_on(folder, ranks, num
 
 
 def test_a_second_writer_is_refused_and_readers_are_welcome(folder):
-    run = start(folder, 3, "busy.h5")
+    run = start(folder, 3, "busy.h5", "long.toml")
     try:
-        second = launch(0, "run", "scene.toml", "-o", "busy.h5", folder=folder)
+        second = launch(0, "run", "long.toml", "-o", "busy.h5", folder=folder)
         reader = launch(0, "info", "busy.h5", folder=folder)
     finally:
         run.send_signal(signal.SIGTERM)
