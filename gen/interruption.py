@@ -5,9 +5,11 @@ a fit may, a thread hears them: it says what is waited for, and the second signa
 """
 
 import os
+import select
 import signal
 import sys
 import threading
+import time
 from contextlib import suppress
 from types import FrameType
 from typing import Any, Self
@@ -68,17 +70,26 @@ class Interruption:
         self._release()
 
     def _watch(self, read: int) -> None:
-        """Answer signals while Python is busy elsewhere; ends when the other end is closed."""
-        came = 0
-        with os.fdopen(read, "rb", buffering=0) as pipe:
-            while number := pipe.read(1):
-                if number[0] not in SIGNALS or self._heard.wait(PATIENCE):
-                    continue
-                came += 1
-                if came > 1:  # whatever was finished is on disk
-                    os._exit(128 + number[0])
-                with suppress(OSError, ValueError):
-                    sys.stderr.write("stopping after the step under way; again, to stop now\n")
+        """Answer signals while Python is busy elsewhere; ends when the other end is closed.
+
+        Signals that come together, as Ctrl-C does from a terminal and from mpiexec, are one.
+        """
+        said = False
+        while numbers := os.read(read, 1024):
+            if not set(numbers) & set(SIGNALS):
+                continue
+            if not said:
+                time.sleep(PATIENCE)
+            if self._heard.is_set():
+                continue
+            if said:  # whatever was finished is on disk
+                os._exit(128 + numbers[-1])
+            with suppress(OSError, ValueError):
+                sys.stderr.write("stopping after the step under way; again, to stop now\n")
+            said = True
+            if select.select([read], [], [], 0)[0]:
+                os.read(read, 1024)
+        os.close(read)
 
     def _release(self) -> None:
         for number, handler in self._previous.items():

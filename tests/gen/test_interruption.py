@@ -68,6 +68,7 @@ def test_compiled_code_is_ended_by_the_second_signal(number: int) -> None:
         assert (
             process.stderr.readline() == "stopping after the step under way; again, to stop now\n"
         )
+        time.sleep(0.5)
         assert process.poll() is None
         process.send_signal(number)
         assert process.wait(TIMEOUT) == 128 + number
