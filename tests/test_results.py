@@ -63,6 +63,42 @@ def surrogates() -> list[str]:
     return [f"| {' | '.join([name, *columns])} |" for name, columns in found.items()]
 
 
+SOLVERS = {
+    "ContactMechanics, dual conjugate gradients, on the free half-space": (
+        "ContactMechanics dual",
+    ),
+    "the same, with a margin that makes its FFT fast": ("ContactMechanics dual, margin",),
+    "Tamaas, with such a margin": ("Tamaas, margin",),
+    "ASPHER, as it comes (it is given the load)": ("ASPHER",),
+    "ASPHER, on nested grids, with a margin, the faster of its two operators": (
+        "ASPHER nested, stencil, margin",
+        "ASPHER nested, FFT, margin",
+    ),
+    "the paper's algorithm, up to 1,200 nodes in contact": ("paper's NNLS",),
+}
+
+
+def peers() -> list[str]:
+    """Smallest and largest ratio over the displacements, of the faster of several variants."""
+    found: dict[tuple[str, str], dict[str, float]] = {}
+    for row in table("peers/peers.csv"):
+        if row["times_ours"] and row["hurst"] == "0.65":
+            ratios = found.setdefault((row["solver"], row["nodes"]), {})
+            ratios[row["delta_um"]] = float(row["times_ours"])
+
+    def ends(names: tuple[str, ...], nodes: str) -> str:
+        each = [found[name, nodes] for name in names]
+        best = [min(ratios[delta] for ratios in each if delta in ratios) for delta in each[0]]
+        low, high = (f"{each:.{2 if each < 100 else 3}g}" for each in (min(best), max(best)))
+        return low if len(best) == 1 else f"{low} to {high}"
+
+    sizes = sorted({nodes for _, nodes in found}, key=int)
+    return [
+        f"| {title} | {' | '.join(ends(names, nodes) for nodes in sizes)} |"
+        for title, names in SOLVERS.items()
+    ]
+
+
 def cost() -> list[str]:
     rows = [row for row in table("cost/cost.csv") if row["solver"] == "ours"]
     found = {(row["asked"], row["features"]): row for row in rows}
@@ -118,6 +154,7 @@ def unstated() -> list[str]:
 
 
 TABLES = {
+    "peers": peers,
     "models": models,
     "hybrid": hybrid,
     "surrogates": surrogates,
