@@ -9,7 +9,7 @@ from gen.errors import InputError
 
 DPI = 150
 PALETTE = 256
-"""Colours of a picture: a third of the bytes, so that a page of forty can be kept and sent."""
+"""Colours of a picture: far fewer bytes, so that a page of forty can be kept and sent."""
 
 
 def new_figure(width: float = 6.4, height: float = 4.8) -> Any:

@@ -192,7 +192,9 @@ def test_every_part_says_how_it_came(record: Path) -> None:
     assert found["machine"]["processor"]
     assert found["finished"]
     report = " ".join(found["command"].split()[:4])
-    assert report in (RESULTS / "index.html").read_text(encoding="utf-8")
+    page = (RESULTS / "index.html").read_text(encoding="utf-8")
+    assert report in page
+    assert found["commit"][:7] in page
 
 
 @pytest.mark.parametrize("name", ["comparison", "comparison-hybrid"])

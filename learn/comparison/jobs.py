@@ -36,14 +36,11 @@ def compare(request: Request, world: farm.World) -> Ended:
     InputError
         On every process alike, for input that cannot be used.
     """
-    with _job(request, world) as (interruption, models):
-        pressed = pressed_for(request, world, interruption.requested)
-        for target in request.targets:
-            if world.broadcast(interruption.requested()):
-                break
-            with prepared(request, target, models, world, pressed, searched=False) as folder:
-                _measure_all(request, models, folder, world, interruption)
-    return _ended(interruption, world)
+
+    def work(models: list[Model], folder: Folder | None, interruption: Interruption) -> None:
+        _measure_all(request, models, folder, world, interruption)
+
+    return _each_target(work, request, world, searched=False)
 
 
 def tune(request: Request, world: farm.World) -> Ended:
@@ -74,18 +71,31 @@ Step = Callable[[Request, Model, Folder | None, farm.World, Interruption, float 
 def _one_by_one(step: Step, request: Request, world: farm.World) -> Ended:
     """Do what grids are concerned with, model after model, each in its share of the time left."""
     end = None if request.limit is None else time.monotonic() + request.limit
+    left = len(chosen(list(request.models))) * len(request.targets)
+
+    def work(models: list[Model], folder: Folder | None, interruption: Interruption) -> None:
+        nonlocal left
+        for model in models:
+            limit = None if end is None else max(end - time.monotonic(), 0.0) / left
+            left -= 1
+            if not world.broadcast(interruption.requested()):
+                step(request, model, folder, world, interruption, limit)
+
+    return _each_target(work, request, world, searched=True)
+
+
+Work = Callable[[list[Model], Folder | None, Interruption], None]
+
+
+def _each_target(work: Work, request: Request, world: farm.World, *, searched: bool) -> Ended:
+    """Prepare the data of one target after the other, and work on it until a signal comes."""
     with _job(request, world) as (interruption, models):
-        left = len(models) * len(request.targets)
         pressed = pressed_for(request, world, interruption.requested)
         for target in request.targets:
             if world.broadcast(interruption.requested()):
                 break
-            with prepared(request, target, models, world, pressed, searched=True) as folder:
-                for model in models:
-                    limit = None if end is None else max(end - time.monotonic(), 0.0) / left
-                    left -= 1
-                    if not world.broadcast(interruption.requested()):
-                        step(request, model, folder, world, interruption, limit)
+            with prepared(request, target, models, world, pressed, searched=searched) as folder:
+                work(models, folder, interruption)
     return _ended(interruption, world)
 
 
