@@ -2,9 +2,11 @@
 
 All candidates are fitted to few rows and scored on one fold, the best third on three times as many,
 and so on; only the last step, on all rows, takes all folds. Every step gets an equal share of the
-time. Where the first step shows that the whole grid fits into the
-time, it is searched in full instead. scikit-learn's own halving serves neither purpose: it knows
-rows, not hours, shares no fits, and can be neither spread over machines nor resumed.
+time. The first step draws its candidates with odds inverse to their expected work: it gives as much
+of its time to cheap ones as to dear ones, and sees more of them. A step that its time does not
+even allow the best candidate so far is dropped. Where the first step shows that the whole grid fits
+into the time, it is searched in full instead. scikit-learn's own halving serves neither purpose: it
+knows rows, not hours, shares no fits, and can be neither spread over machines nor resumed.
 
 What is found depends on the machine's speed: results say which part was searched.
 """
@@ -19,6 +21,7 @@ from gen import farm
 from gen.errors import InputError
 from learn.comparison.pruning import Grid
 from learn.comparison.search import Found, rank, tasks, work_off
+from learn.comparison.task import Task, expected_work
 from learn.comparison.training_data import held
 from learn.comparison.trials import Trials
 from learn.models import Model
@@ -84,6 +87,26 @@ def steps(total: int) -> list[int]:
     return sizes
 
 
+def drawn_order(model: Model, grid: Grid, rows: int) -> list[int]:
+    """Draw all families, each next one with odds inverse to its expected work.
+
+    Parameters
+    ----------
+    model, grid : what to search
+    rows : training rows of a fit
+
+    Returns
+    -------
+    Numbers of the families, the first drawn first
+    """
+    work = [
+        expected_work(Task(model.name, tuple(grid.differing[n] for n in sorted(family)), 0, rows))
+        for family in grid.families
+    ]
+    waiting = np.random.default_rng(held().seed).exponential(work)
+    return [int(family) for family in np.argsort(waiting, kind="stable")]
+
+
 def search(
     model: Model,
     grid: Grid,
@@ -109,8 +132,7 @@ def search(
     began = time.monotonic()
     total = held().target.size
     sizes = steps(total)
-    order = np.random.default_rng(held().seed).permutation(len(grid.families))
-    numbers = [number for family in order for number in grid.families[family]]
+    numbers = [n for family in drawn_order(model, grid, sizes[0]) for n in grid.families[family]]
     best: tuple[Found, int] | None = None
     told: list[str] = []
     for place, rows in enumerate(sizes):
@@ -124,19 +146,23 @@ def search(
             stopping=lambda share=share: stopping() or time.monotonic() > began + share,  # type: ignore[misc]
             title=f"{model.title}: {len(numbers)} candidates on {_extent(rows, folds)}",
         )
-        whole = False
+        whole, dropped = False, False
         if trials is not None:
             found = rank(grid, trials, rows, folds)
             scored = [number for number in numbers if not np.isnan(found.means[number])]
-            if scored:
+            unfinished = tasks(model, grid, numbers[:1], rows, trials, folds)
+            dropped = best is not None and bool(unfinished)
+            if scored and not dropped:
                 told.append(f"{len(scored)} candidates on {_extent(rows, folds)}")
                 best = found, rows
             left = limit - (time.monotonic() - began)
             growth = (total / rows) ** GROWTH.get(model.name, 1.5) * FOLDS / folds
             tried = len(scored) == len(grid.differing)
             whole = tried and rows < total and found.seconds * growth / world.workers < left
-            scored.sort(key=lambda number: -found.means[number])
+            scored.sort(key=lambda number: (-found.means[number], number))
             numbers = scored[: max(1, -(-len(scored) // FACTOR))]
+        if world.broadcast(dropped):
+            break
         if world.broadcast(whole):
             everything = range(len(grid.differing))
             todo = [] if trials is None else tasks(model, grid, everything, total, trials)

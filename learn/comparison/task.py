@@ -38,6 +38,8 @@ def expected_work(task: Task) -> float:
         work *= min(depth, 20)
     if most.get("criterion") == "absolute_error":
         work *= 5
+    if most.get("loss") == "huber":  # of gradient boosting, whose leaves take it one by one
+        work *= 15
     if "hidden_layer_sizes" in most:
         sizes = most["hidden_layer_sizes"]
         work *= sum(a * b for a, b in pairwise(sizes)) + 23 * sizes[0]
