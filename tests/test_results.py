@@ -149,7 +149,8 @@ def grids() -> list[str]:
         theirs = f"{float(row['paper_s']) / 3600:.2g}"
         how = searched.get(row["model"], "not searched")
         title = MODELS[row["model"]].title
-        lines.append(f"| {title} | {row['fits']} of {row['of']} | {hours} | {theirs} | {how} |")
+        timed = f"{row['fits']} of {row['of']} | {int(row['rows']):,}"
+        lines.append(f"| {title} | {timed} | {hours} | {theirs} | {how} |")
     return lines
 
 

@@ -204,8 +204,9 @@ def _whole_grids(table: Path) -> Content:
     return Table(
         table,
         f"{table.parent.name}: what searching the whole grid takes on one thread [s], and the"
-        " standard error of that; so many fits of all were timed. Where they are fewer, they were"
-        " drawn at random and done on all training rows; the paper's time beside it.",
+        " standard error of that; so many fits of all were timed on all rows. Where they are fewer,"
+        " fits drawn at random were done on few rows, and as many as there was time for on more, up"
+        " to the rows given; the paper's time beside it.",
     )
 
 

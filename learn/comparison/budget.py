@@ -79,10 +79,10 @@ def seconds(text: str) -> float:
     return value
 
 
-def steps(total: int) -> list[int]:
-    """Return the training rows of each step, the last of them all."""
+def steps(total: int, least: int | None = None) -> list[int]:
+    """Return the training rows of each step, the last of them all, the first so many at least."""
     sizes = [total]
-    while sizes[0] // FACTOR >= LEAST_ROWS:
+    while sizes[0] // FACTOR >= (least or LEAST_ROWS):
         sizes.insert(0, sizes[0] // FACTOR)
     return sizes
 

@@ -25,13 +25,14 @@ OUR_AREA = "area_percent"
 
 
 class WholeGrid(NamedTuple):
-    """What a whole grid takes: seconds and their standard error, fits that were timed, and all."""
+    """What a whole grid takes: seconds and their standard error; see `whole_grid.Cost`."""
 
     grid: str
     seconds: float
     error: float | None
     fits: int
     of: int
+    rows: int
 
 
 def names(target: str) -> list[str]:
@@ -248,15 +249,16 @@ def _search_table(folder: Folder, target: str) -> Table:
 
 def _grid_costs(folder: Folder) -> Iterator[tuple[str, WholeGrid]]:
     """Give what whole grids take, where that is known."""
+    every = folder.record()["conditions"]["train_rows"]
     for model in MODELS:
         result = folder.result("tuned", model) or {}
         estimate = folder.result("whole-grid", model)
         found = result.get("search") or {}
         if found.get("how") == "whole grid":
             seconds, fits = result["times"]["search"], found["fits"]
-            yield model, WholeGrid(found.get("grid", TABLE_2), seconds, 0.0, fits, fits)
+            yield model, WholeGrid(found.get("grid", TABLE_2), seconds, 0.0, fits, fits, every)
         elif estimate is not None:
-            yield model, WholeGrid(**estimate)
+            yield model, WholeGrid(**{"rows": every, **estimate})
 
 
 def _grid_cost_table(folder: Folder) -> Table:
@@ -266,7 +268,7 @@ def _grid_cost_table(folder: Folder) -> Table:
     )
     table.add_column("Model")
     table.add_column("Grid")
-    for column in ("time [h]", "fits", "timed", "relative error"):
+    for column in ("time [h]", "fits", "timed on all rows", "on rows up to", "relative error"):
         table.add_column(column, justify="right")
     for model, cost in _grid_costs(folder):
         theirs = f" ({paper.TUNING_SECONDS[model] / 3600:.2g})"
@@ -277,6 +279,7 @@ def _grid_cost_table(folder: Folder) -> Table:
             f"{cost.seconds / 3600:.2g}{theirs}",
             str(cost.of),
             str(cost.fits),
+            str(cost.rows),
             "measured" if cost.fits == cost.of else error,
         )
     return table

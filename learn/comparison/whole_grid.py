@@ -1,21 +1,27 @@
-"""What a whole grid takes, from fits that are drawn at random and done on all training rows.
+"""What a whole grid takes, from fits that are drawn at random.
 
 Families of candidates are drawn without regard to their worth: the winners of a search would not
-do, whose fits are shorter or longer than others'. Times are compared with the fits' expected work
-(`learn.comparison.task.expected_work`): sum of the times over sum of the work drawn, times the
-work of the whole grid, a ratio estimate (W. G. Cochran, Sampling Techniques, chapter 6). The fits
-are trials like all others, which a later search need not do again.
+do, whose fits are shorter or longer than others'. Some fits take hours, and one cannot know
+beforehand which. All drawn ones are therefore done on few rows; as many of them as the time allows
+are done again on three times the rows, and so on up to all rows.
+
+Times on few rows are compared with the fits' expected work (`learn.comparison.task`): sum of the
+times over sum of the work drawn, times the work of the whole grid, a ratio estimate. What more rows
+cost is the ratio of the times of the fits that were done on both: double sampling (W. G. Cochran,
+Sampling Techniques, chapters 6 and 12). The fits on all rows are trials like all others, which a
+later search need not do again.
 """
 
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import sqrt
+from itertools import takewhile
+from math import hypot, sqrt
 
 import numpy as np
 
 from gen import farm
-from learn.comparison import pruning
+from learn.comparison import budget, pruning
 from learn.comparison.pruning import Grid, Settings
 from learn.comparison.search import work_off
 from learn.comparison.task import Task, expected_work
@@ -25,9 +31,14 @@ from learn.models import Model
 from learn.split import FOLDS
 
 Finished = Mapping[tuple[str, int, int], Trial]
+Times = dict[tuple[int, int], float]
+"""Seconds of the drawn fits by family and fold, those that are finished, in their order."""
 
 DRAWN = 40
 """Families that are drawn at most: the error is then about a sixth of their times' scatter."""
+
+LEAST_ROWS = 100
+"""Training rows of the first fits at least."""
 
 
 @dataclass(frozen=True)
@@ -37,15 +48,17 @@ class Cost:
     Attributes
     ----------
     seconds : sum of the fits' times [s]
-    error : standard error of the sum [s]; 0 if measured, None if one fit alone was drawn
-    fits : so many of them were timed
+    error : standard error of the sum [s]; 0 if measured, None if a step rests on one fit or none
+    fits : so many of them were timed on all rows
     of : fits of the whole grid
+    rows : largest number of rows that a drawn fit was timed on
     """
 
     seconds: float
     error: float | None
     fits: int
     of: int
+    rows: int
 
     @property
     def measured(self) -> bool:
@@ -74,30 +87,52 @@ def measure(
     model, grid : what is to be searched
     trials : where results are kept, on the master; None elsewhere
     world : from `gen.farm`
-    limit : time to take [s]; a fit under way when it ends is finished
+    limit : time to take [s], an equal share for each number of rows; a fit under way when it ends
+        is finished, one that is expected to last longer is not begun
     stopping : asked on the master before a fit
 
     Returns
     -------
     What is known by then, on the master; None elsewhere, and if nothing was finished
     """
-    rows, seed = held().target.size, held().seed
-    end = time.monotonic() + limit
-    todo: list[Task] = []
-    if trials is not None and not _all(grid, rows, trials.finished):
-        todo = [
-            Task(model.name, _settings(grid, family), fold, rows)
-            for family, fold in drawn(grid, seed)
-            if _seconds(grid, (family, fold), rows, trials.finished) is None
-        ]
-    work_off(
-        todo,
-        trials,
-        world,
-        stopping=lambda: stopping() or time.monotonic() > end,
-        title=f"{model.title}: {FOLDS * len(grid.families)} fits, {len(todo)} drawn to be timed",
-    )
-    return None if trials is None else cost(model, grid, trials.finished, rows, seed)
+    total, seed = held().target.size, held().seed
+    began = time.monotonic()
+    sizes = budget.steps(total, LEAST_ROWS)
+    known = trials is not None and _all(grid, total, trials.finished)
+    for place, rows in enumerate([] if world.broadcast(known) else sizes):
+        end = began + limit * (place + 1) / len(sizes)
+        fewer = sizes[place - 1] if place else 0
+        left = began + limit - time.monotonic()
+        todo = [] if trials is None else _todo(model, grid, trials.finished, (fewer, rows), left)
+        work_off(
+            todo,
+            trials,
+            world,
+            stopping=lambda end=end: stopping() or time.monotonic() > end,  # type: ignore[misc]
+            title=(
+                f"{model.title}: {FOLDS * len(grid.families)} fits, {len(todo)} drawn to be timed"
+                f" on {rows} rows"
+            ),
+        )
+    return None if trials is None else cost(model, grid, trials.finished, total, seed)
+
+
+def _todo(
+    model: Model, grid: Grid, finished: Finished, sizes: tuple[int, int], left: float
+) -> list[Task]:
+    """The drawn fits of one size, in their order, less those that would take too long.
+
+    After the first size, whose fits are all tried, what they take is known from the size before.
+    """
+    fewer, rows = sizes
+    growth = float(budget.FACTOR) ** budget.GROWTH.get(model.name, 1.5)
+    before = _times(grid, fewer, finished, held().seed) if fewer else None
+    todo = []
+    for place in drawn(grid, held().seed):
+        due = before is None or growth * before.get(place, np.inf) <= left
+        if due and _seconds(grid, place, rows, finished) is None:
+            todo.append(Task(model.name, _settings(grid, place[0]), place[1], rows))
+    return todo
 
 
 def cost(model: Model, grid: Grid, finished: Finished, rows: int, seed: int) -> Cost | None:
@@ -118,26 +153,60 @@ def cost(model: Model, grid: Grid, finished: Finished, rows: int, seed: int) -> 
     if _all(grid, rows, finished):
         of_grid = {pruning.key(settings) for settings in grid.differing}
         each = [t.seconds for t in finished.values() if t.rows == rows and t.candidate in of_grid]
-        return Cost(sum(each), 0.0, fits, fits)
-    times: list[float] = []
-    works: list[float] = []
-    for place in drawn(grid, seed):
-        taken = _seconds(grid, place, rows, finished)
-        if taken is None:
-            break
-        times.append(taken)
-        works.append(_work(model, grid, place[0], rows))
-    if not times:
+        return Cost(sum(each), 0.0, fits, fits, rows)
+    sizes = budget.steps(rows, LEAST_ROWS)
+    times = {size: _times(grid, size, finished, seed) for size in sizes}
+    fair = {size: _in_a_row(times[size], drawn(grid, seed)) for size in sizes}
+    # On the size with most fits their mix is known best; on the largest of these, if some are even.
+    base = max(sizes, key=lambda size: (len(fair[size]), size))
+    if not fair[base]:
         return None
-    whole = FOLDS * sum(_work(model, grid, family, rows) for family in range(len(grid.families)))
-    error = None if len(times) == 1 else whole * _error(np.array(times), np.array(works))
-    return Cost(whole * sum(times) / sum(works), error, len(times), fits)
+    works = {place: _work(model, grid, place[0], base) for place in fair[base]}
+    whole = FOLDS * sum(_work(model, grid, family, base) for family in range(len(grid.families)))
+    seconds, error = _ratio(fair[base], works)
+    seconds *= whole
+    growth = float(budget.FACTOR) ** budget.GROWTH.get(model.name, 1.5)
+    last = sizes[0]
+    for size in sizes[1:]:
+        factor, step_error = _ratio(times[size], times[last])
+        if factor:
+            growth = factor ** (1 / (sizes.index(size) - sizes.index(last)))
+        if factor and size > base:
+            seconds *= factor
+            error = None if error is None or step_error is None else hypot(error, step_error)
+        if factor or size == base:
+            last = size
+    if last < rows:
+        seconds *= growth ** (len(sizes) - 1 - sizes.index(last))
+        error = None
+    stated = None if error is None else error * seconds
+    return Cost(seconds, stated, len(times[rows]), fits, last)
 
 
-def _error(times: np.ndarray, works: np.ndarray) -> float:
-    """Standard error of the sum of times over the sum of works."""
-    residuals = times - works * times.sum() / works.sum()
-    return float(sqrt(residuals @ residuals / (times.size - 1) / times.size) / works.mean())
+def _ratio(times: Times, over: Times) -> tuple[float, float | None]:
+    """Sum of times over that of others of the same fits, and the relative error; 0 for no fit."""
+    places = [place for place in times if place in over]
+    if not places:
+        return 0.0, None
+    above = np.array([times[place] for place in places])
+    below = np.array([over[place] for place in places])
+    ratio = float(above.sum() / below.sum())
+    if len(places) == 1:
+        return ratio, None
+    residuals = above - ratio * below
+    error = sqrt(residuals @ residuals / (len(places) - 1) / len(places))
+    return ratio, float(error / above.mean())
+
+
+def _times(grid: Grid, rows: int, finished: Finished, seed: int) -> Times:
+    """The drawn fits that were done on so many rows."""
+    found = {place: _seconds(grid, place, rows, finished) for place in drawn(grid, seed)}
+    return {place: seconds for place, seconds in found.items() if seconds is not None}
+
+
+def _in_a_row(times: Times, places: list[tuple[int, int]]) -> Times:
+    """Those before the first that was not done: a search may have picked what came after."""
+    return {place: times[place] for place in takewhile(times.__contains__, places)}
 
 
 def _all(grid: Grid, rows: int, finished: Finished) -> bool:

@@ -1,6 +1,7 @@
 """What a whole grid takes, on fits whose times are known exactly, and by the command."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -30,6 +31,15 @@ def fits(model, grid, places, rate):
             trial = Trial(pruning.key(candidate), fold, ROWS, 0.5, seconds=share)
             found[trial.place] = trial
     return found
+
+
+def grown(trials, rows, growth):
+    """The same fits on fewer rows, where they take less by `growth(trial)`."""
+    fewer = (
+        replace(trial, rows=rows, seconds=trial.seconds / growth(trial))
+        for trial in trials.values()
+    )
+    return {trial.place: trial for trial in fewer}
 
 
 def everywhere(grid):
@@ -89,6 +99,32 @@ def test_winners_of_a_search_do_not_bias_the_estimate():
     ends_early = cost(MODELS[model], grid, best | first, ROWS, 0)
     assert ends_early.seconds == pytest.approx(cost(MODELS[model], grid, first, ROWS, 0).seconds)
     assert cost(MODELS[model], grid, {}, ROWS, 0) is None
+
+
+@pytest.mark.parametrize("model", sorted(MODELS))
+def test_cheap_fits_on_few_rows_stand_for_those_that_take_too_long_on_all(model):
+    grid = grid_of(model)
+    whole = fits(model, grid, everywhere(grid), lambda family: 2e-6)
+    every = fits(model, grid, drawn(grid, 3), lambda family: 2e-6)
+    few = fits(model, grid, drawn(grid, 3)[2:5], lambda family: 2e-6)
+    known = grown(every, 123, lambda trial: 900.0) | grown(every, 370, lambda trial: 100.0)
+    found = cost(MODELS[model], grid, known | few, ROWS, 3)
+    assert (found.fits, found.rows) == (3, ROWS)
+    # From 370 to 3,333 rows nothing was timed, then three fits: their times stand for the growth.
+    assert found.seconds == pytest.approx(seconds_of(whole), rel=1e-9)
+
+
+def test_growth_that_was_not_measured_is_carried_on():
+    model = "random-forest"
+    grid = grid_of(model)
+    every = fits(model, grid, drawn(grid, 0), lambda family: 1.0)
+    first = cost(MODELS[model], grid, grown(every, 123, lambda trial: 1.0), ROWS, 0)
+    assert (first.fits, first.rows, first.error) == (0, 123, None)
+    both = grown(every, 123, lambda trial: 2.0) | grown(every, 370, lambda trial: 1.0)
+    second = cost(MODELS[model], grid, both, ROWS, 0)
+    assert (second.fits, second.rows, second.error) == (0, 370, None)
+    # The work of the drawn fits and of the grid grow alike: only the carried growth differs.
+    assert second.seconds / 2**3 == pytest.approx(first.seconds / 3 ** (1.5 * 4))
 
 
 def test_drawn_families_differ_and_depend_on_the_seed():
