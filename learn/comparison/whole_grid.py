@@ -41,6 +41,10 @@ LEAST_ROWS = 100
 """Training rows of the first fits at least."""
 
 
+FIRST_SHARE = 0.5
+"""Share of the time that the first size gets, whose fits tell how cheap and dear ones mix."""
+
+
 @dataclass(frozen=True)
 class Cost:
     """The time of all fits of a grid, one after the other on one thread.
@@ -87,8 +91,8 @@ def measure(
     model, grid : what is to be searched
     trials : where results are kept, on the master; None elsewhere
     world : from `gen.farm`
-    limit : time to take [s], an equal share for each number of rows; a fit under way when it ends
-        is finished, one that is expected to last longer is not begun
+    limit : time to take [s], half for the first number of rows, equal shares for the others; a fit
+        under way when it ends is finished, one that is expected to last longer is not begun
     stopping : asked on the master before a fit
 
     Returns
@@ -100,7 +104,7 @@ def measure(
     sizes = budget.steps(total, LEAST_ROWS)
     known = trials is not None and _all(grid, total, trials.finished)
     for place, rows in enumerate([] if world.broadcast(known) else sizes):
-        end = began + limit * (place + 1) / len(sizes)
+        end = began + limit * (FIRST_SHARE + (1 - FIRST_SHARE) * place / max(1, len(sizes) - 1))
         fewer = sizes[place - 1] if place else 0
         left = began + limit - time.monotonic()
         todo = [] if trials is None else _todo(model, grid, trials.finished, (fewer, rows), left)
