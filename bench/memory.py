@@ -3,7 +3,8 @@
 Each fit runs in a process of its own, since the peak of a process never falls. Ensembles are fitted
 with a tenth and a twentieth of their largest number of trees: their memory is a line in it, which
 is then carried on. The tuned Gaussian process takes a single step of its likelihood's ascent; the
-further ones need the same memory again, not more.
+further ones need the same memory again, not more. The support vector machine ends after so many
+iterations that its cache of kernel rows is full.
 """
 
 import multiprocessing
@@ -33,7 +34,7 @@ LARGEST: dict[str, dict[str, Any]] = {
     "adaboost": {"estimator__max_depth": 35},
     "xgboost": {"max_depth": 15, "learning_rate": 0.01},
     "gradient-boost": {"max_depth": 100, "max_features": "sqrt"},
-    "svm": OPTIMA["svm"],
+    "svm": {**OPTIMA["svm"], "max_iter": 50_000},
     "gaussian-process": {"alpha": 0.0374},
     "kernel-ridge": {"alpha": 1e-5, "gamma": 5.0, "kernel": "rbf"},
     "mlp": {"hidden_layer_sizes": (50, 100, 200, 100, 50), "solver": "lbfgs", "max_iter": 5},
