@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from learn.comparison.folder import LIBRARIES
+from learn.comparison.tables import hours
 from learn.models import MODELS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -142,15 +143,14 @@ def grids() -> list[str]:
     searched = {row["model"]: row["searched"] for row in table("comparison/area/tuning.csv")}
     lines = []
     for row in table("comparison/area/whole-grids.csv"):
-        hours = f"{float(row['seconds']) / 3600:.2g}"
+        ours, theirs = hours(float(row["seconds"])), hours(float(row["paper_s"]))
         if row["fits"] != row["of"]:
             error = 100 * float(row["error"]) / float(row["seconds"]) if row["error"] else None
-            hours += "" if error is None else f" +- {error:.0f} %"
-        theirs = f"{float(row['paper_s']) / 3600:.2g}"
+            ours += "" if error is None else f" +- {error:.0f} %"
         how = searched.get(row["model"], "not searched")
         title = MODELS[row["model"]].title
         timed = f"{row['fits']} of {row['of']} | {int(row['rows']):,}"
-        lines.append(f"| {title} | {timed} | {hours} | {theirs} | {how} |")
+        lines.append(f"| {title} | {timed} | {ours} | {theirs} | {how} |")
     return lines
 
 

@@ -261,6 +261,12 @@ def _grid_costs(folder: Folder) -> Iterator[tuple[str, WholeGrid]]:
             yield model, WholeGrid(**{"rows": every, **estimate})
 
 
+def hours(seconds: float) -> str:
+    """Write a time in hours, without an exponent where it is long."""
+    number = seconds / 3600
+    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
+
+
 def _grid_cost_table(folder: Folder) -> Table:
     """Hours of whole grids on one thread."""
     table = Table(
@@ -271,12 +277,12 @@ def _grid_cost_table(folder: Folder) -> Table:
     for column in ("time [h]", "fits", "timed on all rows", "on rows up to", "relative error"):
         table.add_column(column, justify="right")
     for model, cost in _grid_costs(folder):
-        theirs = f" ({paper.TUNING_SECONDS[model] / 3600:.2g})"
+        theirs = f" ({hours(paper.TUNING_SECONDS[model])})"
         error = "" if cost.error is None else f"{100 * cost.error / cost.seconds:.0f} %"
         table.add_row(
             MODELS[model].title,
             cost.grid,
-            f"{cost.seconds / 3600:.2g}{theirs}",
+            f"{hours(cost.seconds)}{theirs}",
             str(cost.of),
             str(cost.fits),
             str(cost.rows),
