@@ -161,7 +161,7 @@ def throughput(folder: Path) -> Sequence[Content]:
 def memory(folder: Path) -> Sequence[Content]:
     """Memory of fits."""
     return [
-        Table(folder / "memory.csv", "Peak memory [GiB] of the dearest fit of each model's search space.")
+        Table(folder / "memory.csv", "Peak memory [GiB] of the dearest fit of each model's space.")
     ]
 
 
