@@ -275,7 +275,7 @@ def _grid_cost_table(folder: Folder) -> Table:
     table.add_column("Model")
     table.add_column("Grid")
     for column in ("time [h]", "fits", "timed on all rows", "on rows up to", "relative error"):
-        table.add_column(column, justify="right")
+        table.add_column(escape(column), justify="right")
     for model, cost in _grid_costs(folder):
         theirs = f" ({hours(paper.TUNING_SECONDS[model])})"
         error = "" if cost.error is None else f"{100 * cost.error / cost.seconds:.0f} %"

@@ -117,6 +117,7 @@ def test_whole_grids_are_estimated_and_then_measured(work, capsys):
     said = capsys.readouterr()
     assert "550 fits, 40 drawn to be timed" in said.err
     assert "Whole grids" in said.out
+    assert "time [h]" in said.out
     tree, svm = table("out/area/whole-grids.csv")
     assert (tree["fits"], tree["of"], svm["fits"], svm["of"]) == ("40", "550", "40", "660")
     assert float(tree["seconds"]) > float(tree["error"]) > 0
