@@ -218,6 +218,14 @@ def test_finished_fits_are_those_of_their_comparison() -> None:
         assert all(json.loads(line)["rows"] <= conditions["train_rows"] for line in lines[1:])
 
 
+def test_searches_took_the_time_that_is_said() -> None:
+    seconds = [float(row["fit_seconds"]) for row in table("comparison/area/tuning-times.csv")]
+    assert len(seconds) == len(MODELS)
+    assert sum(seconds) / 3600 == pytest.approx(6.0, abs=0.5)
+    said = (RESULTS / "README.md").read_text(encoding="utf-8")
+    assert "for how long (six hours of one" in said
+
+
 def test_nothing_large_is_published() -> None:
     sizes = {path: path.stat().st_size for path in RESULTS.rglob("*") if path.is_file()}
     assert not [path for path in sizes if path.suffix == ".h5"]

@@ -3,9 +3,9 @@
 All candidates are fitted to few rows and scored on one fold, the best third on three times as many,
 and so on; only the last step, on all rows, takes all folds. Every step gets an equal share of the
 time. The first step draws its candidates with odds inverse to their expected work: it gives as much
-of its time to cheap ones as to dear ones, and sees more of them. A step that its time does not
-even allow the best candidate so far is dropped. Where the first step shows that the whole grid fits
-into the time, it is searched in full instead. scikit-learn's own halving serves neither purpose: it
+of its time to cheap ones as to dear ones, and sees more of them. A step whose time ends before the
+best candidate so far is done is dropped. Where the first step shows that the whole grid fits into
+the time, it is searched in full instead. scikit-learn's own halving serves neither purpose: it
 knows rows, not hours, shares no fits, and can be neither spread over machines nor resumed.
 
 What is found depends on the machine's speed: results say which part was searched.
@@ -87,6 +87,11 @@ def steps(total: int, least: int | None = None) -> list[int]:
     return sizes
 
 
+def growth(model: Model, times_more: float) -> float:
+    """Factor by which so many times more rows lengthen a fit, on the safe side."""
+    return float(times_more ** GROWTH.get(model.name, 1.5))
+
+
 def drawn_order(model: Model, grid: Grid, rows: int) -> list[int]:
     """Draw all families, each next one with odds inverse to its expected work.
 
@@ -100,8 +105,8 @@ def drawn_order(model: Model, grid: Grid, rows: int) -> list[int]:
     Numbers of the families, the first drawn first
     """
     work = [
-        expected_work(Task(model.name, tuple(grid.differing[n] for n in sorted(family)), 0, rows))
-        for family in grid.families
+        expected_work(Task(model.name, grid.served_by(family), 0, rows))
+        for family in range(len(grid.families))
     ]
     waiting = np.random.default_rng(held().seed).exponential(work)
     return [int(family) for family in np.argsort(waiting, kind="stable")]
@@ -156,9 +161,8 @@ def search(
                 told.append(f"{len(scored)} candidates on {_extent(rows, folds)}")
                 best = found, rows
             left = limit - (time.monotonic() - began)
-            growth = (total / rows) ** GROWTH.get(model.name, 1.5) * FOLDS / folds
-            tried = len(scored) == len(grid.differing)
-            whole = tried and rows < total and found.seconds * growth / world.workers < left
+            due = found.seconds * growth(model, total / rows) * FOLDS / folds / world.workers
+            whole = len(scored) == len(grid.differing) and rows < total and due < left
             scored.sort(key=lambda number: (-found.means[number], number))
             numbers = scored[: max(1, -(-len(scored) // FACTOR))]
         if world.broadcast(dropped):

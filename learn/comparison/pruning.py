@@ -39,6 +39,10 @@ class Grid:
         """Number of points of the grid."""
         return len(self.candidates)
 
+    def served_by(self, family: int) -> tuple[Settings, ...]:
+        """Return the canonical settings that one fit of a family serves."""
+        return tuple(self.differing[number] for number in sorted(self.families[family]))
+
     def first(self, number: int) -> Settings:
         """Return the first candidate with these canonical settings."""
         return self.candidates[self.canonical.index(number)]

@@ -22,7 +22,7 @@ import numpy as np
 
 from gen import farm
 from learn.comparison import budget, pruning
-from learn.comparison.pruning import Grid, Settings
+from learn.comparison.pruning import Grid
 from learn.comparison.search import work_off
 from learn.comparison.task import Task, expected_work
 from learn.comparison.training_data import held
@@ -39,7 +39,6 @@ DRAWN = 40
 
 LEAST_ROWS = 100
 """Training rows of the first fits at least."""
-
 
 FIRST_SHARE = 0.4
 """Share of the time kept for the first size, whose fits tell how cheap and dear ones mix; it gets
@@ -92,8 +91,8 @@ def measure(
     model, grid : what is to be searched
     trials : where results are kept, on the master; None elsewhere
     world : from `gen.farm`
-    limit : time to take [s], half for the first number of rows, equal shares for the others; a fit
-        under way when it ends is finished, one that is expected to last longer is not begun
+    limit : time to take [s], about half for the first number of rows, equal shares for the others;
+        a fit under way when it ends is finished, one that is expected to last longer is not begun
     stopping : asked on the master before a fit
 
     Returns
@@ -130,13 +129,13 @@ def _todo(
     After the first size, whose fits are all tried, what they take is known from the size before.
     """
     fewer, rows = sizes
-    growth = float(budget.FACTOR) ** budget.GROWTH.get(model.name, 1.5)
+    growth = budget.growth(model, budget.FACTOR)
     before = _times(grid, fewer, finished, held().seed) if fewer else None
     todo = []
     for place in drawn(grid, held().seed):
         due = before is None or growth * before.get(place, np.inf) <= left
         if due and _seconds(grid, place, rows, finished) is None:
-            todo.append(Task(model.name, _settings(grid, place[0]), place[1], rows))
+            todo.append(Task(model.name, grid.served_by(place[0]), place[1], rows))
     return todo
 
 
@@ -168,24 +167,44 @@ def cost(model: Model, grid: Grid, finished: Finished, rows: int, seed: int) -> 
         return None
     works = {place: _work(model, grid, place[0], base) for place in fair[base]}
     whole = FOLDS * sum(_work(model, grid, family, base) for family in range(len(grid.families)))
-    seconds, error = _ratio(fair[base], works)
-    seconds *= whole
-    growth = float(budget.FACTOR) ** budget.GROWTH.get(model.name, 1.5)
-    last = sizes[0]
-    for size in sizes[1:]:
-        factor, step_error = _ratio(times[size], times[last])
-        if factor:
-            growth = factor ** (1 / (sizes.index(size) - sizes.index(last)))
-        if factor and size > base:
-            seconds *= factor
-            error = None if error is None or step_error is None else hypot(error, step_error)
-        if factor or size == base:
-            last = size
-    if last < rows:
-        seconds *= growth ** (len(sizes) - 1 - sizes.index(last))
-        error = None
-    stated = None if error is None else error * seconds
-    return Cost(seconds, stated, len(times[rows]), fits, last)
+    per_work, error = _ratio(fair[base], works)
+    factor, its_error, largest = _grown(times, base, budget.growth(model, budget.FACTOR))
+    seconds = whole * per_work * factor
+    known = error is not None and its_error is not None
+    stated = seconds * hypot(error, its_error) if known else None  # type: ignore[arg-type]
+    return Cost(seconds, stated, len(times[rows]), fits, largest)
+
+
+def _grown(times: dict[int, Times], base: int, growth: float) -> tuple[float, float | None, int]:
+    """How much longer fits take on all rows than on those of the base.
+
+    Parameters
+    ----------
+    times : of the drawn fits, by rows, ascending
+    base : one of these rows
+    growth : factor of each step up, until one has been measured
+
+    Returns
+    -------
+    (factor, relative error, rows) : the largest rows that were measured; growth is carried on from
+        there, with an error that nobody knows
+    """
+    sizes = list(times)
+    factor, last = 1.0, 0
+    errors: list[float | None] = []
+    for place, size in enumerate(sizes[1:], start=1):
+        step, step_error = _ratio(times[size], times[sizes[last]])
+        if step:
+            growth = step ** (1 / (place - last))
+        if step and size > base:
+            factor *= step
+            errors.append(step_error)
+        if step or size == base:
+            last = place
+    left = len(sizes) - 1 - last
+    known = [each for each in errors if each is not None]
+    error = None if left or len(known) < len(errors) else hypot(*known)
+    return factor * growth**left, error, sizes[last]
 
 
 def _ratio(times: Times, over: Times) -> tuple[float, float | None]:
@@ -222,15 +241,11 @@ def _all(grid: Grid, rows: int, finished: Finished) -> bool:
 def _seconds(grid: Grid, place: tuple[int, int], rows: int, finished: Finished) -> float | None:
     """What one fit took for all its candidates; None if some lack it."""
     family, fold = place
-    names = [pruning.key(settings) for settings in _settings(grid, family)]
+    names = [pruning.key(settings) for settings in grid.served_by(family)]
     found = [finished.get((name, fold, rows)) for name in names]
     done = [trial.seconds for trial in found if trial is not None]
     return sum(done) if len(done) == len(names) else None
 
 
 def _work(model: Model, grid: Grid, family: int, rows: int) -> float:
-    return expected_work(Task(model.name, _settings(grid, family), 0, rows))
-
-
-def _settings(grid: Grid, family: int) -> tuple[Settings, ...]:
-    return tuple(grid.differing[number] for number in sorted(grid.families[family]))
+    return expected_work(Task(model.name, grid.served_by(family), 0, rows))
