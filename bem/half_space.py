@@ -31,7 +31,7 @@ class HalfSpace:
     Attributes
     ----------
     norm : upper bound of the largest eigenvalue
-    load_given : whether a spring all but fixes the load
+    softening : as given
     """
 
     def __init__(
@@ -43,8 +43,7 @@ class HalfSpace:
         softening: float = 0.0,
         working: str = "float32",
     ) -> None:
-        self._softening = softening
-        self.load_given = softening < 0
+        self.softening = softening
         self.norm = displacement_filter(shape, kernel, aspect).largest
         self._double = Selection(displacement_filter(shape, kernel, aspect), nodes)
         self._working = Selection(displacement_filter(shape, kernel, aspect, working), nodes)
@@ -73,10 +72,10 @@ class HalfSpace:
         and Morrison; what a compliant far field takes away would spoil its definiteness.
         """
         precondition = self._preconditioner.restricted_to(nodes)
-        if self._softening >= 0:
+        if self.softening >= 0:
             return precondition
         uniform = precondition(np.ones(len(nodes)))
-        stiffness = float(uniform.sum()) - 1 / self._softening
+        stiffness = float(uniform.sum()) - 1 / self.softening
 
         def precondition_with_spring(residual: Values) -> Values:
             correction = precondition(residual)
@@ -85,6 +84,6 @@ class HalfSpace:
         return precondition_with_spring
 
     def _give_way(self, moved: Values, pressure: Values) -> Values:
-        if self._softening:
-            moved -= self._softening * float(pressure.sum())
+        if self.softening:
+            moved -= self.softening * float(pressure.sum())
         return moved

@@ -47,11 +47,13 @@ class Operators(Protocol):
     Attributes
     ----------
     norm : upper bound of the matrix's largest eigenvalue
-    load_given : whether the load is all but given, and the displacement follows
+    softening : of the far field, which the load takes along by so much: 0 where it is rigid, near
+        the matrix's own stiffness where contacts are nearly singular; below zero for a spring that
+        all but gives the load, and the displacement follows
     """
 
     norm: float
-    load_given: bool
+    softening: float
 
     def displace(self, pressure: Values) -> Values:
         """(m,) -> (m,) displacement to the last digits: decides what is converged."""
@@ -143,7 +145,8 @@ def solve_complementarity(
             violation = trusted
             continue
         contact = iterate.contact() if following is None else following
-        _solve_in_contact(operators, contact, iterate, (reduction, floor / 2), max_iterations)
+        goals = reduction, floor / 2
+        _solve_in_contact(operators, interference, contact, iterate, goals, max_iterations)
         following = _cut_off_tension(operators, interference, contact, iterate)
         energy, last = iterate.energy(interference), energy
         if energy > last:
@@ -160,6 +163,7 @@ def solve_complementarity(
 
 def _solve_in_contact(
     operators: Operators,
+    interference: Values,
     contact: Nodes,
     iterate: Iterate,
     goals: tuple[float, float],
@@ -171,18 +175,20 @@ def _solve_in_contact(
     good below the second. The residual is kept up on all nodes, where the convolution gives it for
     nothing.
     """
+    deflate = _deflation(operators, interference, contact, iterate)
     pressure = iterate.pressure[contact]
     outside = np.ones(iterate.pressure.size, dtype=bool)
     outside[contact] = False
     residual = iterate.residual[contact]
     reduction, floor = goals
-    goal = max(reduction * float(np.abs(residual).max()), floor)
+    largest = float(np.abs(residual).max(initial=0.0))
+    goal = max(reduction * largest, floor)
     precondition = operators.approximate_inverse(contact)
     direction, previous = np.zeros_like(pressure), np.inf
-    while iterate.iterations < max_iterations:
+    while iterate.iterations < max_iterations and largest > floor:
         correction = precondition(residual)
         product = _inner(residual, correction)
-        direction = correction + (product / previous) * direction
+        direction = deflate(correction) + (product / previous) * direction
         previous = product
         image = operators.displace_some(contact, direction)
         step = product / _inner(direction, image[contact])
@@ -194,11 +200,38 @@ def _solve_in_contact(
         largest = float(np.abs(residual).max())
         if largest > goal:
             continue
-        stands = pressure.min() >= 0 and not np.any(iterate.residual[outside] > floor)
-        if not stands or largest <= floor:
+        if pressure.min() < 0 or np.any(iterate.residual[outside] > floor):
             break
         goal = max(reduction * goal, floor)
     iterate.pressure[contact] = pressure
+
+
+def _deflation(
+    operators: Operators, interference: Values, contact: Nodes, iterate: Iterate
+) -> Callable[[Values], Values]:
+    """Scale the pressure to the least energy, and keep all directions conjugate to it.
+
+    Tension that was cut off leaves too much load, by which all of the contact is then off: the
+    pressure, whose image is known, takes that out for nothing (deflation: Nicolaides 1987). On a
+    compliant far field the scale is what the contact set hangs on most, and is left to the rest.
+    """
+    if operators.softening > 0:
+        return lambda correction: correction
+    _rescale(interference, iterate)
+    known, image = iterate.pressure[contact], (interference - iterate.residual)[contact]
+    stiffness = _inner(known, image)
+    weights = image / stiffness if stiffness > 0 else np.zeros_like(image)
+    return lambda correction: correction - _inner(correction, weights) * known
+
+
+def _rescale(interference: Values, iterate: Iterate) -> None:
+    """Multiply the pressure by the factor of least energy."""
+    image = interference - iterate.residual
+    stiffness = _inner(iterate.pressure, image)
+    if stiffness > 0:
+        factor = _inner(iterate.pressure, interference) / stiffness
+        iterate.pressure *= factor
+        iterate.residual = interference - factor * image
 
 
 def _take_first_steps(
@@ -246,11 +279,8 @@ def _cut_off_tension(
     changed = np.flatnonzero(change)
     iterate.residual -= operators.displace_some(changed, change[changed])
     iterate.convolutions += 1
-    if operators.load_given:  # else the displacement would answer to what was cut off, too much
-        image = interference - iterate.residual
-        scale = _inner(iterate.pressure, interference) / _inner(iterate.pressure, image)
-        iterate.pressure *= scale
-        iterate.residual = interference - scale * image
+    if operators.softening < 0:  # else the displacement would answer to what was cut off, too much
+        _rescale(interference, iterate)
         return following
     return None
 

@@ -112,7 +112,7 @@ class Dense:
 
     def __init__(self, matrix: np.ndarray) -> None:
         self._matrix = matrix
-        self.load_given = False
+        self.softening = 0.0
         self.norm = float(np.abs(matrix).sum(axis=1).max())
 
     def displace(self, pressure: np.ndarray) -> np.ndarray:
