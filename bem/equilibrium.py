@@ -10,7 +10,7 @@ from bem.direct import FEW_NODES, influence_matrix, solve_directly
 from bem.far_field import critical_delta, flat_punch
 from bem.half_space import HalfSpace
 from bem.problem import Field, Problem
-from bem.solver import FIRST_STEPS, INNER_REDUCTION, Iterate, solve_complementarity
+from bem.solver import FROM_NEAR, FROM_SCRATCH, Iterate, Pace, solve_complementarity
 
 # Iterations after which a compliant far field is approached by rigid solves, how near they have to
 # come over what they have approached, how many they may be, and the longest step between two.
@@ -23,8 +23,7 @@ LONGEST_ADVANCE = 0.5
 # than it costs (`python -m bench growth`).
 NESTED = 1000
 NESTED_RTOL = 3e-2
-NESTED_FIRST_STEPS = 1
-NESTED_INNER_REDUCTION = 0.1
+NESTED_PACE = Pace(first_steps=1, inner_reduction=0.1, advance=0.3)
 
 Nodes = NDArray[np.intp]
 
@@ -88,13 +87,13 @@ def on_rigid_far_field(
         if converged:
             return unfold(problem, delta, box, nodes, iterate)
     operators = HalfSpace(shape, problem.kernel, problem.aspect, nodes)
-    first_steps, reduction, spent = 0, INNER_REDUCTION, 0
+    pace, spent = FROM_NEAR, 0
     if near is None and min(shape) >= NESTED:
         near, spent = _on_coarser_grid(problem, delta)
-        first_steps, reduction = NESTED_FIRST_STEPS, NESTED_INNER_REDUCTION
+        pace = NESTED_PACE
     start = None
     if near is None:
-        first_steps, reduction = FIRST_STEPS, INNER_REDUCTION
+        pace = FROM_SCRATCH
     else:
         pressure = near[box].reshape(-1)[nodes] * (problem.spacing[0] / delta)
         displaced = None
@@ -108,8 +107,7 @@ def on_rigid_far_field(
         rtol=problem.rtol,
         max_iterations=problem.max_iterations,
         start=start,
-        first_steps=first_steps,
-        inner_reduction=reduction,
+        pace=pace,
     )
     return unfold(problem, delta, box, nodes, iterate, converged, operators.displaced)
 
@@ -209,7 +207,7 @@ def on_compliant_far_field(problem: Problem, delta: float) -> Equilibrium:
         near.iterations += iterate.iterations
         near.convolutions += iterate.convolutions
         iterate, converged = solve_here(
-            max_iterations=problem.max_iterations, start=near, first_steps=0
+            max_iterations=problem.max_iterations, start=near, pace=FROM_NEAR
         )
     reduced = iterate.pressure.reshape(shape)
     approach = delta * (1 + softening * float(reduced.sum()))
@@ -242,7 +240,7 @@ def _approach_from_below(
         before = left
         approach += advance
         iterate.residual += advance
-        iterate, converged = solve_rigid(depth + approach, start=iterate, first_steps=0)
+        iterate, converged = solve_rigid(depth + approach, start=iterate, pace=FROM_NEAR)
     iterate.residual += 1 + softening * float(iterate.pressure.sum()) - approach
     return iterate
 

@@ -9,7 +9,7 @@ from bem.equilibrium import Equilibrium, on_rigid_far_field, overlap, started, u
 from bem.far_field import flat_punch
 from bem.half_space import HalfSpace
 from bem.problem import Field, Problem
-from bem.solver import FIRST_STEPS, Iterate, solve_complementarity
+from bem.solver import FROM_NEAR, FROM_SCRATCH, Iterate, solve_complementarity
 
 # The force pushes through a spring that gives by this many displacements: the softer it is, the
 # less the force depends on the displacement found.
@@ -177,7 +177,7 @@ def _at_guess(
         rtol=problem.rtol / MARGIN,
         max_iterations=min(problem.max_iterations, SPRING_ITERATIONS),
         start=start,
-        first_steps=FIRST_STEPS if near is None else 0,
+        pace=FROM_SCRATCH if near is None else FROM_NEAR,
     )
     return _displaced(unfold(problem, guess, box, nodes, iterate, converged), load)
 

@@ -10,7 +10,7 @@ pressure.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -19,18 +19,8 @@ from numpy.typing import NDArray
 Values = NDArray[np.float64]
 Nodes = NDArray[np.intp]
 
-# Residual reduction asked of conjugate gradients before the active set is looked at again, and what
-# it is multiplied with whenever sets taken so soon raise the energy.
-INNER_REDUCTION = 0.4
+# What a residual reduction is multiplied with whenever sets taken so soon raise the energy.
 TIGHTENING = 0.5
-
-# Projected steps before the first contact set is taken: of two to seven, four cost the fewest
-# convolutions a solve on the paper's distribution (`pytest bench -k solve_paper` records them).
-FIRST_STEPS = 4
-
-# Share of the preconditioned residual taken when tension is cut off. The preconditioner is too
-# large rather than too small: a whole step would put too many nodes into contact.
-ADVANCE = 0.3
 
 # A residual kept up in working precision is not believed below this share of its last exact value.
 ROUNDING = 1e-6
@@ -63,6 +53,31 @@ class Operators(Protocol):
 
     def approximate_inverse(self, nodes: Nodes) -> Callable[[Values], Values]:
         """(a,) -> (a,), symmetric and near the inverse of the matrix on these nodes."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How soon contact sets are changed, and by how much.
+
+    Attributes
+    ----------
+    first_steps : projected steps before the first contact set is taken: fewer near the solution
+    inner_reduction : of the residual, asked of conjugate gradients before the set is looked at
+        again: more where sets are better
+    advance : share of the preconditioned residual taken when tension is cut off; the preconditioner
+        is too large rather than too small: a whole step would put too many nodes into contact
+    """
+
+    first_steps: int
+    inner_reduction: float
+    advance: float
+
+
+# From no pressure at all: the fewest convolutions a solve on the paper's distribution
+# (`pytest bench -k solve_paper` records them), of 3 to 5 steps, reductions of 0.3 to 0.55 and
+# advances of 0.3 to 0.5. And from a pressure that is near.
+FROM_SCRATCH = Pace(first_steps=4, inner_reduction=0.4, advance=0.5)
+FROM_NEAR = replace(FROM_SCRATCH, first_steps=0)
 
 
 @dataclass
@@ -103,8 +118,7 @@ def solve_complementarity(
     rtol: float,
     max_iterations: int,
     start: Iterate | None = None,
-    first_steps: int = FIRST_STEPS,
-    inner_reduction: float = INNER_REDUCTION,
+    pace: Pace = FROM_SCRATCH,
 ) -> tuple[Iterate, bool]:
     """Find p >= 0 with w = H p - u >= 0 and p w = 0.
 
@@ -120,8 +134,7 @@ def solve_complementarity(
     max_iterations : bound on the steps of conjugate gradients, those of the start included
     start : a pressure to start from with its residual, which is not taken for converged before it
         has been recomputed; improved in place
-    first_steps : projected steps before the first contact set is taken: fewer near the solution
-    inner_reduction : of the residual before the set is looked at again: more where sets are better
+    pace : see there
 
     Returns
     -------
@@ -129,11 +142,11 @@ def solve_complementarity(
         recomputed from the pressure
     """
     iterate = start or Iterate(np.zeros_like(interference), interference.copy())
-    _take_first_steps(operators, interference, iterate, first_steps)
+    _take_first_steps(operators, interference, iterate, pace.first_steps)
     exact = start is None and not iterate.convolutions
     trusted, violation = 1.0, iterate.violation()
     smallest, patience, safe_steps = np.inf, PATIENCE, SAFE_STEPS
-    energy, reduction, following = np.inf, inner_reduction, None
+    energy, reduction, following = np.inf, pace.inner_reduction, None
     while True:
         floor = max(rtol, ROUNDING * trusted)
         if violation <= floor or iterate.iterations >= max_iterations:
@@ -147,7 +160,7 @@ def solve_complementarity(
         contact = iterate.contact() if following is None else following
         goals = reduction, floor / 2
         _solve_in_contact(operators, interference, contact, iterate, goals, max_iterations)
-        following = _cut_off_tension(operators, interference, contact, iterate)
+        following = _cut_off_tension(operators, interference, contact, iterate, pace.advance)
         energy, last = iterate.energy(interference), energy
         if energy > last:
             reduction *= TIGHTENING
@@ -261,7 +274,11 @@ def _take_first_steps(
 
 
 def _cut_off_tension(
-    operators: Operators, interference: Values, contact: Nodes, iterate: Iterate
+    operators: Operators,
+    interference: Values,
+    contact: Nodes,
+    iterate: Iterate,
+    advance: float,
 ) -> Nodes | None:
     """Set negative pressures to zero, and step ahead on the next contact set.
 
@@ -273,7 +290,7 @@ def _cut_off_tension(
     before = iterate.pressure.copy()
     iterate.pressure[tension] = 0
     following = np.flatnonzero((iterate.pressure > 0) | ((iterate.residual > 0) & (before == 0)))
-    step = ADVANCE * operators.approximate_inverse(following)(iterate.residual[following])
+    step = advance * operators.approximate_inverse(following)(iterate.residual[following])
     iterate.pressure[following] = np.maximum(iterate.pressure[following] + step, 0)
     change = iterate.pressure - before
     changed = np.flatnonzero(change)
