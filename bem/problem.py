@@ -17,7 +17,7 @@ Name = TypeVar("Name", bound=str)
 LENGTHS = (0.0, math.inf, "above 0 um")
 """What a length may be: beyond the first number, below the second, in words."""
 
-RTOL = 3e-7
+RTOL = 2e-7
 MAX_ITERATIONS = 1000
 
 BELOW_ZERO = math.nextafter(0, -1)

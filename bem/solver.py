@@ -90,12 +90,15 @@ class Iterate:
     residual : (m,) interference less displacement: zero in contact, negative where a gap is open
     iterations : steps of conjugate gradients so far
     convolutions : applications of H so far
+    exact : whether the residual is that of the pressure to the last digits, not kept up in working
+        precision since
     """
 
     pressure: Values
     residual: Values
     iterations: int = 0
     convolutions: int = 0
+    exact: bool = False
 
     def contact(self) -> Nodes:
         """Nodes under pressure, and nodes that would penetrate."""
@@ -109,6 +112,12 @@ class Iterate:
         """Largest |w| in contact or -w outside, zero for the exact solution."""
         pressed = self.residual * (self.pressure > 0)
         return max(float(self.residual.max(initial=0.0)), -float(pressed.min(initial=0.0)))
+
+    def renew(self, operators: Operators, interference: Values) -> None:
+        """Recompute the residual from the pressure."""
+        self.residual = interference - operators.displace(self.pressure)
+        self.convolutions += 1
+        self.exact = True
 
 
 def solve_complementarity(
@@ -142,29 +151,31 @@ def solve_complementarity(
         recomputed from the pressure
     """
     iterate = start or Iterate(np.zeros_like(interference), interference.copy())
+    iterate.exact = start is None
     _take_first_steps(operators, interference, iterate, pace.first_steps)
-    exact = start is None and not iterate.convolutions
-    trusted, violation = 1.0, iterate.violation()
+    renewed, violation = 1.0, iterate.violation()
     smallest, patience, safe_steps = np.inf, PATIENCE, SAFE_STEPS
     energy, reduction, following = np.inf, pace.inner_reduction, None
     while True:
-        floor = max(rtol, ROUNDING * trusted)
+        floor = max(rtol, ROUNDING * renewed)
         if violation <= floor or iterate.iterations >= max_iterations:
-            if exact:
+            if iterate.exact:
                 return iterate, violation <= rtol
-            iterate.residual = interference - operators.displace(iterate.pressure)
-            iterate.convolutions += 1
-            exact, trusted = True, iterate.violation()
-            violation = trusted
+            iterate.renew(operators, interference)
+            renewed = violation = iterate.violation()
             continue
         contact = iterate.contact() if following is None else following
         goals = reduction, floor / 2
         _solve_in_contact(operators, interference, contact, iterate, goals, max_iterations)
-        following = _cut_off_tension(operators, interference, contact, iterate, pace.advance)
+        renewing = ROUNDING * renewed > rtol / 2 >= ROUNDING * iterate.violation()
+        following = _cut_off_tension(
+            operators, interference, contact, iterate, pace.advance, renewing
+        )
         energy, last = iterate.energy(interference), energy
         if energy > last:
             reduction *= TIGHTENING
-        exact, violation = False, iterate.violation()
+        violation = iterate.violation()
+        renewed = violation if iterate.exact else renewed
         patience = PATIENCE if violation < smallest else patience - 1
         smallest = min(smallest, violation)
         if patience == 0:
@@ -188,6 +199,7 @@ def _solve_in_contact(
     good below the second. The residual is kept up on all nodes, where the convolution gives it for
     nothing.
     """
+    iterate.exact = False
     deflate = _deflation(operators, interference, contact, iterate)
     pressure = iterate.pressure[contact]
     outside = np.ones(iterate.pressure.size, dtype=bool)
@@ -271,6 +283,7 @@ def _take_first_steps(
         iterate.pressure[:] = 0
         iterate.pressure[loaded] = scale * values
         iterate.residual = interference - scale * image
+        iterate.exact = False
 
 
 def _cut_off_tension(
@@ -279,10 +292,12 @@ def _cut_off_tension(
     contact: Nodes,
     iterate: Iterate,
     advance: float,
+    renewing: bool,
 ) -> Nodes | None:
     """Set negative pressures to zero, and step ahead on the next contact set.
 
-    Both for one convolution.
+    Both for one convolution: of the change, or of the whole pressure where that renews a residual
+    which working precision could not carry to the end.
     """
     tension = contact[iterate.pressure[contact] < 0]
     if not tension.size:
@@ -292,10 +307,13 @@ def _cut_off_tension(
     following = np.flatnonzero((iterate.pressure > 0) | ((iterate.residual > 0) & (before == 0)))
     step = advance * operators.approximate_inverse(following)(iterate.residual[following])
     iterate.pressure[following] = np.maximum(iterate.pressure[following] + step, 0)
-    change = iterate.pressure - before
-    changed = np.flatnonzero(change)
-    iterate.residual -= operators.displace_some(changed, change[changed])
-    iterate.convolutions += 1
+    if renewing:
+        iterate.renew(operators, interference)
+    else:
+        change = iterate.pressure - before
+        changed = np.flatnonzero(change)
+        iterate.residual -= operators.displace_some(changed, change[changed])
+        iterate.convolutions += 1
     if operators.softening < 0:  # else the displacement would answer to what was cut off, too much
         _rescale(interference, iterate)
         return following
@@ -311,7 +329,7 @@ def descend(operators: Operators, interference: Values, iterate: Iterate, steps:
     """
     length = 1 / operators.norm
     everywhere = np.arange(iterate.pressure.size)
-    last = iterate.iterations + steps
+    last, iterate.exact = iterate.iterations + steps, False
     direction = _free_gradient(iterate)
     while iterate.iterations < last and iterate.violation() > 0:
         free = _free_gradient(iterate)

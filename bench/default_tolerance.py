@@ -18,7 +18,7 @@ from gen.plan import parameters
 from gen.sample import Heights, solve_contact, surface_of
 from gen.scene import Scene, load
 
-RTOLS = (1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 1e-8)
+RTOLS = (1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 5e-7, 2e-7, 1e-7, 1e-8)
 EXACT_RTOL = 1e-12
 WANTED_SHARE = 0.999
 

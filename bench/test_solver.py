@@ -64,10 +64,11 @@ def surfaces(nodes: int, count: int) -> list[tuple[NDArray[np.float64], float]]:
 
 
 def assert_exact(contact: bem.Contact) -> None:
-    """Contact nodes as at a far tighter tolerance, all but one in 100,000, and the same force."""
+    """Contact nodes within 0.05 %, or one, of those at a far tighter tolerance; the same force."""
     problem = contact.problem
     exact = bem.solve(problem.heights, SIDE, problem.delta, kernel=problem.kernel, rtol=EXACT)
-    assert abs(contact.contact_nodes - exact.contact_nodes) <= exact.contact_nodes // 100_000
+    missed = abs(contact.contact_nodes - exact.contact_nodes)
+    assert missed <= max(exact.contact_nodes // 2000, 1)
     assert contact.force == pytest.approx(exact.force, rel=1e-5)
 
 

@@ -180,7 +180,7 @@ def contact(
         str, typer.Option(help="uniform-pressure or concentrated-force.")
     ] = "uniform-pressure",
     far_field: Annotated[str, typer.Option(help="rigid or compliant.")] = "rigid",
-    rtol: Annotated[float, typer.Option(help="Residual to reach, over Delta.")] = 3e-7,
+    rtol: Annotated[float, typer.Option(help="Residual to reach, over Delta.")] = 2e-7,
     max_iterations: Annotated[int, typer.Option(help="Bound on the solver's iterations.")] = 1000,
     table: Table = None,
     picture: Annotated[

@@ -120,7 +120,7 @@ class Contact(Table):
         default=0.0, description="Poisson's ratio, a number above -1, at most 0.5"
     )
     rtol: Annotated[Number, Field(gt=1e-14, lt=1)] = Field(
-        default=3e-7, description="a number between 1e-14 and 1"
+        default=2e-7, description="a number between 1e-14 and 1"
     )
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
         default=1000, description="a whole number from 1 to 1000000"
@@ -278,7 +278,7 @@ def differences(in_file: Scene, asked_for: Scene) -> list[str]:
 
     Returns
     -------
-    One string a key, such as "contact.rtol: 3e-07 in the file, 1e-08 asked for"; none where the
+    One string a key, such as "contact.rtol: 2e-07 in the file, 1e-08 asked for"; none where the
     fingerprints agree.
     """
     old = dict(_leaves(in_file._relevant()))

@@ -71,7 +71,7 @@ def violation(contact: bem.Contact) -> float:
 
 
 @pytest.mark.parametrize("deltas", [np.linspace(5, 45, 15), np.linspace(45, 5, 15), [30.0] * 3])
-@pytest.mark.parametrize("rtol", [1e-4, 3e-7, 1e-11])
+@pytest.mark.parametrize("rtol", [1e-4, 2e-7, 1e-11])
 def test_every_rung_is_certified_anew(deltas: list[float], rtol: float) -> None:
     """What a start is worth must not show: the residual is that of the pressure handed out."""
     for contact in bem.ladder(ROUGH, 1000.0, deltas, rtol=rtol):
