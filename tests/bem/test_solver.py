@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 
 import bem
 from bem.influence import Kernel
-from bem.solver import Iterate, descend, solve_complementarity
+from bem.solver import FROM_NEAR, Iterate, descend, solve_complementarity
 from tests.bem import dense
 from tests.bem.surfaces import SURFACES, Shape, surface
 
@@ -146,6 +146,58 @@ def test_other_operators_have_the_same_solution(kind: str, seed: int, data: st.D
     while slow.violation() > 1e-12:
         descend(operators, interference, slow, steps=8)
     np.testing.assert_allclose(slow.pressure, expected, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_first_step_from_a_start_is_the_best_in_its_plane(seed: int) -> None:
+    """Least energy among all sums of the start and the preconditioned residual: deflation."""
+    random = np.random.default_rng(seed)
+    matrix = dense.influence_matrix((5, 6), "uniform-pressure").reshape(30, 30)
+    interference = matrix @ random.uniform(1, 2, 30)  # so that all nodes are in contact
+    near = random.uniform(1, 2, 30)
+    residual = interference - (near @ interference) / (near @ matrix @ near) * matrix @ near
+    plane = np.array([near, residual / matrix.diagonal()]).T
+    best = plane @ np.linalg.solve(plane.T @ matrix @ plane, plane.T @ interference)
+    assert best.min() > 0
+    start = Iterate(near.copy(), interference - matrix @ near)
+    found, converged = solve_complementarity(
+        Dense(matrix), interference, rtol=1e-12, max_iterations=1, start=start, pace=FROM_NEAR
+    )
+    assert not converged
+    np.testing.assert_allclose(found.pressure, best, rtol=0, atol=1e-12)
+    assert near @ found.residual == pytest.approx(0, abs=1e-12)
+
+
+class Rounded(Dense):
+    """Search directions in single precision; counts the products in double precision."""
+
+    exact = 0
+
+    def displace(self, pressure: np.ndarray) -> np.ndarray:
+        self.exact += 1
+        return super().displace(pressure)
+
+    def displace_some(self, nodes: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        return super().displace_some(nodes, pressure).astype(np.float32).astype(np.float64)
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 2e-7, 1e-11])
+@pytest.mark.parametrize("depth", [0.2, 0.5, 5.0])
+def test_few_exact_products_are_enough(depth: float, rtol: float) -> None:
+    """One to be sure, and one or two before it where single precision cannot go so far."""
+    shape = (20, 20)
+    matrix = dense.influence_matrix(shape, "uniform-pressure").reshape(400, 400)
+    heights = surface("self-affine", shape, seed=3).reshape(-1)
+    interference = (heights - heights.max()) / (depth * np.ptp(heights)) + 1
+    operators = Rounded(matrix)
+    found, converged = solve_complementarity(operators, interference, rtol=rtol, max_iterations=500)
+    assert converged
+    assert found.exact
+    assert operators.exact <= (1 if rtol == 1e-4 else 3)
+    residual = interference - matrix @ found.pressure
+    np.testing.assert_allclose(found.residual, residual, rtol=0, atol=1e-14)
+    assert residual.max() <= rtol
+    assert np.abs(residual[found.pressure > 0]).max() <= rtol
 
 
 def test_default_tolerance_finds_the_nodes_in_contact() -> None:
