@@ -211,9 +211,9 @@ def _solve_in_contact(
     precondition = operators.approximate_inverse(contact)
     direction, previous = np.zeros_like(pressure), np.inf
     while iterate.iterations < max_iterations and largest > floor:
-        correction = precondition(residual)
+        correction = deflate(precondition(residual), residual)
         product = _inner(residual, correction)
-        direction = deflate(correction) + (product / previous) * direction
+        direction = correction + (product / previous) * direction
         previous = product
         image = operators.displace_some(contact, direction)
         step = product / _inner(direction, image[contact])
@@ -233,20 +233,29 @@ def _solve_in_contact(
 
 def _deflation(
     operators: Operators, interference: Values, contact: Nodes, iterate: Iterate
-) -> Callable[[Values], Values]:
-    """Scale the pressure to the least energy, and keep all directions conjugate to it.
+) -> Callable[[Values, Values], Values]:
+    """Scale the pressure to the least energy, and keep all corrections conjugate to it.
 
     Tension that was cut off leaves too much load, by which all of the contact is then off: the
-    pressure, whose image is known, takes that out for nothing (deflation: Nicolaides 1987). On a
-    compliant far field the scale is what the contact set hangs on most, and is left to the rest.
+    pressure, whose image is known, takes that out for nothing (deflation: Nicolaides 1987). What
+    rounding puts back into the residual along it is taken out again with each correction (A-DEF2
+    of Tang, Nabben, Vuik and Erlangga 2009); else long stages would come to stand on it and part.
+    On a compliant far field the scale is what the contact set hangs on most, and is left to the
+    rest.
     """
     if operators.softening > 0:
-        return lambda correction: correction
+        return lambda correction, _: correction
     _rescale(interference, iterate)
     known, image = iterate.pressure[contact], (interference - iterate.residual)[contact]
     stiffness = _inner(known, image)
-    weights = image / stiffness if stiffness > 0 else np.zeros_like(image)
-    return lambda correction: correction - _inner(correction, weights) * known
+    if not stiffness > 0:
+        return lambda correction, _: correction
+
+    def deflate(correction: Values, residual: Values) -> Values:
+        along = (_inner(residual, known) - _inner(correction, image)) / stiffness
+        return correction + along * known
+
+    return deflate
 
 
 def _rescale(interference: Values, iterate: Iterate) -> None:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import fftconvolve
 
 import bem
 from bem.far_field import critical_delta, flat_punch, shape_factor
-from bem.influence import Kernel
+from bem.influence import Kernel, influence_coefficients
 from tests.bem import dense
 
 KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
@@ -154,6 +155,17 @@ def test_flat_punch_is_the_dense_solution(shape: tuple[int, int], aspect: float)
     matrix = dense.influence_matrix(shape, "uniform-pressure", aspect).reshape(nodes, nodes)
     expected = np.linalg.solve(matrix, np.ones(nodes)).reshape(shape)
     np.testing.assert_allclose(flat_punch(shape, "uniform-pressure", aspect), expected, rtol=1e-11)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("nodes", [65, 128, 129, 257])
+def test_flat_punch_stays_flat_on_large_grids(nodes: int, kernel: Kernel) -> None:
+    """Of a single long stage of conjugate gradients, which rounding must not lead astray."""
+    pressure = flat_punch((nodes, nodes), kernel)
+    table = influence_coefficients((nodes, nodes), kernel)
+    mirrored = np.pad(table, ((nodes - 1, 0), (nodes - 1, 0)), mode="reflect")
+    moved = fftconvolve(mirrored, pressure, mode="valid")
+    np.testing.assert_allclose(moved, 1.0, rtol=0, atol=2e-12)
 
 
 def test_flat_punch_is_kept_and_cannot_be_written() -> None:
