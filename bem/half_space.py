@@ -1,6 +1,8 @@
 """The influence matrix of the nodes that may touch: what the solver iterates with."""
 
 from collections.abc import Callable
+from copy import copy
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +51,12 @@ class HalfSpace:
         self._working = Selection(displacement_filter(shape, kernel, aspect, working), nodes)
         self._preconditioner = Preconditioner(shape, kernel, aspect, nodes, working)
 
+    def through(self, softening: float) -> Self:
+        """The same nodes and tables, through a spring or on a far field that gives way."""
+        other = copy(self)
+        other.softening = softening
+        return other
+
     def displace(self, pressure: Values) -> Values:
         """(m,) -> (m,) displacement in double precision."""
         return self._give_way(self._double(pressure), pressure)
@@ -66,22 +74,12 @@ class HalfSpace:
         return self._give_way(self._working.spread(nodes, pressure).astype(np.float64), pressure)
 
     def approximate_inverse(self, nodes: Nodes) -> Callable[[Values], Values]:
-        """(a,) -> (a,) on some of the nodes, in working precision.
+        """(a,) -> (a,) on some of the nodes, in working precision, of H alone.
 
-        The compliance of a spring is added to the approximate inverse by the formula of Sherman
-        and Morrison; what a compliant far field takes away would spoil its definiteness.
+        What a compliant far field takes away would spoil its definiteness; a spring's compliance
+        is the solver's to keep apart, with the scale of the pressure.
         """
-        precondition = self._preconditioner.restricted_to(nodes)
-        if self.softening >= 0:
-            return precondition
-        uniform = precondition(np.ones(len(nodes)))
-        stiffness = float(uniform.sum()) - 1 / self.softening
-
-        def precondition_with_spring(residual: Values) -> Values:
-            correction = precondition(residual)
-            return correction - uniform * (float(correction.sum()) / stiffness)
-
-        return precondition_with_spring
+        return self._preconditioner.restricted_to(nodes)
 
     def _give_way(self, moved: Values, pressure: Values) -> Values:
         if self.softening:

@@ -1,5 +1,6 @@
 """Equilibrium under a given force: the displacement that it takes, for about one solve's cost."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,14 @@ from bem.equilibrium import Equilibrium, on_rigid_far_field, overlap, started, u
 from bem.far_field import flat_punch
 from bem.half_space import HalfSpace
 from bem.problem import Field, Problem
-from bem.solver import FROM_NEAR, FROM_SCRATCH, Iterate, solve_complementarity
+from bem.solver import (
+    FROM_NEAR,
+    FROM_SCRATCH,
+    Iterate,
+    rescale,
+    solve_complementarity,
+    take_first_steps,
+)
 
 # The force pushes through a spring that gives by this many displacements: the softer it is, the
 # less the force depends on the displacement found.
@@ -21,12 +29,12 @@ SPRING_RTOL = 1e-8
 LOOSEST_RTOL = 1e-2
 
 # The displacement is guessed on every fourth node, as long as there are so many a side, and below
-# from that of a few nodes, on which the force grows like a power of it. It may be larger than
-# guessed by MARGIN: the nodes that may touch are taken from there.
-COARSEST = 65
+# on so few that dense linear algebra gives it. It may be larger than guessed by MARGIN: the nodes
+# that may touch are taken from there.
+COARSEST = 200
 STRIDE = 4
-GROWTH = 1.7
 GUESS_RTOL = 2e-2
+GUESS_MARGIN = 1.5
 MARGIN = 1.1
 
 # Iterations after which a solve through the spring is given up for a root of the force.
@@ -55,14 +63,12 @@ def under_given_force(problem: Problem) -> Equilibrium:
 
 def _on_nodes_or_through_springs(problem: Problem, load: float) -> Equilibrium:
     """Solve on few nodes if the force is so small, else from a guess of the displacement."""
-    few, guess = _displacement_of_few(problem), None
-    if min(problem.heights.shape) >= COARSEST:
-        guess = _guess(problem, load)
-    if guess is None or guess < MARGIN * few:
+    guess = _guess(problem, load)
+    if guess < MARGIN * _displacement_of_few(problem):
         found = _on_few_nodes(problem, load)
         if found is not None:
             return found
-    found = _through_springs(problem, load, guess or _guess(problem, load))
+    found = _through_springs(problem, load, guess, MARGIN)
     if found.converged and problem.rtol < SPRING_RTOL:
         found = _polished(problem, found)
     return found
@@ -111,43 +117,49 @@ def _on_few_nodes(problem: Problem, load: float) -> Equilibrium | None:
     return unfold(problem, moved, box, nodes, iterate)
 
 
-def _through_springs(problem: Problem, load: float, guess: float) -> Equilibrium:
+def _through_springs(problem: Problem, load: float, guess: float, margin: float) -> Equilibrium:
     """Solve from a displacement [um]; again, from there, where it was guessed wrong."""
     near, spent = None, Iterate(np.zeros(0), np.zeros(0))
     while True:
-        found = _at_guess(problem, guess, load, near, spent)
-        if not found.converged or 1 / MARGIN < found.approach / guess < MARGIN:
+        found = _at_guess(problem, guess, load, margin, near, spent)
+        if not found.converged or 1 / margin < found.approach / guess < margin:
             return found
         spent, near = found.iterate, found.pressure * (found.length / problem.spacing[0])
         guess *= min(max(found.approach / guess, 0.1), 10.0)
 
 
 def _guess(problem: Problem, load: float) -> float:
-    """A displacement near the one that the force takes [um]."""
+    """A displacement near the one that the force takes [um], from coarser and coarser grids."""
     highest = float(problem.heights.max())
-    if min(problem.heights.shape) >= COARSEST:
-        heights = problem.heights[::STRIDE, ::STRIDE]
-        spacing = STRIDE * problem.spacing[0], STRIDE * problem.spacing[1]
-        coarse = replace(problem, heights=heights, spacing=spacing, rtol=GUESS_RTOL)
-        found = _on_nodes_or_through_springs(coarse, load / STRIDE)
+    fine = min(problem.heights.shape) >= COARSEST
+    stride = STRIDE if fine else math.ceil(math.sqrt(problem.heights.size / FEW_NODES))
+    heights = problem.heights[::stride, ::stride]
+    spacing = stride * problem.spacing[0], stride * problem.spacing[1]
+    coarse = replace(problem, heights=heights, spacing=spacing, rtol=GUESS_RTOL)
+    left = highest - float(heights.max())
+    if fine:
+        guess = _guess(coarse, load / STRIDE)
+        found = _through_springs(coarse, load / STRIDE, guess, GUESS_MARGIN)
         if found.converged and found.approach > 0:
-            return found.approach + (highest - float(heights.max()))
+            return found.approach + left
+        return guess + left
+    below = (heights - heights.max()).reshape(-1)
+    nodes = np.arange(heights.size)
+    matrix = influence_matrix(nodes, heights.shape, problem.kernel, problem.aspect)
+    _, moved, _ = solve_directly(
+        matrix, below, rtol=GUESS_RTOL, max_iterations=problem.max_iterations, load=load / stride
+    )
     sides = (n * step for n, step in zip(problem.heights.shape, problem.spacing, strict=True))
     flat = load * problem.spacing[1] / min(sides)
     largest = highest - float(problem.heights.min()) + 1.5 * flat
-    few = _displacement_of_few(problem)
-    if few == 0:
-        return float(largest)
-    touching = on_rigid_far_field(replace(problem, rtol=GUESS_RTOL), few)
-    carried = float(touching.pressure.sum()) * few
-    guess = few * (load / carried) ** (1 / GROWTH)
-    return float(min(max(guess, flat / 4), largest))
+    return float(min(max(moved + left, flat / 4), largest))
 
 
 def _at_guess(
     problem: Problem,
     guess: float,
     load: float,
+    margin: float,
     near: Field | None,
     spent: Iterate,
 ) -> Equilibrium:
@@ -157,27 +169,33 @@ def _at_guess(
     ----------
     guess : of the displacement [um]
     load : force / E* / second side of a cell [um]
+    margin : by how much the displacement may be larger than guessed
     near : (nx, ny) pressure to start from [E*]
     spent : counts the iterations and convolutions so far
     """
-    box, nodes, interference = overlap(problem, guess * MARGIN)
-    interference = interference * MARGIN - MARGIN + 1 + SPRING
+    box, nodes, interference = overlap(problem, guess * margin)
+    interference = interference * margin - margin + 1
     shape = box[0].stop - box[0].start, box[1].stop - box[1].start
-    operators = HalfSpace(shape, problem.kernel, problem.aspect, nodes, -SPRING * guess / load)
+    rigid = HalfSpace(shape, problem.kernel, problem.aspect, nodes)
     if near is None:
-        pressure = np.full(len(nodes), load / guess / len(nodes))
+        start = Iterate(np.zeros_like(interference), interference.copy())
+        take_first_steps(rigid, interference, start, FROM_SCRATCH.first_steps)
     else:
         pressure = near[box].reshape(-1)[nodes] * (problem.spacing[0] / guess)
-    start = started(operators, interference, pressure)
+        start = started(rigid, interference, pressure)
+    operators = rigid.through(-SPRING * guess / load)
+    start.residual += SPRING + operators.softening * float(start.pressure.sum())
     start.iterations += spent.iterations
     start.convolutions += spent.convolutions
+    interference += SPRING
+    rescale(interference, start)
     iterate, converged = solve_complementarity(
         operators,
         interference,
-        rtol=problem.rtol / MARGIN,
+        rtol=problem.rtol / margin,
         max_iterations=min(problem.max_iterations, SPRING_ITERATIONS),
         start=start,
-        pace=FROM_SCRATCH if near is None else FROM_NEAR,
+        pace=FROM_NEAR,
     )
     return _displaced(unfold(problem, guess, box, nodes, iterate, converged), load)
 

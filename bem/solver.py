@@ -152,7 +152,7 @@ def solve_complementarity(
     """
     iterate = start or Iterate(np.zeros_like(interference), interference.copy())
     iterate.exact = start is None
-    _take_first_steps(operators, interference, iterate, pace.first_steps)
+    take_first_steps(operators, interference, iterate, pace.first_steps)
     renewed, violation = 1.0, iterate.violation()
     smallest, patience, safe_steps = np.inf, PATIENCE, SAFE_STEPS
     energy, reduction, following = np.inf, pace.inner_reduction, None
@@ -245,7 +245,7 @@ def _deflation(
     """
     if operators.softening > 0:
         return lambda correction, _: correction
-    _rescale(interference, iterate)
+    rescale(interference, iterate)
     known, image = iterate.pressure[contact], (interference - iterate.residual)[contact]
     stiffness = _inner(known, image)
     if not stiffness > 0:
@@ -258,7 +258,7 @@ def _deflation(
     return deflate
 
 
-def _rescale(interference: Values, iterate: Iterate) -> None:
+def rescale(interference: Values, iterate: Iterate) -> None:
     """Multiply the pressure by the factor of least energy."""
     image = interference - iterate.residual
     stiffness = _inner(iterate.pressure, image)
@@ -268,7 +268,7 @@ def _rescale(interference: Values, iterate: Iterate) -> None:
         iterate.residual = interference - factor * image
 
 
-def _take_first_steps(
+def take_first_steps(
     operators: Operators, interference: Values, iterate: Iterate, steps: int
 ) -> None:
     """Preconditioned steps cut off at zero, each scaled to the least energy on its ray.
@@ -324,7 +324,7 @@ def _cut_off_tension(
         iterate.residual -= operators.displace_some(changed, change[changed])
         iterate.convolutions += 1
     if operators.softening < 0:  # else the displacement would answer to what was cut off, too much
-        _rescale(interference, iterate)
+        rescale(interference, iterate)
         return following
     return None
 

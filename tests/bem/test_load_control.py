@@ -58,6 +58,15 @@ def test_it_is_cheap_and_exact_on_rough_surfaces(delta: float, far_field: str) -
     assert found.convolutions <= 60
 
 
+def test_a_given_force_takes_hardly_more_convolutions_than_a_given_displacement() -> None:
+    """At most 1.5 times as many on the whole; the time is in `pytest bench -k given_force`."""
+    deltas = np.linspace(6.0, 30.0, 9)
+    given_delta = [bem.solve(ROUGH, 1000.0, delta) for delta in deltas]
+    given_force = [bem.solve(ROUGH, 1000.0, force=contact.force) for contact in given_delta]
+    counts = [sum(each.convolutions for each in some) for some in (given_force, given_delta)]
+    assert counts[0] <= 1.5 * counts[1]
+
+
 def test_mean_pressure_is_the_mean_over_all_nodes() -> None:
     contact = bem.solve(ROUGH, 1000.0, pressure=0.02, modulus=3.0)
     assert contact.pressure.mean() == pytest.approx(0.02, rel=2e-6)
