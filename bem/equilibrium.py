@@ -10,7 +10,7 @@ from bem.direct import FEW_NODES, influence_matrix, solve_directly
 from bem.far_field import critical_delta, flat_punch
 from bem.half_space import HalfSpace
 from bem.problem import Field, Problem
-from bem.solver import FROM_NEAR, FROM_SCRATCH, Iterate, Pace, solve_complementarity
+from bem.solver import FROM_NEAR, FROM_SCRATCH, Iterate, solve_complementarity
 
 # Iterations after which a compliant far field is approached by rigid solves, how near they have to
 # come over what they have approached, how many they may be, and the longest step between two.
@@ -23,7 +23,7 @@ LONGEST_ADVANCE = 0.5
 # than it costs (`python -m bench growth`).
 NESTED = 1000
 NESTED_RTOL = 3e-2
-NESTED_PACE = Pace(first_steps=1, inner_reduction=0.1, advance=0.3)
+NESTED_PACE = replace(FROM_SCRATCH, first_steps=1, advance=0.3)
 
 Nodes = NDArray[np.intp]
 
