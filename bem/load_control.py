@@ -130,29 +130,39 @@ def _through_springs(problem: Problem, load: float, guess: float, margin: float)
 
 def _guess(problem: Problem, load: float) -> float:
     """A displacement near the one that the force takes [um], from coarser and coarser grids."""
-    highest = float(problem.heights.max())
-    fine = min(problem.heights.shape) >= COARSEST
-    stride = STRIDE if fine else math.ceil(math.sqrt(problem.heights.size / FEW_NODES))
-    heights = problem.heights[::stride, ::stride]
-    spacing = stride * problem.spacing[0], stride * problem.spacing[1]
-    coarse = replace(problem, heights=heights, spacing=spacing, rtol=GUESS_RTOL)
-    left = highest - float(heights.max())
-    if fine:
-        guess = _guess(coarse, load / STRIDE)
-        found = _through_springs(coarse, load / STRIDE, guess, GUESS_MARGIN)
-        if found.converged and found.approach > 0:
-            return found.approach + left
-        return guess + left
-    below = (heights - heights.max()).reshape(-1)
-    nodes = np.arange(heights.size)
-    matrix = influence_matrix(nodes, heights.shape, problem.kernel, problem.aspect)
+    if min(problem.heights.shape) < COARSEST:
+        return _guess_on_few_nodes(problem, load)
+    coarse, left = _coarsened(problem, STRIDE)
+    guess = _guess(coarse, load / STRIDE)
+    found = _through_springs(coarse, load / STRIDE, guess, GUESS_MARGIN)
+    return left + (found.approach if found.converged and found.approach > 0 else guess)
+
+
+def _guess_on_few_nodes(problem: Problem, load: float) -> float:
+    """The displacement of every so many-th node, by dense linear algebra [um]."""
+    shape, stride = problem.heights.shape, 1
+    while math.prod(-(-nodes // stride) for nodes in shape) > FEW_NODES:
+        stride += 1
+    coarse, left = _coarsened(problem, stride)
+    below = (coarse.heights - coarse.heights.max()).reshape(-1)
+    matrix = influence_matrix(
+        np.arange(below.size), coarse.heights.shape, problem.kernel, problem.aspect
+    )
     _, moved, _ = solve_directly(
         matrix, below, rtol=GUESS_RTOL, max_iterations=problem.max_iterations, load=load / stride
     )
-    sides = (n * step for n, step in zip(problem.heights.shape, problem.spacing, strict=True))
+    sides = (nodes * step for nodes, step in zip(shape, problem.spacing, strict=True))
     flat = load * problem.spacing[1] / min(sides)
-    largest = highest - float(problem.heights.min()) + 1.5 * flat
+    largest = float(np.ptp(problem.heights)) + 1.5 * flat
     return float(min(max(moved + left, flat / 4), largest))
+
+
+def _coarsened(problem: Problem, stride: int) -> tuple[Problem, float]:
+    """Every so many-th node, and by how much the highest of all is above them [um]."""
+    heights = problem.heights[::stride, ::stride]
+    spacing = stride * problem.spacing[0], stride * problem.spacing[1]
+    coarse = replace(problem, heights=heights, spacing=spacing, rtol=GUESS_RTOL)
+    return coarse, float(problem.heights.max() - heights.max())
 
 
 def _at_guess(
