@@ -83,14 +83,16 @@ class Result:
 
 
 def run_case(case: Case) -> Result:
-    """Ask and judge."""
+    """Ask and judge; raises ModuleNotFoundError where an extra is missing."""
     out, findings, raised = "", [], None
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         try:
             answer = case.examine()
             out, findings = answer.out, list(answer.findings)
-        except Exception as error:  # whatever it is, the table is to show it
+        except ModuleNotFoundError:  # of an extra: nothing that the case is about
+            raise
+        except Exception as error:  # whatever else it is, the table is to show it
             raised = error
             out = " ".join(str(error).split())
     if case.refusal is not None:

@@ -122,6 +122,14 @@ def test_warnings_and_errors_fail() -> None:
     assert not Result(Case("test", "test", "", warn), "").passed
 
 
+def test_a_missing_extra_ends_the_table_and_is_no_failed_case():
+    def learn() -> Answer:
+        raise ModuleNotFoundError("No module named 'mapie'", name="mapie")
+
+    with pytest.raises(ModuleNotFoundError, match="mapie"):
+        run_case(Case("test", "test", "", learn))
+
+
 def test_the_worst_check_is_the_one_that_failed() -> None:
     findings = (Finding("near", 0.9, 1.0), Finding("failed", 0.2, 0.1), Finding("far", 0.0, 1.0))
     case = Case("test", "test", "", lambda: Answer("", ()))
