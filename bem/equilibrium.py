@@ -195,15 +195,15 @@ def on_compliant_far_field(problem: Problem, delta: float) -> Equilibrium:
     shape = problem.heights.shape
     depth = ((problem.heights - problem.heights.max()) / delta).reshape(-1)
     softening = 1 / float(flat_punch(shape, problem.kernel, problem.aspect).sum())
-    settings = shape, problem.kernel, problem.aspect, np.arange(depth.size)
+    rigid = HalfSpace(shape, problem.kernel, problem.aspect, np.arange(depth.size))
     solve_here = partial(
-        solve_complementarity, HalfSpace(*settings, softening), depth + 1, rtol=problem.rtol
+        solve_complementarity, rigid.through(softening), depth + 1, rtol=problem.rtol
     )
     soon = min(DIRECT_ITERATIONS, problem.max_iterations)
     iterate, converged = solve_here(max_iterations=soon)
     if not converged and soon < problem.max_iterations:
         left = problem.max_iterations - iterate.iterations
-        near = _approach_from_below(left, HalfSpace(*settings), depth, softening)
+        near = _approach_from_below(left, rigid, depth, softening)
         near.iterations += iterate.iterations
         near.convolutions += iterate.convolutions
         iterate, converged = solve_here(

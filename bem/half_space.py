@@ -26,14 +26,12 @@ class HalfSpace:
     shape : (nx, ny) nodes of the grid
     kernel, aspect : see `bem.influence.influence_coefficients`
     nodes : (m,) flat indices of the nodes
-    softening : 1 / s of a compliant far field, H - 1 1^T / s; 0 for a rigid one; negative for a
-        far field that is pushed through a soft spring
     working : precision of search directions, "float32", or "float64" to see what that saves
 
     Attributes
     ----------
     norm : upper bound of the largest eigenvalue
-    softening : as given
+    softening : of the far field: 0, as a rigid one has it, but for what comes of `through`
     """
 
     def __init__(
@@ -42,17 +40,22 @@ class HalfSpace:
         kernel: Kernel,
         aspect: float,
         nodes: Nodes,
-        softening: float = 0.0,
         working: str = "float32",
     ) -> None:
-        self.softening = softening
+        self.softening = 0.0
         self.norm = displacement_filter(shape, kernel, aspect).largest
         self._double = Selection(displacement_filter(shape, kernel, aspect), nodes)
         self._working = Selection(displacement_filter(shape, kernel, aspect, working), nodes)
         self._preconditioner = Preconditioner(shape, kernel, aspect, nodes, working)
 
     def through(self, softening: float) -> Self:
-        """The same nodes and tables, through a spring or on a far field that gives way."""
+        """The same nodes and tables with a far field that is not rigid.
+
+        Parameters
+        ----------
+        softening : 1 / s of a compliant far field, H - 1 1^T / s; negative for one that is pushed
+            through a soft spring
+        """
         other = copy(self)
         other.softening = softening
         return other

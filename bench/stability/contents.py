@@ -52,8 +52,8 @@ def contents(folder: Path) -> list[Content]:
 
 
 def _shown(folder: Path, name: str) -> Content:
-    command = f"python -m bench stability --of {name} -o {folder}"
     data = folder / FILES[name]
     if not data.exists():
+        command = f"python -m bench stability --of {name} -o {folder}"
         return Absent(f"Stiff and extreme cases of the {name}", command)
-    return Table(data, CAPTIONS[name], command, COLUMNS[name], verdict="verdict")
+    return Table(data, CAPTIONS[name], columns=COLUMNS[name], verdict="verdict")

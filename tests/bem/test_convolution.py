@@ -101,7 +101,7 @@ def test_selections_share_a_filter_and_agree_with_it(dtype: str) -> None:
 def test_half_space_gives_way_by_its_softening() -> None:
     shape, softening = (6, 7), 0.01
     nodes = np.flatnonzero(np.random.default_rng(4).random(shape) < 0.6)
-    operators = HalfSpace(shape, "uniform-pressure", 1.0, nodes, softening)
+    operators = HalfSpace(shape, "uniform-pressure", 1.0, nodes).through(softening)
     matrix = dense.influence_matrix(shape, "uniform-pressure").reshape(42, 42)[nodes][:, nodes]
     pressure = np.random.default_rng(5).random(nodes.size)
     expected = (matrix - softening) @ pressure

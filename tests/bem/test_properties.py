@@ -260,7 +260,7 @@ def test_every_start_leads_to_the_same_pressure_on_a_compliant_far_field(
     delta = share * critical
     overlap = ((heights - heights.max() + delta) / delta).reshape(-1)
     softening = 1 / float(flat_punch(shape, kernel).sum())
-    operators = HalfSpace(shape, kernel, 1.0, np.arange(overlap.size), softening)
+    operators = HalfSpace(shape, kernel, 1.0, np.arange(overlap.size)).through(softening)
     random = np.random.default_rng(seed)
     pressure = scale * random.random(overlap.size) * (random.random(overlap.size) < loaded)
     start = Iterate(pressure, overlap - operators.displace(pressure))

@@ -1,5 +1,6 @@
 """Scenes: what is read, what is refused and how, and what makes two scenes the same."""
 
+import inspect
 import json
 import math
 import subprocess
@@ -12,10 +13,21 @@ import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from bem.problem import MAX_ITERATIONS, RTOL
+from gen import cli
 from gen.errors import InputError
 from gen.scene import Scene, differences, load, preset_names
 
 FULL = load("paper").model_dump(mode="json")
+
+
+def test_the_solvers_defaults_are_said_alike_everywhere() -> None:
+    """Scenes and commands are read without the solver, whose import takes most of their time."""
+    command = inspect.signature(cli.contact).parameters
+    for name, default in (("rtol", RTOL), ("max_iterations", MAX_ITERATIONS)):
+        assert getattr(load("paper").contact, name) == default
+        assert Scene.parse("samples = 1", "a").contact.model_dump()[name] == default
+        assert command[name].default == default
 
 
 def refusal(text: str) -> str:
