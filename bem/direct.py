@@ -1,43 +1,18 @@
 """Few nodes that may touch: the contact set by dense linear algebra, to the last digits."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bem.influence import Kernel, influence_coefficients
-from bem.solver import Iterate
+from bem.factor import CONTACT_SETS, InfluenceMatrix, lapack
+from bem.iterate import Iterate, Nodes, Values
 
-Values = NDArray[np.float64]
-Nodes = NDArray[np.intp]
-
-# Up to so many nodes a dense solve is faster than convolutions (`pytest bench -k few_candidates`),
-# and so many contact sets are tried before the solution is left to them.
+# Up to so many nodes that may touch, dense linear algebra alone is faster than with convolutions
+# (`pytest bench -k few_candidates`).
 FEW_NODES = 250
-CONTACT_SETS = 20
-
-
-def influence_matrix(nodes: Nodes, shape: tuple[int, int], kernel: Kernel, aspect: float) -> Values:
-    """Influence of every node of a list on every other.
-
-    Parameters
-    ----------
-    nodes : (m,) flat indices into a grid of (nx, ny) nodes
-    shape, kernel, aspect : see `bem.influence.influence_coefficients`
-
-    Returns
-    -------
-    (m, m) displacement at one from unit pressure on the other [first side of a cell / E*]
-    """
-    row, column = np.divmod(nodes, shape[1])
-    table = influence_coefficients(shape, kernel, aspect)
-    places = np.abs(row[:, np.newaxis] - row)
-    places *= table.shape[1]
-    places += np.abs(column[:, np.newaxis] - column)
-    matrix: Values = table.reshape(-1).take(places)
-    return matrix
 
 
 def solve_directly(
-    matrix: Values,
+    matrix: InfluenceMatrix,
+    nodes: Nodes,
     interference: Values,
     *,
     rtol: float,
@@ -48,7 +23,8 @@ def solve_directly(
 
     Parameters
     ----------
-    matrix : (m, m) H
+    matrix : H
+    nodes : (m,) flat indices of the nodes that may touch
     interference : (m,) u [any length]
     rtol : largest violation accepted, over the displacement of the highest node, max u + d
     max_iterations : bound on the contact sets, besides `CONTACT_SETS`
@@ -59,6 +35,7 @@ def solve_directly(
     (iterate, d, converged) : pressure and residual in the unit of u. A contact set counts as an
         iteration and as an application of H. Not converged if the sets cycle or are singular
     """
+    entries = matrix.between(nodes, nodes)
     iterate, moved = Iterate(np.zeros_like(interference), interference.copy()), 0.0
     # Less than half of the nodes that may touch do so: the higher half is the cheaper start.
     middle = np.sort(interference)[len(interference) // 2]
@@ -66,14 +43,14 @@ def solve_directly(
     while contact.size and iterate.iterations < min(CONTACT_SETS, max_iterations):
         sides = np.ones((len(contact), 2))
         sides[:, 0] = interference[contact]
-        try:
-            plain, uniform = np.linalg.solve(matrix[contact[:, np.newaxis], contact], sides).T
-        except np.linalg.LinAlgError:
+        _, pressures, wrong = lapack("d").posv(entries[contact[:, np.newaxis], contact], sides)
+        if wrong:
             return iterate, moved, False
+        plain, uniform = pressures.T
         moved = 0.0 if load is None else float((load - plain.sum()) / uniform.sum())
         iterate.pressure[:] = 0
         iterate.pressure[contact] = plain + moved * uniform
-        iterate.residual = interference + moved - np.einsum("ij,j->i", matrix, iterate.pressure)
+        iterate.residual = interference + moved - _displacement(entries, iterate.pressure)
         iterate.residual[contact] = 0
         iterate.iterations += 1
         iterate.convolutions += 1
@@ -82,5 +59,11 @@ def solve_directly(
             break
         contact = following
     np.maximum(iterate.pressure, 0, out=iterate.pressure)
-    iterate.residual = interference + moved - np.einsum("ij,j->i", matrix, iterate.pressure)
+    iterate.residual = interference + moved - _displacement(entries, iterate.pressure)
     return iterate, moved, iterate.violation() <= rtol * (float(interference.max()) + moved)
+
+
+def _displacement(entries: Values, pressure: Values) -> Values:
+    """Without BLAS, whose threads would change its last bits."""
+    displacement: Values = np.einsum("ij,j->i", entries, pressure)
+    return displacement

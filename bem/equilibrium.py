@@ -6,11 +6,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from bem.direct import FEW_NODES, influence_matrix, solve_directly
+from bem.direct import FEW_NODES, solve_directly
+from bem.factor import InfluenceMatrix
 from bem.far_field import critical_delta, flat_punch
 from bem.half_space import HalfSpace
+from bem.iterate import Iterate
 from bem.problem import Field, Problem
-from bem.solver import FROM_NEAR, FROM_SCRATCH, Iterate, solve_complementarity
+from bem.solver import FROM_NEAR, FROM_SCRATCH, solve_complementarity
 
 # Iterations after which a compliant far field is approached by rigid solves, how near they have to
 # come over what they have approached, how many they may be, and the longest step between two.
@@ -80,9 +82,12 @@ def on_rigid_far_field(
     box, nodes, interference = overlap(problem, delta)
     shape = box[0].stop - box[0].start, box[1].stop - box[1].start
     if len(nodes) <= FEW_NODES:
-        matrix = influence_matrix(nodes, shape, problem.kernel, problem.aspect)
         iterate, _, converged = solve_directly(
-            matrix, interference, rtol=problem.rtol, max_iterations=problem.max_iterations
+            InfluenceMatrix(shape, problem.kernel, problem.aspect),
+            nodes,
+            interference,
+            rtol=problem.rtol,
+            max_iterations=problem.max_iterations,
         )
         if converged:
             return unfold(problem, delta, box, nodes, iterate)
@@ -144,11 +149,19 @@ def _between(values: Field, axis: int, nodes: int) -> Field:
 
 def overlap(problem: Problem, delta: float) -> tuple[tuple[slice, slice], Nodes, Field]:
     """The box of all nodes that may touch, these nodes in it, their interference over Delta."""
+    shape = problem.heights.shape
     below = problem.heights - problem.heights.max()
-    box = _bounding_box(below + delta > 0)
-    interference = ((below[box] + delta) / delta).reshape(-1)
-    nodes = np.flatnonzero(interference > 0)
-    return box, nodes, interference[nodes]
+    nodes = np.flatnonzero(below > -delta)
+    rows = nodes // shape[1]
+    columns = nodes - shape[1] * rows
+    box = (
+        _span(int(rows[0]), int(rows[-1]), shape[0]),
+        _span(int(columns.min()), int(columns.max()), shape[1]),
+    )
+    rows -= box[0].start
+    columns -= box[1].start
+    interference = (below.reshape(-1)[nodes] + delta) / delta  # above 0, as below > -delta is
+    return box, rows * (box[1].stop - box[1].start) + columns, interference
 
 
 def started(
@@ -245,15 +258,8 @@ def _approach_from_below(
     return iterate
 
 
-def _bounding_box(touching: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """The smallest box round the true nodes whose sides are on a ladder, so that plans recur."""
-    rows, columns = (np.flatnonzero(touching.any(axis=axis)) for axis in (1, 0))
-    return _span(rows, touching.shape[0]), _span(columns, touching.shape[1])
-
-
-def _span(indices: NDArray[np.intp], size: int) -> slice:
-    """The range of ascending indices, widened to 1 + (4, 5, 6, 7) 2^j nodes inside the grid."""
-    first, last = int(indices[0]), int(indices[-1])
+def _span(first: int, last: int, size: int) -> slice:
+    """From first to last, widened to 1 + (4, 5, 6, 7) 2^j nodes inside the grid: plans recur."""
     unit = 2 ** max((last - first).bit_length() - 3, 0)
     nodes = -(-(last - first) // unit) * unit + 1
     if nodes >= size:

@@ -8,11 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bem.convolution import Selection, displacement_filter
+from bem.factor import ContactFactor, InfluenceMatrix
 from bem.influence import Kernel
 from bem.preconditioner import Preconditioner
 
 Values = NDArray[np.float64]
 Nodes = NDArray[np.intp]
+
+# A contact set is worth factorising up to so many nodes times the third root of the grid's, since
+# its cost grows with their cube and a convolution's with the grid; and in double precision, which
+# spares a convolution in the end, up to this share of them (`pytest bench -k few_in_contact`).
+FEW_PER_ROOT = 27.0
+DOUBLE_SHARE = 0.5
 
 
 class HalfSpace:
@@ -27,10 +34,12 @@ class HalfSpace:
     kernel, aspect : see `bem.influence.influence_coefficients`
     nodes : (m,) flat indices of the nodes
     working : precision of search directions, "float32", or "float64" to see what that saves
+    few_per_root : see `FEW_PER_ROOT`; 0 to see what iterations do alone
 
     Attributes
     ----------
     norm : upper bound of the largest eigenvalue
+    few_nodes : contact sets of so many nodes and fewer are worth a factor of their matrix
     softening : of the far field: 0, as a rigid one has it, but for what comes of `through`
     """
 
@@ -41,8 +50,13 @@ class HalfSpace:
         aspect: float,
         nodes: Nodes,
         working: str = "float32",
+        few_per_root: float | None = None,
     ) -> None:
         self.softening = 0.0
+        per_root = FEW_PER_ROOT if few_per_root is None else few_per_root
+        self.few_nodes = int(per_root * np.cbrt(shape[0] * shape[1]))
+        self._grid = shape, kernel, aspect
+        self._nodes = nodes
         self.norm = displacement_filter(shape, kernel, aspect).largest
         self._double = Selection(displacement_filter(shape, kernel, aspect), nodes)
         self._working = Selection(displacement_filter(shape, kernel, aspect, working), nodes)
@@ -83,6 +97,17 @@ class HalfSpace:
         is the solver's to keep apart, with the scale of the pressure.
         """
         return self._preconditioner.restricted_to(nodes)
+
+    def factor(self, nodes: Nodes) -> ContactFactor:
+        """H on some of the nodes, factorised.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            if it is not positive definite in the precision that their number asks for
+        """
+        dtype = "float64" if len(nodes) <= DOUBLE_SHARE * self.few_nodes else "float32"
+        return ContactFactor(InfluenceMatrix(*self._grid, dtype), self._nodes[nodes])
 
     def _give_way(self, moved: Values, pressure: Values) -> Values:
         if self.softening:

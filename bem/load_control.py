@@ -5,19 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from bem.direct import FEW_NODES, influence_matrix, solve_directly
+from bem.direct import FEW_NODES, solve_directly
 from bem.equilibrium import Equilibrium, on_rigid_far_field, overlap, started, unfold
+from bem.factor import InfluenceMatrix
 from bem.far_field import flat_punch
+from bem.first_contact import take_first_steps
 from bem.half_space import HalfSpace
+from bem.iterate import Iterate, rescale
 from bem.problem import Field, Problem
-from bem.solver import (
-    FROM_NEAR,
-    FROM_SCRATCH,
-    Iterate,
-    rescale,
-    solve_complementarity,
-    take_first_steps,
-)
+from bem.solver import FROM_NEAR, FROM_SCRATCH, solve_complementarity
 
 # The force pushes through a spring that gives by this many displacements: the softer it is, the
 # less the force depends on the displacement found.
@@ -102,9 +98,9 @@ def _on_few_nodes(problem: Problem, load: float) -> Equilibrium | None:
     shape = box[0].stop - box[0].start, box[1].stop - box[1].start
     if len(nodes) > FEW_NODES:
         return None
-    matrix = influence_matrix(nodes, shape, problem.kernel, problem.aspect)
     iterate, moved, converged = solve_directly(
-        matrix,
+        InfluenceMatrix(shape, problem.kernel, problem.aspect),
+        nodes,
         (interference - 1) * delta,
         rtol=problem.rtol,
         max_iterations=problem.max_iterations,
@@ -145,11 +141,13 @@ def _guess_on_few_nodes(problem: Problem, load: float) -> float:
         stride += 1
     coarse, left = _coarsened(problem, stride)
     below = (coarse.heights - coarse.heights.max()).reshape(-1)
-    matrix = influence_matrix(
-        np.arange(below.size), coarse.heights.shape, problem.kernel, problem.aspect
-    )
     _, moved, _ = solve_directly(
-        matrix, below, rtol=GUESS_RTOL, max_iterations=problem.max_iterations, load=load / stride
+        InfluenceMatrix(coarse.heights.shape, problem.kernel, problem.aspect),
+        np.arange(below.size),
+        below,
+        rtol=GUESS_RTOL,
+        max_iterations=problem.max_iterations,
+        load=load / stride,
     )
     sides = (nodes * step for nodes, step in zip(shape, problem.spacing, strict=True))
     flat = load * problem.spacing[1] / min(sides)

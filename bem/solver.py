@@ -1,23 +1,18 @@
 """Complementarity of pressure and gap: primal-dual active set with preconditioned gradients.
 
-The active set is fast but can cycle, above all on a compliant far field, where sets that are too
-large are nearly singular. Then projected gradients, slow but certain to descend, take over for a
-while, and for twice as long each time.
-
-Everything here lives on a list of m nodes that may touch, in reduced units: displacements over
-Delta, pressures such that H maps a pressure to a displacement. Nodes off the list never carry
-pressure.
+Contacts of few nodes are left to dense algebra (`bem.first_contact`). Elsewhere the active set is
+fast but can cycle, above all on a compliant far field, where sets that are too large are nearly
+singular. Then projected gradients, slow but certain to descend, take over for a while, and for
+twice as long each time.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Values = NDArray[np.float64]
-Nodes = NDArray[np.intp]
+from bem.first_contact import settle_few, take_first_steps
+from bem.iterate import Iterate, Nodes, Operators, Values, inner, rescale
 
 # What a residual reduction is multiplied with whenever sets taken so soon raise the energy.
 TIGHTENING = 0.5
@@ -29,30 +24,6 @@ ROUNDING = 1e-6
 # gradients that follow the first time.
 PATIENCE = 8
 SAFE_STEPS = 32
-
-
-class Operators(Protocol):
-    """The influence matrix of the m nodes and its approximate inverse.
-
-    Attributes
-    ----------
-    norm : upper bound of the matrix's largest eigenvalue
-    softening : of the far field, which the load takes along by so much: 0 where it is rigid, near
-        the matrix's own stiffness where contacts are nearly singular; below zero for a spring that
-        all but gives the load, and the displacement follows
-    """
-
-    norm: float
-    softening: float
-
-    def displace(self, pressure: Values) -> Values:
-        """(m,) -> (m,) displacement to the last digits: decides what is converged."""
-
-    def displace_some(self, nodes: Nodes, pressure: Values) -> Values:
-        """(a,) pressure on some of the nodes -> (m,) displacement; may be rounded to 1e-7."""
-
-    def approximate_inverse(self, nodes: Nodes) -> Callable[[Values], Values]:
-        """(a,) -> (a,), symmetric and near the inverse of the matrix on these nodes."""
 
 
 @dataclass(frozen=True)
@@ -78,46 +49,6 @@ class Pace:
 # advances of 0.3 to 0.5. And from a pressure that is near.
 FROM_SCRATCH = Pace(first_steps=4, inner_reduction=0.4, advance=0.5)
 FROM_NEAR = replace(FROM_SCRATCH, first_steps=0)
-
-
-@dataclass
-class Iterate:
-    """A pressure on the nodes that may touch, and how far it is from equilibrium.
-
-    Attributes
-    ----------
-    pressure : (m,) reduced pressure, not negative between the steps
-    residual : (m,) interference less displacement: zero in contact, negative where a gap is open
-    iterations : steps of conjugate gradients so far
-    convolutions : applications of H so far
-    exact : whether the residual is that of the pressure to the last digits, not kept up in working
-        precision since
-    """
-
-    pressure: Values
-    residual: Values
-    iterations: int = 0
-    convolutions: int = 0
-    exact: bool = False
-
-    def contact(self) -> Nodes:
-        """Nodes under pressure, and nodes that would penetrate."""
-        return np.flatnonzero((self.pressure > 0) | (self.residual > 0))
-
-    def energy(self, interference: Values) -> float:
-        """Half p H p less p u, in reduced units: least for the solution among all p >= 0."""
-        return -_inner(self.pressure, interference + self.residual) / 2
-
-    def violation(self) -> float:
-        """Largest |w| in contact or -w outside, zero for the exact solution."""
-        pressed = self.residual * (self.pressure > 0)
-        return max(float(self.residual.max(initial=0.0)), -float(pressed.min(initial=0.0)))
-
-    def renew(self, operators: Operators, interference: Values) -> None:
-        """Recompute the residual from the pressure."""
-        self.residual = interference - operators.displace(self.pressure)
-        self.convolutions += 1
-        self.exact = True
 
 
 def solve_complementarity(
@@ -153,7 +84,9 @@ def solve_complementarity(
     iterate = start or Iterate(np.zeros_like(interference), interference.copy())
     iterate.exact = start is None
     take_first_steps(operators, interference, iterate, pace.first_steps)
-    renewed, violation = 1.0, iterate.violation()
+    settle_few(operators, interference, iterate, rtol, max_iterations - iterate.iterations)
+    violation = iterate.violation()
+    renewed = violation if iterate.exact else 1.0
     smallest, patience, safe_steps = np.inf, PATIENCE, SAFE_STEPS
     energy, reduction, following = np.inf, pace.inner_reduction, None
     while True:
@@ -212,11 +145,11 @@ def _solve_in_contact(
     direction, previous = np.zeros_like(pressure), np.inf
     while iterate.iterations < max_iterations and largest > floor:
         correction = deflate(precondition(residual), residual)
-        product = _inner(residual, correction)
+        product = inner(residual, correction)
         direction = correction + (product / previous) * direction
         previous = product
         image = operators.displace_some(contact, direction)
-        step = product / _inner(direction, image[contact])
+        step = product / inner(direction, image[contact])
         pressure += step * direction
         iterate.residual -= step * image
         iterate.iterations += 1
@@ -247,52 +180,15 @@ def _deflation(
         return lambda correction, _: correction
     rescale(interference, iterate)
     known, image = iterate.pressure[contact], (interference - iterate.residual)[contact]
-    stiffness = _inner(known, image)
+    stiffness = inner(known, image)
     if not stiffness > 0:
         return lambda correction, _: correction
 
     def deflate(correction: Values, residual: Values) -> Values:
-        along = (_inner(residual, known) - _inner(correction, image)) / stiffness
+        along = (inner(residual, known) - inner(correction, image)) / stiffness
         return correction + along * known
 
     return deflate
-
-
-def rescale(interference: Values, iterate: Iterate) -> None:
-    """Multiply the pressure by the factor of least energy."""
-    image = interference - iterate.residual
-    stiffness = _inner(iterate.pressure, image)
-    if stiffness > 0:
-        factor = _inner(iterate.pressure, interference) / stiffness
-        iterate.pressure *= factor
-        iterate.residual = interference - factor * image
-
-
-def take_first_steps(
-    operators: Operators, interference: Values, iterate: Iterate, steps: int
-) -> None:
-    """Preconditioned steps cut off at zero, each scaled to the least energy on its ray.
-
-    They find most of what is out of contact for one convolution each.
-    """
-    for _ in range(steps):
-        contact = iterate.contact()
-        pressure = iterate.pressure.copy()
-        precondition = operators.approximate_inverse(contact)
-        pressure[contact] += precondition(iterate.residual[contact])
-        loaded = np.flatnonzero(pressure > 0)
-        if not loaded.size:
-            return
-        values = pressure[loaded]
-        image = operators.displace_some(loaded, values)
-        scale = _inner(interference[loaded], values) / _inner(values, image[loaded])
-        iterate.convolutions += 1
-        if not scale > 0:
-            return
-        iterate.pressure[:] = 0
-        iterate.pressure[loaded] = scale * values
-        iterate.residual = interference - scale * image
-        iterate.exact = False
 
 
 def _cut_off_tension(
@@ -344,14 +240,14 @@ def descend(operators: Operators, interference: Values, iterate: Iterate, steps:
         free = _free_gradient(iterate)
         released = np.where(iterate.pressure > 0, 0.0, np.maximum(iterate.residual, 0))
         reduced = np.maximum(free, -iterate.pressure / length)
-        proportional = _inner(released, released) <= _inner(reduced, free)
+        proportional = inner(released, released) <= inner(reduced, free)
         if not proportional:
             direction = released
         image = operators.displace_some(everywhere, direction)
-        stiffness = _inner(direction, image)
+        stiffness = inner(direction, image)
         if not stiffness > 0:  # nothing is left to descend but rounding
             return
-        step = _inner(iterate.residual, direction) / stiffness
+        step = inner(iterate.residual, direction) / stiffness
         shrinking = direction < 0
         room = np.min(-iterate.pressure[shrinking] / direction[shrinking], initial=np.inf)
         iterate.pressure += min(step, room) * direction
@@ -366,7 +262,7 @@ def descend(operators: Operators, interference: Values, iterate: Iterate, steps:
             direction = _free_gradient(iterate)
         elif proportional:
             free = _free_gradient(iterate)
-            direction = free - _inner(free, image) / stiffness * direction
+            direction = free - inner(free, image) / stiffness * direction
         else:
             direction = _free_gradient(iterate)
 
@@ -374,8 +270,3 @@ def descend(operators: Operators, interference: Values, iterate: Iterate, steps:
 def _free_gradient(iterate: Iterate) -> Values:
     """The downhill gradient of the energy on the nodes under pressure."""
     return np.where(iterate.pressure > 0, iterate.residual, 0.0)
-
-
-def _inner(a: Values, b: Values) -> float:
-    """Inner product without BLAS, whose threads would change its last bits."""
-    return float(np.einsum("i,i->", a, b))

@@ -13,6 +13,8 @@ from bem.far_field import critical_delta, flat_punch, shape_factor
 from bem.influence import Kernel, influence_coefficients
 from tests.bem import dense
 
+pytestmark = pytest.mark.usefixtures("both_ways")
+
 KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
 SIDE = 1000.0  # um
 MODULUS = 1 / (2 * (1 - 0.3**2))  # two bodies with E = 1 and nu = 0.3 [MPa]

@@ -7,6 +7,8 @@ import bem
 from bem.analytic import Cone, FlatPunch, Indenter, Paraboloid, distances_to_centre
 from bem.influence import Kernel
 
+pytestmark = pytest.mark.usefixtures("both_ways")
+
 SIDE = 1000.0  # um; with R, the example of the paper's section 2.4
 SPHERE = Paraboloid(5000.0)
 

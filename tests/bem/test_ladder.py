@@ -13,10 +13,12 @@ from bem import direct, equilibrium
 from bem.analytic import Paraboloid, distances_to_centre
 from bem.half_space import HalfSpace
 from bem.influence import KERNELS, Kernel
+from bem.iterate import Iterate
 from bem.problem import pose
-from bem.solver import Iterate
 from gen.surface import generate
 from tests.bem.surfaces import SURFACES, surface
+
+pytestmark = pytest.mark.usefixtures("both_ways")
 
 ROUGH = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(4))
 

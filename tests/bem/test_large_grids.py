@@ -12,6 +12,8 @@ from bem.influence import KERNELS, Kernel
 from gen.surface import generate
 from tests.bem.surfaces import SURFACES, surface
 
+pytestmark = pytest.mark.usefixtures("both_ways")
+
 SIDE = 1000.0
 
 

@@ -14,6 +14,8 @@ from bem.problem import FAR_FIELDS
 from gen.surface import generate
 from tests.bem.surfaces import SURFACES, surface
 
+pytestmark = pytest.mark.usefixtures("both_ways")
+
 RTOL = 1e-9
 
 

@@ -14,10 +14,13 @@ import bem
 from bem.far_field import critical_delta, flat_punch
 from bem.half_space import HalfSpace
 from bem.influence import Kernel
+from bem.iterate import Iterate
 from bem.problem import FarField
-from bem.solver import Iterate, descend, solve_complementarity
+from bem.solver import descend, solve_complementarity
 from tests.bem import dense
 from tests.bem.surfaces import SURFACES, surface
+
+pytestmark = pytest.mark.usefixtures("both_ways")
 
 KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
 FAR_FIELDS: list[FarField] = ["rigid", "compliant"]

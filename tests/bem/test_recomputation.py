@@ -19,6 +19,8 @@ from bem.influence import Kernel
 from bem.problem import FarField
 from tests.bem.surfaces import SURFACES, surface
 
+pytestmark = pytest.mark.usefixtures("both_ways")
+
 KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
 FAR_FIELDS: list[FarField] = ["rigid", "compliant"]
 ASPECTS = [1.0, 2.0, 0.3]
@@ -164,6 +166,7 @@ def test_sums_and_counts(contact: bem.Contact) -> None:
     assert contact.perimeter == pytest.approx(perimeter(contact), rel=1e-13)
 
 
+@pytest.mark.usefixtures("iterations_alone")
 @pytest.mark.parametrize("far_field", FAR_FIELDS)
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_numbers_of_a_solve_that_was_stopped(kernel: Kernel, far_field: FarField) -> None:

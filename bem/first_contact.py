@@ -1,0 +1,143 @@
+"""The first contact set: by steps that each leave less of it, then by dense algebra if it is small.
+
+Projected steps from no pressure at all keep more nodes in contact than the solution does, and next
+to none of its nodes is lost on the way. So the contact of a few of them is a set to take nodes out
+of, which dense algebra does exactly, where the nodes are few.
+"""
+
+from contextlib import suppress
+
+import numpy as np
+
+from bem.factor import CONTACT_SETS, ContactFactor, FarFieldLaw
+from bem.iterate import Iterate, Nodes, Operators, Values, inner
+
+# Steps end early once the contact is this share of what is few, and do not begin where half of
+# that may touch: the nodes that stay in contact would be fewer still.
+HARDLY_ANY = 0.5
+
+# Nodes that are next to touch are taken along, as many as this share of the contact.
+MARGIN = 0.08
+
+# Exact residuals that may follow, and from which penetration on nodes outside ask for another
+# factor at once: below, the factor's own precision may be to blame, and is corrected first.
+RENEWALS = 5
+OUTSIDE = 1e-5
+
+
+def take_first_steps(
+    operators: Operators, interference: Values, iterate: Iterate, steps: int
+) -> None:
+    """Preconditioned steps cut off at zero, each scaled to the least energy on its ray.
+
+    They find most of what is out of contact for one convolution each.
+    """
+    for step in range(steps):
+        contact = iterate.contact()
+        if len(contact) <= HARDLY_ANY * operators.few_nodes / (1 if step else 2):
+            return
+        pressure = iterate.pressure.copy()
+        precondition = operators.approximate_inverse(contact)
+        pressure[contact] += precondition(iterate.residual[contact])
+        loaded = np.flatnonzero(pressure > 0)
+        if not loaded.size:
+            return
+        values = pressure[loaded]
+        image = operators.displace_some(loaded, values)
+        scale = inner(interference[loaded], values) / inner(values, image[loaded])
+        iterate.convolutions += 1
+        if not scale > 0:
+            return
+        iterate.pressure[:] = 0
+        iterate.pressure[loaded] = scale * values
+        iterate.residual = interference - scale * image
+        iterate.exact = False
+
+
+def settle_few(
+    operators: Operators, interference: Values, iterate: Iterate, rtol: float, most_sets: int
+) -> None:
+    """Solve on the nodes in contact by dense algebra if they are few; else leave them as they are.
+
+    Parameters
+    ----------
+    operators, interference, rtol : see `bem.solver.solve_complementarity`
+    iterate : improved in place, its residual then exact
+    most_sets : bound on the contact sets, which count as iterations
+    """
+    contact = iterate.contact()
+    if not 0 < len(contact) <= operators.few_nodes or most_sets < 1:
+        return
+    before = Iterate(iterate.pressure.copy(), iterate.residual, exact=iterate.exact)
+    contact = np.append(contact, _next_to_touch(iterate, contact))
+    with suppress(np.linalg.LinAlgError):  # nearly singular matrices are left to iterations
+        _settle(operators, interference, iterate, contact, rtol, min(most_sets, CONTACT_SETS))
+    if not iterate.violation() <= before.violation():
+        iterate.pressure, iterate.residual = before.pressure, before.residual
+        iterate.exact = before.exact
+
+
+def _settle(
+    operators: Operators,
+    interference: Values,
+    iterate: Iterate,
+    contact: Nodes,
+    rtol: float,
+    most_sets: int,
+) -> None:
+    """Factorise, press, look at all nodes; again with those outside that penetrate, or correct."""
+    factor, rounded = None, OUTSIDE
+    for _ in range(RENEWALS):
+        if factor is None:
+            rounded = OUTSIDE
+            contact = contact[np.lexsort((-iterate.residual[contact], -iterate.pressure[contact]))]
+            factor = operators.factor(contact)
+            pressure, sets = _pressed(factor, interference[contact], operators.softening, most_sets)
+            iterate.pressure[:] = 0
+            iterate.iterations += sets
+        else:
+            rounded = 0.0
+            law = _far_field_law(operators.softening, 0.0)
+            pressure = iterate.pressure[contact]
+            pressure += factor.correct(iterate.residual[contact], rtol, law)
+        iterate.pressure[contact] = np.maximum(pressure, 0)
+        iterate.renew(operators, interference)
+        if iterate.violation() <= rtol:
+            return
+        outside = iterate.residual > max(rtol, rounded)
+        outside[contact[factor.kept]] = False
+        if outside.any():
+            contact, factor = np.flatnonzero(outside | (iterate.pressure > 0)), None
+            if len(contact) > operators.few_nodes:
+                return
+
+
+def _pressed(
+    factor: ContactFactor, interference: Values, softening: float, most_sets: int
+) -> tuple[Values, int]:
+    """Pressure of the factor's nodes alone, and the contact sets that it took."""
+    # A spring's displacements are large; what they have in common is the far field's.
+    common = float(interference.max()) if softening else 0.0
+    law = _far_field_law(softening, common)
+    return factor.press(interference - common, law, most_sets)
+
+
+def _far_field_law(softening: float, common: float) -> FarFieldLaw | None:
+    """What the far field gives way by, and a displacement that all nodes have in common."""
+    if not softening:
+        return None
+
+    def displacement(plain: float, uniform: float) -> float:
+        stiffness = 1 - softening * uniform
+        return (common + softening * plain) / stiffness if stiffness > 0 else np.nan
+
+    return displacement
+
+
+def _next_to_touch(iterate: Iterate, contact: Nodes) -> Nodes:
+    """The nodes outside of the contact whose gap is the least."""
+    gap = -iterate.residual
+    gap[contact] = np.inf
+    many = min(int(np.ceil(MARGIN * len(contact))), gap.size - len(contact))
+    nodes: Nodes = np.argpartition(gap, many)[:many] if many < gap.size else np.flatnonzero(gap)
+    return nodes

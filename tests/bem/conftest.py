@@ -1,0 +1,22 @@
+"""The solver's two ways: dense algebra where few nodes are in contact, and iterations alone."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from bem import half_space
+
+
+@pytest.fixture
+def iterations_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No contact set counts as few."""
+    monkeypatch.setattr(half_space, "FEW_PER_ROOT", 0.0)
+
+
+@pytest.fixture(scope="module", params=["few by dense algebra", "iterations alone"])
+def both_ways(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Every test of a module, with and without dense algebra; for `usefixtures`."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.param == "iterations alone":
+            patch.setattr(half_space, "FEW_PER_ROOT", 0.0)
+        yield
