@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from launch import launch
 
+from bem import half_space
 from gen import cli, schema
 
 SMALL = "samples = 24\n[surface]\nnodes = 17\n"
@@ -46,7 +47,8 @@ def test_running_again_changes_nothing(folder, capsys):
     assert "resumed, 24 rows, 0 to do" in capsys.readouterr().err
 
 
-def test_failed_rows_warn_and_say_why(folder, capsys):
+def test_failed_rows_warn_and_say_why(folder, capsys, monkeypatch):
+    monkeypatch.setattr(half_space, "FEW_PER_ROOT", 0.0)  # contact sets may do with one iteration
     deep = "[contact]\nmax_iterations = 1\n[delta]\npieces = [{ share = 1.0, range = [30, 45] }]\n"
     (folder / "starved.toml").write_text(SMALL + deep)
     assert cli.main(["run", "starved.toml", "-o", "starved.h5"]) == 0
