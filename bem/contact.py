@@ -36,7 +36,7 @@ class Contact:
     approach : displacement of the far field in all: Delta, plus F / K if it is compliant [um]
     residual : largest |gap| in contact or penetration outside, over Delta, or over the approach
         where the force was given [1]
-    iterations : steps of conjugate gradients, or contact sets of a dense solve
+    iterations : steps of conjugate gradients, and contact sets tried by dense algebra
     convolutions : applications of the influence matrix, those for a start from a coarser grid by
         its share of the nodes; what a guess of the displacement took does not count
     """

@@ -66,9 +66,12 @@ class InfluenceMatrix:
         n, places = len(nodes), self._places(nodes)
         loaded = places - self._centre
         matrix = np.empty((n, n), self._offsets.dtype)
+        buffer = np.empty(min(ROWS, n) * n, np.intp)
         for first in range(0, n, ROWS):
             rows = slice(first, min(first + ROWS, n))
-            offsets = np.subtract.outer(places[rows], loaded[first:])
+            shape = rows.stop - first, n - first
+            offsets = buffer[: shape[0] * shape[1]].reshape(shape)
+            np.subtract.outer(places[rows], loaded[first:], out=offsets)
             np.take(self._offsets, offsets, out=matrix[rows, first:], mode="clip")
         return matrix.T
 

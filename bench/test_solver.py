@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
+from scipy import optimize
 
 import bem
-from bem import equilibrium, influence
+from bem import equilibrium, half_space, influence
 from bem.convolution import Filter, displacement_filter
 from bem.direct import FEW_NODES
 from bem.influence import KERNELS, Kernel
@@ -207,6 +208,31 @@ def test_solve_few_candidates(
         benchmark.extra_info["share_of_a_solve_by_convolution"] = dense / by_convolution
 
 
+@pytest.mark.parametrize("percent", [0.5, 1.0, 2.0, 4.0])
+@pytest.mark.parametrize("nodes", [129, 257])
+def test_solve_few_in_contact(
+    benchmark: BenchmarkFixture, monkeypatch: pytest.MonkeyPatch, nodes: int, percent: float
+) -> None:
+    """Dense algebra on the contact set where it is few; its time over that of iterations alone."""
+    heights, _ = surfaces(nodes, 1)[0]
+    delta = optimize.brentq(
+        lambda d: bem.solve(heights, SIDE, d, rtol=1e-2).area_percent - percent, 1, 60, xtol=0.1
+    )
+    contact = benchmark(bem.solve, heights, SIDE, delta)
+    assert_exact(contact)
+    if benchmark.enabled:
+        found = seconds_of(partial(bem.solve, heights, SIDE, delta))
+    monkeypatch.setattr(half_space, "FEW_PER_ROOT", 0.0)
+    iterated = bem.solve(heights, SIDE, delta)
+    assert iterated.force == pytest.approx(contact.force, rel=1e-5)
+    record_effort(benchmark, [contact])
+    benchmark.extra_info["contact_nodes"] = contact.contact_nodes
+    benchmark.extra_info["convolutions_of_iterations_alone"] = iterated.convolutions
+    if benchmark.enabled:
+        alone = seconds_of(partial(bem.solve, heights, SIDE, delta))
+        benchmark.extra_info["time_over_iterations_alone"] = found / alone
+
+
 @pytest.mark.parametrize("control", ["force", "pressure"])
 def test_solve_given_force(benchmark: BenchmarkFixture, control: str) -> None:
     """The same contacts by their force or mean pressure; their cost over that of a given Delta."""
@@ -250,3 +276,7 @@ def test_solve_ladder(benchmark: BenchmarkFixture, rungs: int) -> None:
     benchmark.extra_info["convolutions_over_single_solves"] = sum(
         contact.convolutions for contact in ladder
     ) / sum(contact.convolutions for contact in alone)
+    if benchmark.enabled:
+        together = seconds_of(lambda: list(bem.ladder(heights, SIDE, deltas)))
+        single = seconds_of(lambda: [bem.solve(heights, SIDE, delta) for delta in deltas])
+        benchmark.extra_info["time_over_single_solves"] = together / single

@@ -12,7 +12,7 @@ from typing import Literal
 SCHEMA = 1
 """Number of the layout: a file of another layout is refused."""
 
-PHYSICS = 3
+PHYSICS = 4
 """Number of the results: raised whenever a change of the code changes what a scene gives."""
 
 RUNTIME = "runtime"

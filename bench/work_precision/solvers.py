@@ -84,7 +84,7 @@ class ActiveSet:
     """The solver's iteration with operators of one's choice, on every node that overlaps.
 
     Apart from the operators there is no difference between two of these: no cropping of the grid,
-    and no other method where few nodes may touch.
+    and no dense algebra where few nodes may touch.
     """
 
     precision: str
@@ -112,5 +112,5 @@ class ActiveSet:
         return Answer(fields, seconds, iterate.iterations, iterate.convolutions)
 
 
-MIXED = ActiveSet("mixed", HalfSpace)
-DOUBLE = ActiveSet("float64", partial(HalfSpace, working="float64"))
+MIXED = ActiveSet("mixed", partial(HalfSpace, few_per_root=0.0))
+DOUBLE = ActiveSet("float64", partial(HalfSpace, working="float64", few_per_root=0.0))

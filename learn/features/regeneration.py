@@ -31,7 +31,7 @@ from learn.features.surface import BLOCKS, LOOSE, SurfaceFeatures
 
 Values = NDArray[np.float64]
 
-VERSION = 1
+VERSION = 2
 """Raised whenever `SurfaceFeatures.pressed` changes its values."""
 
 BLOCK_ROWS = 32

@@ -14,7 +14,7 @@ import numpy as np
 
 from gen.errors import InputError
 
-FORMAT = 1
+FORMAT = 2
 KIND = "asperity surrogate"
 
 REVIEWED = (
