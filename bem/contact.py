@@ -7,7 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bem.convolution import displacement_filter
-from bem.equilibrium import Equilibrium, on_compliant_far_field, on_rigid_far_field
+from bem.equilibrium import (
+    Equilibrium,
+    Start,
+    on_compliant_far_field,
+    on_rigid_far_field,
+)
 from bem.influence import Kernel
 from bem.load_control import under_given_force
 from bem.problem import (
@@ -169,32 +174,29 @@ def solve(
         rtol=rtol,
         max_iterations=max_iterations,
     )
-    start = None if near is None else checked_start(near, problem) / problem.modulus
+    start = None if near is None else Start(checked_start(near, problem) / problem.modulus)
     return contact_of(problem, equilibrium_of(problem, start))
 
 
-def equilibrium_of(
-    problem: Problem, near: Field | None = None, moved: Field | None = None
-) -> Equilibrium | None:
+def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium | None:
     """Solve a checked problem as its load and far field ask for.
 
     Parameters
     ----------
     problem : see there
-    near, moved : what to start from, see `on_rigid_far_field`; no use to a compliant far field or
-        a given force
+    near : what to start from; no use to a given Delta on a compliant far field
 
     Returns
     -------
     Equilibrium, or None where the bodies are apart or just touch
     """
     if problem.delta is None:
-        return under_given_force(problem) if problem.force else None
+        return under_given_force(problem, near) if problem.force else None
     if problem.delta <= 0:
         return None
     if problem.far_field == "compliant":
         return on_compliant_far_field(problem, problem.delta)
-    return on_rigid_far_field(problem, problem.delta, near, moved)
+    return on_rigid_far_field(problem, problem.delta, near)
 
 
 def contact_of(problem: Problem, found: Equilibrium | None) -> Contact:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,22 @@ class Equilibrium:
     displacement: Field | None = None
 
 
+class Start(NamedTuple):
+    """What to begin with, near the solution.
+
+    Attributes
+    ----------
+    pressure : (nx, ny) [E*]
+    moved : (nx, ny) displacement under that pressure, nan where unknown, or None: spares a
+        convolution [um]
+    approach : displacement of the far field in all; a given one takes its place [um]
+    """
+
+    pressure: Field
+    moved: Field | None = None
+    approach: float | None = None
+
+
 class NoSolution(ValueError):
     """A compliant far field at or beyond Delta*, where the force has no bound."""
 
@@ -67,17 +84,14 @@ class NoSolution(ValueError):
         )
 
 
-def on_rigid_far_field(
-    problem: Problem, delta: float, near: Field | None = None, moved: Field | None = None
-) -> Equilibrium:
+def on_rigid_far_field(problem: Problem, delta: float, near: Start | None = None) -> Equilibrium:
     """Solve on the smallest box that holds every node which the undeformed bodies overlap.
 
     Parameters
     ----------
     problem : its displacement or force is left aside
     delta : above 0 [um]
-    near : (nx, ny) pressure near the solution to start from [E*]
-    moved : (nx, ny) displacement under that pressure, nan where unknown: spares a convolution [um]
+    near : what to start from, if there is anything
     """
     box, nodes, interference = overlap(problem, delta)
     shape = box[0].stop - box[0].start, box[1].stop - box[1].start
@@ -100,10 +114,10 @@ def on_rigid_far_field(
     if near is None:
         pace = FROM_SCRATCH
     else:
-        pressure = near[box].reshape(-1)[nodes] * (problem.spacing[0] / delta)
-        displaced = None
-        if moved is not None and np.count_nonzero(pressure) == np.count_nonzero(near):
-            displaced = moved[box].reshape(-1)[nodes] / delta
+        pressure = near.pressure[box].reshape(-1)[nodes] * (problem.spacing[0] / delta)
+        displaced, whole = None, np.count_nonzero(pressure) == np.count_nonzero(near.pressure)
+        if near.moved is not None and whole:
+            displaced = near.moved[box].reshape(-1)[nodes] / delta
         start = started(operators, interference, pressure, displaced)
         start.convolutions += spent
     iterate, converged = solve_complementarity(
@@ -117,8 +131,8 @@ def on_rigid_far_field(
     return unfold(problem, delta, box, nodes, iterate, converged, operators.displaced)
 
 
-def _on_coarser_grid(problem: Problem, delta: float) -> tuple[Field | None, int]:
-    """Pressure near the solution from every second node [E*], None where those do not touch.
+def _on_coarser_grid(problem: Problem, delta: float) -> tuple[Start | None, int]:
+    """Pressure near the solution from every second node, None where those do not touch.
 
     And what it cost, in applications of the influence matrix of the whole grid.
     """
@@ -132,7 +146,7 @@ def _on_coarser_grid(problem: Problem, delta: float) -> tuple[Field | None, int]
     pressure = found.pressure * (found.length / spacing[0])
     for axis, nodes in enumerate(problem.heights.shape):
         pressure = _between(pressure, axis, nodes)
-    return pressure, -(-found.iterate.convolutions * heights.size // problem.heights.size)
+    return Start(pressure), -(-found.iterate.convolutions * heights.size // problem.heights.size)
 
 
 def _between(values: Field, axis: int, nodes: int) -> Field:

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from bem.direct import FEW_NODES, solve_directly
-from bem.equilibrium import Equilibrium, on_rigid_far_field, overlap, started, unfold
+from bem.equilibrium import Equilibrium, Start, on_rigid_far_field, overlap, started, unfold
 from bem.factor import InfluenceMatrix
 from bem.far_field import flat_punch
 from bem.first_contact import take_first_steps
 from bem.half_space import HalfSpace
 from bem.iterate import Iterate, rescale
-from bem.problem import Field, Problem
+from bem.problem import Problem
 from bem.solver import FROM_NEAR, FROM_SCRATCH, solve_complementarity
 
 # The force pushes through a spring that gives by this many displacements: the softer it is, the
@@ -39,16 +39,21 @@ ROOT_RTOL = 1e-9
 ROOT_FORCE_RTOL = 1e-5
 
 
-def under_given_force(problem: Problem) -> Equilibrium:
+def under_given_force(problem: Problem, near: Start | None = None) -> Equilibrium:
     """Push through a soft spring: a rigid far field whose displacement the force decides.
 
     With a spring of compliance c the operator is H + c 1 1^T and the displacement what the spring
     leaves of its own. A compliant far field gives way by F / K besides, whatever the contact is.
+
+    Parameters
+    ----------
+    problem : its displacement is left aside
+    near : what to start from; of no use without its approach
     """
     assert problem.force is not None
     load = problem.force / problem.modulus / problem.spacing[1]
     problem = replace(problem, rtol=min(problem.rtol, LOOSEST_RTOL))
-    found = _on_nodes_or_through_springs(problem, load)
+    found = _on_nodes_or_through_springs(problem, load, near)
     if not found.converged and found.iterate.iterations < problem.max_iterations:
         found = _by_root(problem, load, found)
     if problem.far_field == "rigid":
@@ -57,14 +62,17 @@ def under_given_force(problem: Problem) -> Equilibrium:
     return replace(found, delta=max(found.approach - load / float(punch.sum()), 0.0))
 
 
-def _on_nodes_or_through_springs(problem: Problem, load: float) -> Equilibrium:
+def _on_nodes_or_through_springs(problem: Problem, load: float, near: Start | None) -> Equilibrium:
     """Solve on few nodes if the force is so small, else from a guess of the displacement."""
-    guess = _guess(problem, load)
+    if near is None or near.approach is None or not near.approach > 0:
+        guess, near = _guess(problem, load), None
+    else:
+        guess = near.approach
     if guess < MARGIN * _displacement_of_few(problem):
         found = _on_few_nodes(problem, load)
         if found is not None:
             return found
-    found = _through_springs(problem, load, guess, MARGIN)
+    found = _through_springs(problem, load, guess, MARGIN, near)
     if found.converged and problem.rtol < SPRING_RTOL:
         found = _polished(problem, found)
     return found
@@ -73,7 +81,7 @@ def _on_nodes_or_through_springs(problem: Problem, load: float) -> Equilibrium:
 def _polished(problem: Problem, found: Equilibrium) -> Equilibrium:
     """Solve on a rigid far field at the displacement found: a spring's residual is coarse."""
     left = problem.max_iterations - found.iterate.iterations
-    near = found.pressure * (found.length / problem.spacing[0])
+    near = Start(found.pressure * (found.length / problem.spacing[0]))
     polished = on_rigid_far_field(
         replace(problem, max_iterations=max(left, 1)), found.approach, near
     )
@@ -113,14 +121,17 @@ def _on_few_nodes(problem: Problem, load: float) -> Equilibrium | None:
     return unfold(problem, moved, box, nodes, iterate)
 
 
-def _through_springs(problem: Problem, load: float, guess: float, margin: float) -> Equilibrium:
+def _through_springs(
+    problem: Problem, load: float, guess: float, margin: float, near: Start | None = None
+) -> Equilibrium:
     """Solve from a displacement [um]; again, from there, where it was guessed wrong."""
-    near, spent = None, Iterate(np.zeros(0), np.zeros(0))
+    spent = Iterate(np.zeros(0), np.zeros(0))
     while True:
         found = _at_guess(problem, guess, load, margin, near, spent)
         if not found.converged or 1 / margin < found.approach / guess < margin:
             return found
-        spent, near = found.iterate, found.pressure * (found.length / problem.spacing[0])
+        near = Start(found.pressure * (found.length / problem.spacing[0]))
+        spent = found.iterate
         guess *= min(max(found.approach / guess, 0.1), 10.0)
 
 
@@ -168,7 +179,7 @@ def _at_guess(
     guess: float,
     load: float,
     margin: float,
-    near: Field | None,
+    near: Start | None,
     spent: Iterate,
 ) -> Equilibrium:
     """Equilibrium under a force, reduced by a guess of the displacement.
@@ -178,7 +189,7 @@ def _at_guess(
     guess : of the displacement [um]
     load : force / E* / second side of a cell [um]
     margin : by how much the displacement may be larger than guessed
-    near : (nx, ny) pressure to start from [E*]
+    near : what to start from, if there is anything
     spent : counts the iterations and convolutions so far
     """
     box, nodes, interference = overlap(problem, guess * margin)
@@ -189,7 +200,7 @@ def _at_guess(
         start = Iterate(np.zeros_like(interference), interference.copy())
         take_first_steps(rigid, interference, start, FROM_SCRATCH.first_steps)
     else:
-        pressure = near[box].reshape(-1)[nodes] * (problem.spacing[0] / guess)
+        pressure = near.pressure[box].reshape(-1)[nodes] * (problem.spacing[0] / guess)
         start = started(rigid, interference, pressure)
     operators = rigid.through(-SPRING * guess / load)
     start.residual += SPRING + operators.softening * float(start.pressure.sum())
@@ -234,7 +245,7 @@ def _by_root(problem: Problem, load: float, failed: Equilibrium) -> Equilibrium:
             near = None
             if solved:
                 last = list(solved.values())[-1]
-                near = last.pressure * (last.length / problem.spacing[0])
+                near = Start(last.pressure * (last.length / problem.spacing[0]))
             solved[delta] = on_rigid_far_field(replace(problem, max_iterations=left), delta, near)
             spent.iterations += solved[delta].iterate.iterations
             spent.convolutions += solved[delta].iterate.convolutions

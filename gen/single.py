@@ -127,13 +127,8 @@ def _contacts(
 ) -> Iterator[Contact]:
     import bem
 
-    heights, sides = topography.heights, topography.sides
-    if load == "delta":
-        yield from bem.ladder(heights, sides, values, **settings)
-    else:
-        for value in values:
-            given: dict[str, Any] = {load: value}
-            yield bem.solve(heights, sides, **given, **settings)
+    loads: dict[str, Any] = {f"{load}s": values}
+    return bem.ladder(topography.heights, topography.sides, **loads, **settings)
 
 
 def _values(name: str, text: str) -> list[float]:

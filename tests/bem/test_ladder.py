@@ -14,7 +14,7 @@ from bem.analytic import Paraboloid, distances_to_centre
 from bem.half_space import HalfSpace
 from bem.influence import KERNELS, Kernel
 from bem.iterate import Iterate
-from bem.problem import pose
+from bem.problem import FAR_FIELDS, FarField, pose
 from gen.surface import generate
 from tests.bem.surfaces import SURFACES, surface
 
@@ -66,6 +66,46 @@ def test_a_ladder_of_small_steps_saves_convolutions() -> None:
     assert ladder < 0.65 * single
 
 
+@pytest.mark.parametrize("far_field", FAR_FIELDS)
+@pytest.mark.parametrize("loads", [np.geomspace(1e-4, 0.1, 16), [0.02, 0.0, 0.02, 0.001], [0.01]])
+@pytest.mark.parametrize("name", ["forces", "pressures"])
+def test_ladders_of_forces_and_pressures(
+    name: str, loads: list[float], far_field: FarField
+) -> None:
+    unit = 1e6 * (65 / 64) ** 2 if name == "forces" else 1.0  # um2 of all cells
+    settings: dict[str, Any] = {"modulus": 2.0, "far_field": far_field, "rtol": 1e-9}
+    given: dict[str, Any] = {name: [unit * load for load in loads]}
+    found = list(bem.ladder(ROUGH, 1000.0, **given, **settings))
+    assert len(found) == len(loads)
+    for contact, load in zip(found, loads, strict=True):
+        alone = bem.solve(ROUGH, 1000.0, pressure=load, **settings)
+        assert contact.contact_nodes == alone.contact_nodes
+        assert contact.force == pytest.approx(1e6 * (65 / 64) ** 2 * load, rel=2e-6)
+        assert contact.approach == pytest.approx(alone.approach, rel=1e-7)
+        assert contact.residual <= 1e-9
+
+
+def test_a_ladder_of_pressures_saves_convolutions() -> None:
+    pressures = np.linspace(0.02, 0.1, 31)
+    ladder = sum(c.convolutions for c in bem.ladder(ROUGH, 1000.0, pressures=pressures))
+    single = sum(bem.solve(ROUGH, 1000.0, pressure=p).convolutions for p in pressures)
+    assert ladder < 0.75 * single
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({}, "no loads given"),
+        ({"deltas": [1.0], "forces": [1.0]}, "deltas and forces given"),
+        ({"forces": [1.0], "pressures": [1.0]}, "forces and pressures given"),
+        ({"pressures": [-1.0]}, "pressure = -1.0: must be at least 0 MPa"),
+    ],
+)
+def test_a_ladder_has_one_kind_of_load(given: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        list(bem.ladder(ROUGH, 1000.0, **given))
+
+
 def violation(contact: bem.Contact) -> float:
     """Largest |gap| in contact or penetration outside, over Delta, by a convolution of its own."""
     gap = np.where(contact.pressure > 0, np.abs(contact.gap), -contact.gap)
@@ -86,7 +126,8 @@ def test_a_start_that_claims_to_be_the_solution_is_found_out() -> None:
     alone = bem.solve(ROUGH, 1000.0, 30.0)
     claimed = ROUGH - ROUGH.max() + 30.0  # as of a solution with every node in contact
     near = 0.9 * alone.pressure
-    found = equilibrium.on_rigid_far_field(pose(ROUGH, 1000.0, 30.0), 30.0, near, claimed)
+    start = equilibrium.Start(near, claimed)
+    found = equilibrium.on_rigid_far_field(pose(ROUGH, 1000.0, 30.0), 30.0, start)
     assert found.converged
     assert found.iterate.convolutions > 1
     np.testing.assert_array_equal(found.pressure > 0, alone.pressure > 0)
