@@ -142,7 +142,7 @@ def solve(
     rtol : largest |gap| in contact or penetration outside that is accepted, over Delta [1]; the
         default is the loosest of a ladder that counts the contact nodes of 99.9 % of the paper
         preset's samples exactly (`python -m bench solver --default-tolerance`)
-    max_iterations : bound on the steps of conjugate gradients, the same on every machine
+    max_iterations : bound on the steps of conjugate gradients and contact sets of dense algebra
     near : (nx, ny) pressure near the solution to start from, as `ladder` does; no use to a
         compliant far field or a given force [MPa]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bem.factor import CONTACT_SETS, InfluenceMatrix, lapack
+from bem.factor import CONTACT_SETS, InfluenceMatrix, routines
 from bem.iterate import Iterate, Nodes, Values
 
 # Up to so many nodes that may touch, dense linear algebra alone is faster than with convolutions
@@ -43,7 +43,7 @@ def solve_directly(
     while contact.size and iterate.iterations < min(CONTACT_SETS, max_iterations):
         sides = np.ones((len(contact), 2))
         sides[:, 0] = interference[contact]
-        _, pressures, wrong = lapack("d").posv(entries[contact[:, np.newaxis], contact], sides)
+        _, pressures, wrong = routines("d").posv(entries[contact[:, np.newaxis], contact], sides)
         if wrong:
             return iterate, moved, False
         plain, uniform = pressures.T

@@ -1,8 +1,9 @@
 """The influence matrix of a few nodes, factorised: pressure on any part of them, exactly.
 
 A contact set that is too large gives itself away by tension. Taking the nodes that pull out of a
-factorised matrix costs far less than a factor of what is left, and on rough surfaces hardly any of
-them ever comes back.
+factorised matrix costs far less than a factor of what is left. With uniform pressures on the cells
+none of them ever comes back, since no node's pressure pulls on another's
+(`tests/bem/test_properties.py`); concentrated forces and rounding may make exceptions.
 """
 
 from collections.abc import Callable
@@ -22,15 +23,16 @@ Real = NDArray[Any]  # of float64 or float32
 # field besides u
 FarFieldLaw = Callable[[float, float], float]
 
-# Contact sets tried before the solution is left to others; and what counts as penetration of a
-# node taken out, over the largest displacement, for each precision.
+# Contact sets tried before the solution is left to others.
 CONTACT_SETS = 20
-PENETRATION = {"float64": 1e-14, "float32": 1e-6}
 
 # From this share of the nodes on, those that pull are left out of a new factor.
 MANY = 0.15
 
-ROWS = 64  # gathered at a time: their places fit into the cache
+# Rows gathered at a time, whose places fit into the cache; and the largest grid for which the
+# coefficients of all offsets, of either sign, are kept for that: their places take one subtraction.
+ROWS = 64
+MIRRORED_NODES = 2**20
 
 
 class InfluenceMatrix:
@@ -50,44 +52,52 @@ class InfluenceMatrix:
         self, shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str = "float64"
     ) -> None:
         self.dtype = np.dtype(dtype)
-        self._columns = shape[1]
-        self._offsets = _all_offsets(shape, kernel, aspect, dtype)
-        self._width = 2 * shape[1] - 1
-        self._centre = (shape[0] - 1) * self._width + shape[1] - 1
+        self._shape = shape
+        self._mirrored = shape[0] * shape[1] <= MIRRORED_NODES
+        self._coefficients = _coefficients(shape, kernel, aspect, dtype, self._mirrored)
 
     def between(self, nodes: Nodes, loaded: Nodes) -> Real:
         """(a,), (b,) flat indices -> (a, b) displacement of nodes from unit pressure on loaded."""
-        places = np.subtract.outer(self._places(nodes), self._places(loaded) - self._centre)
-        found: Real = self._offsets.take(places, mode="clip")
+        found: Real = self._coefficients.take(self._offsets(nodes, loaded), mode="clip")
         return found
 
     def among(self, nodes: Nodes) -> Real:
         """(n,) flat indices -> (n, n) in Fortran's order; what is above the diagonal is not set."""
-        n, places = len(nodes), self._places(nodes)
-        loaded = places - self._centre
-        matrix = np.empty((n, n), self._offsets.dtype)
-        buffer = np.empty(min(ROWS, n) * n, np.intp)
+        n = len(nodes)
+        matrix = np.empty((n, n), self.dtype)
         for first in range(0, n, ROWS):
-            rows = slice(first, min(first + ROWS, n))
-            shape = rows.stop - first, n - first
-            offsets = buffer[: shape[0] * shape[1]].reshape(shape)
-            np.subtract.outer(places[rows], loaded[first:], out=offsets)
-            np.take(self._offsets, offsets, out=matrix[rows, first:], mode="clip")
+            rows = slice(first, first + ROWS)
+            offsets = self._offsets(nodes[rows], nodes[first:])
+            np.take(self._coefficients, offsets, out=matrix[rows, first:], mode="clip")
         return matrix.T
 
-    def _places(self, nodes: Nodes) -> Nodes:
-        """Differences of these, and the centre, are places in the table of all offsets."""
-        row, column = np.divmod(nodes, self._columns)
-        places: Nodes = row * self._width + column
-        return places
+    def _offsets(self, nodes: Nodes, loaded: Nodes) -> Nodes:
+        """(a,), (b,) -> (a, b) where the coefficients of the offsets stand."""
+        rows, columns = self._shape
+        here, there = np.divmod(nodes, columns), np.divmod(loaded, columns)
+        if self._mirrored:
+            width = 2 * columns - 1
+            centre = (rows - 1) * width + columns - 1
+            places = here[0] * width + here[1], there[0] * width + there[1] - centre
+            offsets: Nodes = np.subtract.outer(*places)
+            return offsets
+        offsets = np.abs(np.subtract.outer(here[0], there[0]))
+        offsets *= columns
+        offsets += np.abs(np.subtract.outer(here[1], there[1]))
+        return offsets
 
 
 @lru_cache(maxsize=4)
-def _all_offsets(shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str) -> Real:
-    """Coefficients of all offsets, negative ones first, so that one difference finds any."""
+def _coefficients(
+    shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str, mirrored: bool
+) -> Real:
+    """Flat coefficients of all offsets, or of those that are not negative."""
     table = influence_coefficients(shape, kernel, aspect).astype(dtype)
-    table = np.concatenate([table[:0:-1], table])
-    return np.concatenate([table[:, :0:-1], table], axis=1).reshape(-1)
+    if mirrored:
+        table = np.concatenate([table[:0:-1], table])
+        table = np.concatenate([table[:, :0:-1], table], axis=1)
+    table.setflags(write=False)
+    return table.reshape(-1)
 
 
 class ContactFactor:
@@ -117,10 +127,8 @@ class ContactFactor:
     kept: Nodes
 
     def __init__(self, matrix: InfluenceMatrix, nodes: Nodes) -> None:
-        single = matrix.dtype == np.float32
         self._matrix, self._nodes = matrix, nodes
-        self._lapack = lapack("s" if single else "d")
-        self._precision = PENETRATION["float32" if single else "float64"]
+        self._routines = routines("s" if matrix.dtype == np.float32 else "d")
         self._renew(np.arange(len(nodes)))
 
     def press(
@@ -129,11 +137,11 @@ class ContactFactor:
         law: FarFieldLaw | None = None,
         most_sets: int = CONTACT_SETS,
     ) -> tuple[Values, int]:
-        """Take out what pulls, and put back what penetrates once nothing pulls, until all stands.
+        """Take out what pulls until nothing does.
 
         Parameters
         ----------
-        interference : (n,) u [any length]
+        interference : (n,) u, less what the law adds to it [any length]
         law : how the far field answers, for one that is not rigid
         most_sets : bound on the contact sets
 
@@ -144,34 +152,29 @@ class ContactFactor:
         Raises
         ------
         numpy.linalg.LinAlgError
-            if no pressure answers to that law
+            if no pressure answers to that law, or rounding leaves none
         """
         forward = self._forward(interference[self.kept], law)
-        tolerance = self._precision * float(np.abs(interference).max())
         pressure, sets = np.zeros_like(interference), 0
         while sets < most_sets:
-            values, penetration = self._backward(forward, law)
-            if not np.isfinite(values.sum()):
-                raise np.linalg.LinAlgError
+            values = self._backward(forward, law)
             pressure[:] = 0
             pressure[self.kept] = np.maximum(values, 0)
             sets += 1
-            pulling, sinking = (values < 0).nonzero()[0], penetration > tolerance
+            pulling = (values < 0).nonzero()[0]
+            if not pulling.size:
+                break
             if len(pulling) > MANY * len(values):
                 self._renew(self.kept[values > 0])
                 forward = self._forward(interference[self.kept], law)
-            elif pulling.size:
-                self._take_out(pulling)
-            elif sinking.any():
-                self._put_back(sinking)
             else:
-                break
+                self._take_out(pulling)
         return pressure, sets
 
     def correct(self, residual: Values, tolerance: float, law: FarFieldLaw | None = None) -> Values:
         """(n,) what is left of u -> (n,) change of the pressure on the nodes not taken out.
 
-        Those that were, but penetrate by more than the tolerance, are put back.
+        Those that were, but penetrate by more than the tolerance, are put back. Raises as `press`.
         """
         sinking = residual[self.kept[self._out]] > tolerance
         if sinking.any():
@@ -179,10 +182,12 @@ class ContactFactor:
         left = residual[self.kept]
         left[self._out] = 0  # an open gap, which rounding would carry into the contact
         change = np.zeros_like(residual)
-        change[self.kept] = self._backward(self._forward(left, law), law)[0]
+        change[self.kept] = self._backward(self._forward(left, law), law)
         return change
 
     def _renew(self, kept: Nodes) -> None:
+        if not kept.size:
+            raise np.linalg.LinAlgError
         self.kept = kept
         self._lower = self._factorised(self._matrix.among(self._nodes[kept]))
         self._taken = np.zeros((len(kept), 0), self._lower.dtype, order="F")
@@ -193,48 +198,56 @@ class ContactFactor:
         """L^-1 of u, and of a displacement of one where the far field needs it."""
         sides = np.ones((len(interference), 1 if law is None else 2), self._lower.dtype, order="F")
         sides[:, 0] = interference
-        return self._triangular(self._lower, sides)
+        return self._solved(self._routines.trtrs, self._lower, sides)
 
-    def _backward(self, forward: Real, law: FarFieldLaw | None) -> tuple[Values, Values]:
-        """Pressure, and penetration of the nodes taken out."""
+    def _backward(self, forward: Real, law: FarFieldLaw | None) -> Values:
+        """Pressure, with what the law adds to the displacement."""
         inside = forward
-        sinking = np.zeros((0, forward.shape[1]), forward.dtype)
         if len(self._out):
-            sinking = self._lapack.potrs(self._gram, self._taken.T @ forward, lower=1)[0]
+            sinking = self._solved(self._routines.potrs, self._gram, self._taken.T @ forward)
             inside = forward - self._taken @ sinking
-        pressure = self._triangular(self._lower, inside, transposed=1).astype(np.float64)
-        pressure[self._out] = 0
-        if law is None:
-            return pressure[:, 0], sinking[:, 0]
-        moved = law(float(pressure[:, 0].sum()), float(pressure[:, 1].sum()))
-        return pressure[:, 0] + moved * pressure[:, 1], sinking[:, 0] + moved * sinking[:, 1]
+        pressures = self._solved(self._routines.trtrs, self._lower, inside, trans=1)
+        pressures = pressures.astype(np.float64)
+        pressures[self._out] = 0
+        pressure: Values = pressures[:, 0]
+        if law is not None:
+            plain, uniform = pressures.sum(axis=0)
+            pressure = pressure + law(float(plain), float(uniform)) * pressures[:, 1]
+        if not np.isfinite(pressure.sum()):
+            raise np.linalg.LinAlgError
+        return pressure
 
     def _take_out(self, nodes: Nodes) -> None:
         columns = np.zeros((len(self._lower), len(nodes)), self._lower.dtype, order="F")
         columns[nodes, np.arange(len(nodes))] = 1
         first = int(nodes.min())  # above it, columns of V are zero
-        columns[first:] = self._triangular(self._lower[first:, first:], columns[first:])
+        below = self._lower[first:, first:]
+        columns[first:] = self._solved(self._routines.trtrs, below, columns[first:])
         self._taken = np.concatenate([self._taken, columns], axis=1)
         self._out = np.concatenate([self._out, nodes])
         self._gram = self._factorised(self._taken.T @ self._taken)
 
     def _put_back(self, nodes: NDArray[np.bool_]) -> None:
         self._taken, self._out = self._taken[:, ~nodes], self._out[~nodes]
-        self._gram = self._factorised(self._taken.T @ self._taken)
+        if self._out.size:
+            self._gram = self._factorised(self._taken.T @ self._taken)
 
     def _factorised(self, matrix: Real) -> Real:
-        lower, wrong = self._lapack.potrf(matrix, lower=1, clean=0, overwrite_a=1)
+        lower, wrong = self._routines.potrf(matrix, lower=1, clean=0, overwrite_a=1)
         if wrong:
             raise np.linalg.LinAlgError
         factor: Real = lower
         return factor
 
-    def _triangular(self, lower: Real, sides: Real, transposed: int = 0) -> Real:
-        solution: Real = self._lapack.trtrs(lower, sides, lower=1, trans=transposed)[0]
-        return solution
+    def _solved(self, by: Callable[..., Any], lower: Real, sides: Real, **how: int) -> Real:
+        solution, wrong = by(lower, sides, lower=1, **how)
+        if wrong:
+            raise np.linalg.LinAlgError
+        solved: Real = solution
+        return solved
 
 
-class Lapack(NamedTuple):
+class Routines(NamedTuple):
     """Cholesky's factorisation, with a solve, a solve by it, and a triangular solve."""
 
     potrf: Callable[..., Any]
@@ -244,8 +257,8 @@ class Lapack(NamedTuple):
 
 
 @lru_cache(maxsize=2)
-def lapack(precision: str) -> Lapack:
-    """The routines of a precision, "s" or "d"."""
+def routines(precision: str) -> Routines:
+    """LAPACK's, for a precision "s" or "d"."""
     from scipy.linalg import lapack  # a tenth of a second, which most commands never need
 
-    return Lapack(*(getattr(lapack, precision + name) for name in Lapack._fields))
+    return Routines(*(getattr(lapack, precision + name) for name in Routines._fields))

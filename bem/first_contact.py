@@ -12,15 +12,16 @@ import numpy as np
 from bem.factor import CONTACT_SETS, ContactFactor, FarFieldLaw
 from bem.iterate import Iterate, Nodes, Operators, Values, inner
 
-# Steps end as soon as the contact is this share of what is few, before the first of them and later:
-# they leave some 0.55, 0.65 and 0.9 times the nodes, and dense algebra costs the cube of these.
+# Entry k: a step k is not taken where the contact is this share of what is few already; the last is
+# for all later ones. Steps 0, 1 and 2 leave some 0.55, 0.65 and 0.85 times the nodes, and dense
+# algebra costs their cube.
 ENOUGH = (0.25, 0.5, 0.5, 0.7)
 
 # Nodes that are next to touch are taken along, as many as this share of the contact.
 MARGIN = 0.08
 
-# Exact residuals that may follow, and from which penetration on nodes outside ask for another
-# factor at once: below, the factor's own precision may be to blame, and is corrected first.
+# Exact residuals that may follow; and the penetration outside from which another factor is asked
+# for at once: below, rounding may be to blame, which the factor at hand corrects first.
 RENEWALS = 5
 OUTSIDE = 1e-5
 
@@ -34,7 +35,7 @@ def take_first_steps(
     """
     for step in range(steps):
         contact = iterate.contact()
-        if len(contact) <= ENOUGH[min(step, 3)] * operators.few_nodes:
+        if len(contact) <= ENOUGH[min(step, len(ENOUGH) - 1)] * operators.few_nodes:
             return
         pressure = iterate.pressure.copy()
         precondition = operators.approximate_inverse(contact)
@@ -70,8 +71,9 @@ def settle_few(
         return
     before = Iterate(iterate.pressure.copy(), iterate.residual, exact=iterate.exact)
     contact = np.append(contact, _next_to_touch(iterate, contact))
-    with suppress(np.linalg.LinAlgError):  # nearly singular matrices are left to iterations
-        _settle(operators, interference, iterate, contact, rtol, min(most_sets, CONTACT_SETS))
+    # Nearly singular matrices, and depths beyond single precision, are left to iterations.
+    with suppress(np.linalg.LinAlgError, FloatingPointError), np.errstate(over="raise"):
+        _settle(operators, interference, iterate, contact, rtol, most_sets)
     if not iterate.violation() <= before.violation():
         iterate.pressure, iterate.residual = before.pressure, before.residual
         iterate.exact = before.exact
@@ -86,30 +88,31 @@ def _settle(
     most_sets: int,
 ) -> None:
     """Factorise, press, look at all nodes; again with those outside that penetrate, or correct."""
-    factor, rounded = None, OUTSIDE
+    factor, last = None, iterate.iterations + most_sets
     for _ in range(RENEWALS):
         if factor is None:
-            rounded = OUTSIDE
+            if len(contact) > operators.few_nodes or iterate.iterations >= last:
+                return
+            tolerated = max(rtol, OUTSIDE)
             contact = contact[np.lexsort((-iterate.residual[contact], -iterate.pressure[contact]))]
             factor = operators.factor(contact)
+            most_sets = min(last - iterate.iterations, CONTACT_SETS)
             pressure, sets = _pressed(factor, interference[contact], operators.softening, most_sets)
             iterate.pressure[:] = 0
             iterate.iterations += sets
         else:
-            rounded = 0.0
-            law = _far_field_law(operators.softening, 0.0)
+            tolerated = rtol
+            law = far_field_law(operators.softening, 0.0)
             pressure = iterate.pressure[contact]
             pressure += factor.correct(iterate.residual[contact], rtol, law)
         iterate.pressure[contact] = np.maximum(pressure, 0)
         iterate.renew(operators, interference)
         if iterate.violation() <= rtol:
             return
-        outside = iterate.residual > max(rtol, rounded)
+        outside = iterate.residual > tolerated
         outside[contact[factor.kept]] = False
         if outside.any():
             contact, factor = np.flatnonzero(outside | (iterate.pressure > 0)), None
-            if len(contact) > operators.few_nodes:
-                return
 
 
 def _pressed(
@@ -118,12 +121,18 @@ def _pressed(
     """Pressure of the factor's nodes alone, and the contact sets that it took."""
     # A spring's displacements are large; what they have in common is the far field's.
     common = float(interference.max()) if softening else 0.0
-    law = _far_field_law(softening, common)
+    law = far_field_law(softening, common)
     return factor.press(interference - common, law, most_sets)
 
 
-def _far_field_law(softening: float, common: float) -> FarFieldLaw | None:
-    """What the far field gives way by, and a displacement that all nodes have in common."""
+def far_field_law(softening: float, common: float) -> FarFieldLaw | None:
+    """How a far field answers, for `ContactFactor`; None for a rigid one.
+
+    Parameters
+    ----------
+    softening : see `bem.iterate.Operators`
+    common : displacement that all nodes have in common, besides what they are pressed by
+    """
     if not softening:
         return None
 

@@ -60,7 +60,7 @@ class Iterate:
     ----------
     pressure : (m,) reduced pressure, not negative between the steps
     residual : (m,) interference less displacement: zero in contact, negative where a gap is open
-    iterations : steps of conjugate gradients so far
+    iterations : steps of conjugate gradients, and contact sets of dense algebra, so far
     convolutions : applications of H so far
     exact : whether the residual is that of the pressure to the last digits, not kept up in working
         precision since

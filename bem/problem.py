@@ -38,7 +38,7 @@ class Problem:
     modulus : plane-strain modulus E* = E / (1 - nu^2) [MPa]
     kernel, far_field : see `solve`
     rtol : largest violation of complementarity accepted [Delta]
-    max_iterations : bound on the steps of conjugate gradients
+    max_iterations : bound on the steps of conjugate gradients and contact sets of dense algebra
     """
 
     heights: Field = field(repr=False)

@@ -71,7 +71,8 @@ def solve_complementarity(
     operators : see there; positive definite on every contact set met
     interference : (m,) u [unit of displacement]
     rtol : largest violation accepted
-    max_iterations : bound on the steps of conjugate gradients, those of the start included
+    max_iterations : bound on the steps of conjugate gradients and contact sets of dense algebra,
+        those of the start included
     start : a pressure to start from with its residual, which is not taken for converged before it
         has been recomputed; improved in place
     pace : see there

@@ -221,7 +221,7 @@ def test_solve_few_in_contact(
     contact = benchmark(bem.solve, heights, SIDE, delta)
     assert_exact(contact)
     if benchmark.enabled:
-        found = seconds_of(partial(bem.solve, heights, SIDE, delta))
+        seconds = seconds_of(partial(bem.solve, heights, SIDE, delta))
     monkeypatch.setattr(half_space, "FEW_PER_ROOT", 0.0)
     iterated = bem.solve(heights, SIDE, delta)
     assert iterated.force == pytest.approx(contact.force, rel=1e-5)
@@ -229,8 +229,8 @@ def test_solve_few_in_contact(
     benchmark.extra_info["contact_nodes"] = contact.contact_nodes
     benchmark.extra_info["convolutions_of_iterations_alone"] = iterated.convolutions
     if benchmark.enabled:
-        alone = seconds_of(partial(bem.solve, heights, SIDE, delta))
-        benchmark.extra_info["time_over_iterations_alone"] = found / alone
+        without = seconds_of(partial(bem.solve, heights, SIDE, delta))
+        benchmark.extra_info["time_over_iterations_alone"] = seconds / without
 
 
 @pytest.mark.parametrize("control", ["force", "pressure"])
@@ -278,5 +278,5 @@ def test_solve_ladder(benchmark: BenchmarkFixture, rungs: int) -> None:
     ) / sum(contact.convolutions for contact in alone)
     if benchmark.enabled:
         together = seconds_of(lambda: list(bem.ladder(heights, SIDE, deltas)))
-        single = seconds_of(lambda: [bem.solve(heights, SIDE, delta) for delta in deltas])
-        benchmark.extra_info["time_over_single_solves"] = together / single
+        apart = seconds_of(lambda: [bem.solve(heights, SIDE, delta) for delta in deltas])
+        benchmark.extra_info["time_over_single_solves"] = together / apart

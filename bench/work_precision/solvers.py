@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 import bem
 from bem.half_space import HalfSpace
 from bem.influence import Kernel
-from bem.solver import Operators, solve_complementarity
+from bem.iterate import Operators
+from bem.solver import solve_complementarity
 from bench.work_precision.case import Case, Field
 
 Nodes = NDArray[np.intp]
@@ -84,7 +85,7 @@ class ActiveSet:
     """The solver's iteration with operators of one's choice, on every node that overlaps.
 
     Apart from the operators there is no difference between two of these: no cropping of the grid,
-    and no dense algebra where few nodes may touch.
+    and no dense algebra where few nodes may touch or are in contact.
     """
 
     precision: str

@@ -3,8 +3,8 @@
 The hybrid set looks at the surface itself. Bearing area and interference are what would touch if
 nothing deformed. A contact solve on 33 x 33 blocks, each as high as the mean of its nodes, gives
 area, force and a smooth deflection; interpolated to the nodes, the deflection says which of them
-stand above it (`refined`), so that the highest nodes are not lost in their blocks' means. Delta
-counts from the highest node throughout.
+stand clear above it (`refined`: none where nodes are blocks), so that the highest nodes are not
+lost in their blocks' means. Delta counts from the highest node throughout.
 """
 
 import math
@@ -118,7 +118,7 @@ class SurfaceFeatures:
             contact.area_percent,
             contact.force / (self.length * delta),
             float(contact.displacement.mean()) / delta,
-            # By more than the coarse solve may be wrong: what it leaves in contact is its own affair.
+            # Only what stands clear of it by more than the coarse solve's own residual.
             *_above(interference - deflection - LOOSE * delta, delta),
         )
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from bem import half_space
+from bem.far_field import flat_punch
 
 
 @pytest.fixture
@@ -16,6 +17,7 @@ def iterations_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="module", params=["few by dense algebra", "iterations alone"])
 def both_ways(request: pytest.FixtureRequest) -> Iterator[None]:
     """Every test of a module, with and without dense algebra; for `usefixtures`."""
+    flat_punch.cache_clear()  # it would be the one that the other way found
     with pytest.MonkeyPatch.context() as patch:
         if request.param == "iterations alone":
             patch.setattr(half_space, "FEW_PER_ROOT", 0.0)

@@ -110,12 +110,15 @@ def test_any_grid_has_features_and_few_nodes_are_their_own_blocks(shape):
     values = dict(zip(PRESSED, pressed.pressed(3.0), strict=True))
     assert values["bearing_share"] == np.mean(z > z.max() - 3.0)
     assert values["refined_share"] <= values["bearing_share"]
-    if max(shape) <= 33:
+    if max(shape) <= 33:  # nothing stands above its own solution, whatever that leaves there
+        assert values["refined_share"] == values["refined_interference/delta"] == 0
         solved = bem.solve(z, sides, 3.0)
         assert values["coarse_area_percent"] == pytest.approx(solved.area_percent, abs=0.5)
         assert values["coarse_force/(E*.L.delta)"] == pytest.approx(
             solved.force / (pressed.length * 3.0), rel=0.02
         )
+    else:
+        assert values["refined_share"] > 0
 
 
 def test_a_delta_that_reaches_no_block_still_has_features():

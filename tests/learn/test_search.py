@@ -51,7 +51,7 @@ REDUCED = {
         "gamma": [0.0, 1.0],
     },
     "svm": {
-        "C": [10.0],
+        "C": [0.01],
         "degree": [3, 7],
         "kernel": ["linear", "rbf", "poly", "sigmoid"],
         "gamma": ["scale", "auto"],
