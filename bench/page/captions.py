@@ -82,7 +82,9 @@ def growth(folder: Path) -> Sequence[Content]:
         ),
         Table(
             folder / "growth.csv",
-            "Growth is per doubling of the nodes a side, from the first grid on.",
+            "Growth is per doubling of the nodes a side, from the first grid on. Convolutions are"
+            " those of iterations alone: dense algebra, for which only small grids have few enough"
+            " nodes in contact, would pass for growth.",
         ),
     ]
 
