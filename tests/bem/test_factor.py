@@ -172,7 +172,7 @@ def test_they_take_few_convolutions(
     assert direct.convolutions <= 0.7 * iterated.convolutions
 
 
-def settled(lost: int) -> tuple[Iterate, Iterate]:
+def settled(lost: int, most_sets: int = 50) -> tuple[Iterate, Iterate]:
     """A start without some nodes of the contact, and what became of it."""
     contact = bem.solve(ROUGH, SIDE, 12.0, rtol=1e-12)
     nodes = np.arange(ROUGH.size)
@@ -185,7 +185,7 @@ def settled(lost: int) -> tuple[Iterate, Iterate]:
     residual = np.where(pressure > 0, 0.5, -1.0)
     start = Iterate(pressure.copy(), residual)
     before = Iterate(pressure, residual)
-    first_contact.settle_few(operators, interference, start, 1e-12, 50)
+    first_contact.settle_few(operators, interference, start, 1e-12, most_sets)
     return before, start
 
 
@@ -232,20 +232,12 @@ def test_an_answer_that_is_worse_is_not_kept(monkeypatch: pytest.MonkeyPatch) ->
     assert contact.residual <= contact.problem.rtol
 
 
-@pytest.mark.parametrize("bound", [1, 2, 3, 4])
-@pytest.mark.parametrize(("seed", "delta"), [(4, 10.0), (5, 13.0), (5, 9.0)])
-@pytest.mark.parametrize("kernel", KERNELS)
-def test_later_factors_share_the_bound_on_contact_sets(
-    kernel: Kernel, seed: int, delta: float, bound: int
-) -> None:
-    heights = generate("diamond-square", 65, 0.5, 12.5, np.random.default_rng(seed))
-    try:
-        contact = bem.solve(
-            heights, SIDE, delta, kernel=kernel, far_field="compliant", max_iterations=bound
-        )
-    except bem.NotConverged as stopped:
-        contact = stopped.contact
-    assert contact.iterations <= bound
+def test_later_factors_share_the_bound_on_contact_sets() -> None:
+    """Nodes that were lost need another factor, and that has to do with the sets that are left."""
+    needed = settled(20)[1].iterations
+    assert needed > 2
+    for bound in range(1, needed):
+        assert 0 < settled(20, bound)[1].iterations <= bound
 
 
 @pytest.mark.filterwarnings("error")
