@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from bem.factor import CONTACT_SETS, InfluenceMatrix, routines
+from bem.factor import CONTACT_SETS, routines
+from bem.influence import InfluenceMatrix
 from bem.iterate import Iterate, Nodes, Values
 
 # Up to so many nodes that may touch, dense linear algebra alone is faster than with convolutions

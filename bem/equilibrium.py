@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bem.direct import FEW_NODES, solve_directly
-from bem.factor import InfluenceMatrix
 from bem.far_field import critical_delta, flat_punch
 from bem.half_space import HalfSpace
+from bem.influence import InfluenceMatrix
 from bem.iterate import Iterate
 from bem.problem import Field, Problem
 from bem.solver import FROM_NEAR, FROM_SCRATCH, solve_complementarity

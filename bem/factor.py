@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bem.influence import Kernel, influence_coefficients
+from bem.influence import InfluenceMatrix
 
 Values = NDArray[np.float64]
 Nodes = NDArray[np.intp]
@@ -28,76 +28,6 @@ CONTACT_SETS = 20
 
 # From this share of the nodes on, those that pull are left out of a new factor.
 MANY = 0.15
-
-# Rows gathered at a time, whose places fit into the cache; and the largest grid for which the
-# coefficients of all offsets, of either sign, are kept for that: their places take one subtraction.
-ROWS = 64
-MIRRORED_NODES = 2**20
-
-
-class InfluenceMatrix:
-    """H between nodes of a grid, entry by entry.
-
-    Parameters
-    ----------
-    shape, kernel, aspect : see `bem.influence.influence_coefficients`
-    dtype : "float64" or "float32"
-
-    Attributes
-    ----------
-    dtype : of the entries
-    """
-
-    def __init__(
-        self, shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str = "float64"
-    ) -> None:
-        self.dtype = np.dtype(dtype)
-        self._shape = shape
-        self._mirrored = shape[0] * shape[1] <= MIRRORED_NODES
-        self._coefficients = _coefficients(shape, kernel, aspect, dtype, self._mirrored)
-
-    def between(self, nodes: Nodes, loaded: Nodes) -> Real:
-        """(a,), (b,) flat indices -> (a, b) displacement of nodes from unit pressure on loaded."""
-        found: Real = self._coefficients.take(self._offsets(nodes, loaded), mode="clip")
-        return found
-
-    def among(self, nodes: Nodes) -> Real:
-        """(n,) flat indices -> (n, n) in Fortran's order; what is above the diagonal is not set."""
-        n = len(nodes)
-        matrix = np.empty((n, n), self.dtype)
-        for first in range(0, n, ROWS):
-            rows = slice(first, first + ROWS)
-            offsets = self._offsets(nodes[rows], nodes[first:])
-            np.take(self._coefficients, offsets, out=matrix[rows, first:], mode="clip")
-        return matrix.T
-
-    def _offsets(self, nodes: Nodes, loaded: Nodes) -> Nodes:
-        """(a,), (b,) -> (a, b) where the coefficients of the offsets stand."""
-        rows, columns = self._shape
-        here, there = np.divmod(nodes, columns), np.divmod(loaded, columns)
-        if self._mirrored:
-            width = 2 * columns - 1
-            centre = (rows - 1) * width + columns - 1
-            places = here[0] * width + here[1], there[0] * width + there[1] - centre
-            offsets: Nodes = np.subtract.outer(*places)
-            return offsets
-        offsets = np.abs(np.subtract.outer(here[0], there[0]))
-        offsets *= columns
-        offsets += np.abs(np.subtract.outer(here[1], there[1]))
-        return offsets
-
-
-@lru_cache(maxsize=4)
-def _coefficients(
-    shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str, mirrored: bool
-) -> Real:
-    """Flat coefficients of all offsets, or of those that are not negative."""
-    table = influence_coefficients(shape, kernel, aspect).astype(dtype)
-    if mirrored:
-        table = np.concatenate([table[:0:-1], table])
-        table = np.concatenate([table[:, :0:-1], table], axis=1)
-    table.setflags(write=False)
-    return table.reshape(-1)
 
 
 class ContactFactor:

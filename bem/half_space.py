@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bem.convolution import Selection, displacement_filter
-from bem.factor import ContactFactor, InfluenceMatrix
-from bem.influence import Kernel
+from bem.factor import ContactFactor
+from bem.influence import InfluenceMatrix, Kernel
 from bem.preconditioner import Preconditioner
 
 Values = NDArray[np.float64]

@@ -5,13 +5,16 @@ length and every material: a caller multiplies by spacing / E*.
 """
 
 from functools import lru_cache
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 Kernel = Literal["uniform-pressure", "concentrated-force"]
 KERNELS: tuple[Kernel, ...] = get_args(Kernel)
+
+Nodes = NDArray[np.intp]
+Real = NDArray[Any]  # of float64 or float32
 
 # Distance in units of the cell's longer side -> Gauss-Legendre points a side that integrate
 # 1/r over the cell to the last digit from there on (the error falls as (2 d)^(-2 points)).
@@ -22,6 +25,11 @@ QUADRATURE = ((3.0, 8), (16.0, 5), (128.0, 3))
 # boxes of these nodes a side, and larger ones unless the square has so many times their nodes.
 ALWAYS_SHARED = 288
 LARGEST_WASTE = 4
+
+# Rows gathered at a time, whose places fit into the cache; and the largest grid for which the
+# coefficients of all offsets, of either sign, are kept for that: their places take one subtraction.
+ROWS = 64
+MIRRORED_NODES = 2**20
 
 
 def influence_coefficients(
@@ -130,3 +138,68 @@ def _concentrated_force(
     table: NDArray[np.float64] = np.arcsin(radius / distance) * (aspect / (np.pi * radius))
     table[0, 0] = aspect / (np.pi * radius)
     return table
+
+
+class InfluenceMatrix:
+    """H between nodes of a grid, entry by entry.
+
+    Parameters
+    ----------
+    shape, kernel, aspect : see `bem.influence.influence_coefficients`
+    dtype : "float64" or "float32"
+
+    Attributes
+    ----------
+    dtype : of the entries
+    """
+
+    def __init__(
+        self, shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str = "float64"
+    ) -> None:
+        self.dtype = np.dtype(dtype)
+        self._shape = shape
+        self._mirrored = shape[0] * shape[1] <= MIRRORED_NODES
+        self._coefficients = _coefficients(shape, kernel, aspect, dtype, self._mirrored)
+
+    def between(self, nodes: Nodes, loaded: Nodes) -> Real:
+        """(a,), (b,) flat indices -> (a, b) displacement of nodes from unit pressure on loaded."""
+        found: Real = self._coefficients.take(self._offsets(nodes, loaded), mode="clip")
+        return found
+
+    def among(self, nodes: Nodes) -> Real:
+        """(n,) flat indices -> (n, n) in Fortran's order; what is above the diagonal is not set."""
+        n = len(nodes)
+        matrix = np.empty((n, n), self.dtype)
+        for first in range(0, n, ROWS):
+            rows = slice(first, first + ROWS)
+            offsets = self._offsets(nodes[rows], nodes[first:])
+            np.take(self._coefficients, offsets, out=matrix[rows, first:], mode="clip")
+        return matrix.T
+
+    def _offsets(self, nodes: Nodes, loaded: Nodes) -> Nodes:
+        """(a,), (b,) -> (a, b) where the coefficients of the offsets stand."""
+        rows, columns = self._shape
+        here, there = np.divmod(nodes, columns), np.divmod(loaded, columns)
+        if self._mirrored:
+            width = 2 * columns - 1
+            centre = (rows - 1) * width + columns - 1
+            places = here[0] * width + here[1], there[0] * width + there[1] - centre
+            offsets: Nodes = np.subtract.outer(*places)
+            return offsets
+        offsets = np.abs(np.subtract.outer(here[0], there[0]))
+        offsets *= columns
+        offsets += np.abs(np.subtract.outer(here[1], there[1]))
+        return offsets
+
+
+@lru_cache(maxsize=4)
+def _coefficients(
+    shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str, mirrored: bool
+) -> Real:
+    """Flat coefficients of all offsets, or of those that are not negative."""
+    table = influence_coefficients(shape, kernel, aspect).astype(dtype)
+    if mirrored:
+        table = np.concatenate([table[:0:-1], table])
+        table = np.concatenate([table[:, :0:-1], table], axis=1)
+    table.setflags(write=False)
+    return table.reshape(-1)

@@ -7,10 +7,10 @@ import numpy as np
 
 from bem.direct import FEW_NODES, solve_directly
 from bem.equilibrium import Equilibrium, Start, on_rigid_far_field, overlap, started, unfold
-from bem.factor import InfluenceMatrix
 from bem.far_field import flat_punch
 from bem.first_contact import take_first_steps
 from bem.half_space import HalfSpace
+from bem.influence import InfluenceMatrix
 from bem.iterate import Iterate, rescale
 from bem.problem import Problem
 from bem.solver import FROM_NEAR, FROM_SCRATCH, solve_complementarity

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bem
-from bem import factor, first_contact, half_space
-from bem.factor import ContactFactor, InfluenceMatrix
+from bem import factor, first_contact, half_space, influence
+from bem.factor import ContactFactor
 from bem.half_space import HalfSpace
-from bem.influence import KERNELS, Kernel
+from bem.influence import KERNELS, InfluenceMatrix, Kernel
 from bem.iterate import Iterate
 from bem.problem import FAR_FIELDS, FarField
 from gen.surface import generate
@@ -53,7 +53,7 @@ def test_entries_of_oblong_cells_and_of_many_nodes(
     monkeypatch: pytest.MonkeyPatch, mirrored: int
 ) -> None:
     """More nodes than are gathered at a time, in any order; as on small grids and on large ones."""
-    monkeypatch.setattr(factor, "MIRRORED_NODES", mirrored)
+    monkeypatch.setattr(influence, "MIRRORED_NODES", mirrored)
     nodes = np.random.default_rng(1).permutation(63 * 4)
     matrix = InfluenceMatrix((14, 18), "uniform-pressure", 2.5).among(nodes)
     expected = dense.influence_matrix((14, 18), "uniform-pressure", 2.5).reshape(252, 252)
