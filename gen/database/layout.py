@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 
 from gen.database.disk import chunks, write_rows
+from gen.database.inspection import check_attributes
 from gen.provenance import git_commit, versions
 from gen.scene import Scene
 from gen.schema import (
@@ -102,7 +103,14 @@ def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
 
 
 def read_attributes(file: h5py.File) -> dict[str, str | int]:
-    """Read the file's texts and numbers."""
+    """Read the file's texts and numbers.
+
+    Raises
+    ------
+    ValueError
+        If one is neither a text of fixed length nor an integer.
+    """
+    check_attributes(file)
     return {
         name: value.decode() if isinstance(value, bytes) else int(value)
         for name, value in file.attrs.items()

@@ -1,6 +1,7 @@
 """Files that are opened, and refused unless they are databases of this layout."""
 
 import errno
+import json
 import os
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -9,6 +10,7 @@ import h5py
 import numpy as np
 
 from gen.database.disk import chunks, first_line
+from gen.database.inspection import NUMBERS, TEXTS, check_columns
 from gen.database.layout import read_attributes
 from gen.errors import InputError
 from gen.scene import Scene, differences
@@ -123,17 +125,15 @@ def _scene_of(file: h5py.File, path: Path) -> Scene:
             f"{path} has layout {schema}, this version reads layout {SCHEMA}; "
             f"use the version that made it ({attributes.get('versions', 'unknown')})"
         )
+    if missing := [name for name in (*TEXTS, *NUMBERS) if name not in attributes]:
+        raise InputError(f"{path} is damaged: it lacks the attribute {missing[0]!r}")
     scene = Scene.from_text(str(attributes["scene"]), str(path))
-    if attributes.get("scene_hash") != scene.fingerprint():
+    own = (attributes["scene_hash"], attributes["samples"])
+    if own != (scene.fingerprint(), scene.samples):
         raise InputError(f"{path} is damaged: its scene is not the one that it was made with")
-    for column in columns_for(scene.store):
-        shape = column.shape(scene.samples, scene.surface.nodes)
-        dataset = file.get(column.path)
-        if dataset is None or dataset.shape != shape or dataset.dtype != np.dtype(column.dtype):
-            raise InputError(
-                f"{path} is damaged (no column {column.path!r} of type {column.dtype} and shape "
-                f"{shape}); restore it from a copy or remove it"
-            )
+    if not isinstance(json.loads(str(attributes["versions"])), dict):
+        raise InputError(f"{path} is damaged: its attribute 'versions' names no versions")
+    check_columns(file, path, scene)
     return scene
 
 

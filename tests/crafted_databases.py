@@ -1,0 +1,265 @@
+"""Databases as a stranger could craft them: refused before a column is touched."""
+
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from gen.database import create
+from gen.scene import Scene
+
+SCENE = "samples = 24\n[surface]\nnodes = 9\n"
+COLUMN = "force"
+VICTIM = b"precious" * 64
+
+Crafting = Callable[[h5py.File, Path], None]
+
+
+def prepare(folder: Path) -> dict[str, Path]:
+    """Write the scene, the victim and all crafted databases; return their paths by name."""
+    (folder / "scene.toml").write_text(SCENE)
+    (folder / "longer.toml").write_text(SCENE.replace("24", "30"))
+    (folder / "victim").write_bytes(VICTIM)
+    whole = folder / "whole.h5"
+    create(whole, Scene.parse(SCENE, "scene"))
+    content = whole.read_bytes()
+    paths = {}
+    for name, (craft, _) in CRAFTED.items():
+        paths[name] = folder / f"{name}.h5"
+        paths[name].write_bytes(content)
+        with h5py.File(paths[name], "r+", libver=("v108", "v110"), locking=False) as file:
+            craft(file, folder)
+    return paths
+
+
+def replaced(file: h5py.File, **options: object) -> h5py.Dataset:
+    """A column made anew in another way."""
+    rows = len(file[COLUMN])
+    del file[COLUMN]
+    return file.create_dataset(COLUMN, **{"shape": (rows,), "dtype": "f8", **options})
+
+
+def external(file: h5py.File, folder: Path) -> None:
+    replaced(file, external=[(str(folder / "victim"), 0, 24 * 8)])
+
+
+def external_link(file: h5py.File, folder: Path) -> None:
+    del file[COLUMN]
+    file[COLUMN] = h5py.ExternalLink(str(folder / "whole.h5"), f"/{COLUMN}")
+
+
+def soft_link(file: h5py.File, folder: Path) -> None:
+    del file[COLUMN]
+    file[COLUMN] = h5py.SoftLink("/delta")
+
+
+def linked_group(file: h5py.File, folder: Path) -> None:
+    file.move("runtime", "elsewhere")
+    file["runtime"] = h5py.SoftLink("/elsewhere")
+
+
+def same_dataset(file: h5py.File, folder: Path) -> None:
+    del file[COLUMN]
+    file[COLUMN] = file["delta"]
+
+
+def virtual(file: h5py.File, folder: Path) -> None:
+    layout = h5py.VirtualLayout(shape=(24,), dtype="f8")
+    layout[:] = h5py.VirtualSource(str(folder / "whole.h5"), "delta", shape=(24,))
+    del file[COLUMN]
+    file.create_virtual_dataset(COLUMN, layout)
+
+
+def compressed(file: h5py.File, folder: Path) -> None:
+    replaced(file, compression="gzip")
+
+
+def chunked(file: h5py.File, folder: Path) -> None:
+    replaced(file, chunks=(8,))
+
+
+def growing(file: h5py.File, folder: Path) -> None:
+    replaced(file, chunks=(8,), maxshape=(None,))
+
+
+def wrong_type(file: h5py.File, folder: Path) -> None:
+    replaced(file, dtype="f4")
+
+
+def other_bytes(file: h5py.File, folder: Path) -> None:
+    replaced(file, dtype=">f8")
+
+
+def texts(file: h5py.File, folder: Path) -> None:
+    replaced(file, dtype=h5py.string_dtype())
+
+
+def named_type(file: h5py.File, folder: Path) -> None:
+    file["double"] = np.dtype("f8")
+    replaced(file, dtype=file["double"])
+
+
+def wrong_shape(file: h5py.File, folder: Path) -> None:
+    replaced(file, shape=(25,))
+
+
+def wrong_rank(file: h5py.File, folder: Path) -> None:
+    replaced(file, shape=(24, 1))
+
+
+def scalar(file: h5py.File, folder: Path) -> None:
+    replaced(file, shape=())
+
+
+def no_data(file: h5py.File, folder: Path) -> None:
+    replaced(file, shape=None)
+
+
+def group(file: h5py.File, folder: Path) -> None:
+    del file[COLUMN]
+    file.create_group(COLUMN)
+
+
+def type_for_a_column(file: h5py.File, folder: Path) -> None:
+    del file[COLUMN]
+    file[COLUMN] = np.dtype("f8")
+
+
+def column_for_a_group(file: h5py.File, folder: Path) -> None:
+    del file["runtime"]
+    file["runtime"] = np.zeros(24)
+
+
+def never_allocated(file: h5py.File, folder: Path) -> None:
+    replaced(file)
+
+
+def huge(file: h5py.File, folder: Path) -> None:
+    """Declare 1e9 rows, in columns that never took their place."""
+    scene = Scene.parse(SCENE.replace("24", "1000000000"), "scene")
+    for name, value in (("scene", scene.text()), ("scene_hash", scene.fingerprint())):
+        set_text(file, name, value)
+    file.attrs.modify("samples", scene.samples)
+    for name in list(walk(file)):
+        kind = file[name].dtype
+        del file[name]
+        file.create_dataset(name, shape=(scene.samples,), dtype=kind)
+
+
+def walk(file: h5py.File) -> list[str]:
+    """Paths of all columns."""
+    found: list[str] = []
+    file.visititems(lambda name, node: found.append(name) if "long_name" in node.attrs else None)
+    return found
+
+
+def set_text(file: h5py.File, name: str, value: str) -> None:
+    data = value.encode()
+    del file.attrs[name]
+    file.attrs.create(name, data, dtype=h5py.string_dtype("utf-8", len(data)))
+
+
+def lacking(name: str) -> Crafting:
+    def craft(file: h5py.File, folder: Path) -> None:
+        del file.attrs[name]
+
+    return craft
+
+
+def with_attribute(name: str, value: object) -> Crafting:
+    def craft(file: h5py.File, folder: Path) -> None:
+        file.attrs[name] = value
+
+    return craft
+
+
+def versions(text: str) -> Crafting:
+    return lambda file, folder: set_text(file, "versions", text)
+
+
+CRAFTED: dict[str, tuple[Crafting, str]] = {
+    "external": (external, "another file"),
+    "external-link": (external_link, "link"),
+    "soft-link": (soft_link, "link"),
+    "linked-group": (linked_group, "link"),
+    "same-dataset": (same_dataset, "on top of"),
+    "virtual": (virtual, "virtual"),
+    "compressed": (compressed, "compressed"),
+    "chunked": (chunked, "chunks"),
+    "growing": (growing, COLUMN),
+    "wrong-type": (wrong_type, "type f8"),
+    "other-bytes": (other_bytes, "type f8"),
+    "texts": (texts, "type f8"),
+    "named-type": (named_type, "type f8"),
+    "wrong-shape": (wrong_shape, "(24,)"),
+    "wrong-rank": (wrong_rank, "(24,)"),
+    "scalar": (scalar, "(24,)"),
+    "no-data": (no_data, "(24,)"),
+    "group": (group, COLUMN),
+    "type": (type_for_a_column, COLUMN),
+    "no-group": (column_for_a_group, "runtime/"),
+    "never-allocated": (never_allocated, "do not fit"),
+    "huge": (huge, "1000000000 rows"),
+    **{
+        f"no-{name}": (lacking(name), f"lacks the attribute '{name}'")
+        for name in ("title", "versions", "created", "git_commit", "physics_forced", "scene_hash")
+    },
+    "text-in-a-heap": (with_attribute("title", "of variable length"), "'title'"),
+    "number-for-a-text": (with_attribute("title", 3), "'title'"),
+    "text-for-a-number": (with_attribute("physics", np.bytes_("4")), "'physics'"),
+    "list-for-a-number": (with_attribute("physics", [4, 4]), "'physics'"),
+    "other-rows": (with_attribute("samples", 23), "not the one that it was made with"),
+    "versions-list": (versions("[]"), "names no versions"),
+    "versions-text": (versions("{'"), "is damaged"),
+    "versions-deep": (versions("[" * 60_000), "is damaged"),
+}
+"""What is crafted, and a word of the refusal."""
+
+KINDS = (
+    *("external", "external-link", "soft-link", "virtual", "compressed", "wrong-type"),
+    *("named-type", "wrong-shape", "group", "type", "huge", "no-title", "no-versions"),
+)
+"""One of each kind: commands that open databases in one and the same way need no more."""
+
+COMMANDS: dict[str, list[str]] = {
+    "gen run": ["run", "scene.toml", "-o", "FILE"],
+    "gen extend": ["run", "longer.toml", "-o", "FILE"],
+    "gen info": ["info", "FILE"],
+    "gen check": ["check", "FILE"],
+    "gen merge": ["merge", "FILE", "-o", "merged.h5"],
+    "gen merge with": ["merge", "whole.h5", "FILE", "-o", "merged.h5"],
+    "gen plot": ["plot", "FILE", "-o", "plot.png"],
+    "learn fit": ["fit", "FILE", "-o", "new.surrogate"],
+    "learn compare": ["compare", "FILE", "-o", "new"],
+    "learn tune": ["tune", "FILE", "-o", "new"],
+    "learn estimate": ["estimate", "FILE", "-o", "new"],
+    "learn importance": ["importance", "FILE", "-o", "new"],
+    "learn appendix": ["appendix", "FILE", "-o", "new"],
+}
+"""Every command that reads databases, but `learn law`, which needs a surrogate as well."""
+
+
+def refuse(
+    main: Callable[[list[str]], int], command: str, names: Iterable[str], capsys: Any
+) -> None:
+    """Ask a command for crafted files in this folder: one line, code 2, nothing changed."""
+    before = contents()
+    for name in names:
+        file, word = f"{name}.h5", CRAFTED[name][1]
+        began = time.monotonic()
+        assert main([file if each == "FILE" else each for each in COMMANDS[command]]) == 2, name
+        assert time.monotonic() - began < 10, name
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1, said
+        assert file in said, said
+        assert word in said, said
+    assert contents() == before
+    assert before["victim"] == VICTIM
+
+
+def contents() -> dict[str, bytes]:
+    """All files of this folder."""
+    return {str(path): path.read_bytes() for path in Path().rglob("*") if path.is_file()}
