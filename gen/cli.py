@@ -8,6 +8,7 @@ import typer
 
 from gen import command_line, farm
 from gen.errors import InputError
+from gen.terminal import echo
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
@@ -49,7 +50,7 @@ def main(arguments: Sequence[str]) -> int:
         world = farm.this_world()
         return command_line.call(app, "gen", arguments, speaking=world.is_master)
     except InputError as error:
-        typer.echo(f"gen: {error}", err=True)
+        echo(f"gen: {error}", err=True)
         return 2
     except Exception:
         world.abort()
@@ -264,7 +265,7 @@ def plot(
     from gen.picture import draw_database
 
     draw_database(file, output)
-    typer.echo(f"wrote {output}")
+    echo(f"wrote {output}")
 
 
 @app.command()
@@ -274,7 +275,8 @@ def columns() -> None:
         return
     from gen.schema import markdown_table
 
-    typer.echo(markdown_table())
+    for line in markdown_table().splitlines():
+        echo(line)
 
 
 @app.command()
@@ -297,12 +299,12 @@ def check(
     count = 0
     for fault in faults(file, recompute, seed):
         count += 1
-        typer.echo(f"{file}: {fault}")
+        echo(f"{file}: {fault}")
     if not count:
         with Reader(file) as reader:
             pending, done, failed = reader.counts()
         again = min(recompute, done + failed)
-        typer.echo(
+        echo(
             f"{file}: sound; {done} rows done, {failed} failed, {pending} pending; {again} of them"
             " computed again, equal bit for bit"
         )
@@ -322,7 +324,7 @@ def merge(
     from gen import database
 
     pending, done, failed = database.merge(output, files)
-    typer.echo(f"{output}: {done} rows done, {failed} failed, {pending} pending")
+    echo(f"{output}: {done} rows done, {failed} failed, {pending} pending")
 
 
 @app.command()

@@ -7,6 +7,7 @@ from typing import Any
 import typer
 
 from gen.errors import InputError
+from gen.terminal import printable
 
 # The base class of what typer raises for a wrong command line; its own home has moved twice.
 CommandLineError: Any = typer.BadParameter.__mro__[2]
@@ -73,5 +74,5 @@ def _in_words(error: InputError | ModuleNotFoundError) -> str:
 
 def _complain(message: str, *, speaking: bool) -> None:
     if speaking:
-        sys.stderr.write(" ".join(message.split()) + "\n")
+        sys.stderr.write(printable(" ".join(message.split())) + "\n")
         sys.stderr.flush()

@@ -8,9 +8,9 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
+from gen.console import console as new_console
 from gen.progress import RunProgress
 from gen.schema import REASONS, RUNTIME, Column, Status, statistics_columns
 from gen.single import warnings_about
@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # a table of statistics needs no solver, one of a contact no 
     from pathlib import Path
 
     from numpy.typing import NDArray
+    from rich.console import Console
 
     from bem import Contact
     from gen.database import Reader
@@ -168,7 +169,7 @@ def print_preparation(topography: Topography, warnings: list[str]) -> None:
     for step in topography.steps:
         console.print(f"{topography.name}: {step}")
     for warning in warnings:
-        Console(stderr=True, markup=False, highlight=False, soft_wrap=True).print(
+        new_console(stderr=True, markup=False, highlight=False, soft_wrap=True).print(
             f"warning: {warning}"
         )
 
@@ -254,7 +255,7 @@ def print_statistics(
 def _console() -> Console:
     """Plain text on standard output, unbroken where it goes on into a file or a pipe."""
     width = None if sys.stdout.isatty() else 1000
-    return Console(markup=False, highlight=False, width=width)
+    return new_console(markup=False, highlight=False, width=width)
 
 
 def _scene_lines(scene: dict[str, Any]) -> list[str]:

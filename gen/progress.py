@@ -3,8 +3,9 @@
 import time
 from typing import Self
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+from gen.console import console
 
 LINE_SECONDS = 30.0
 """Time between two lines of a batch log [s]."""
@@ -21,7 +22,7 @@ class RunProgress:
     """
 
     def __init__(self, total: int, noun: str = "samples", work: float | None = None) -> None:
-        self._console = Console(stderr=True)
+        self._console = console(stderr=True)
         self._total, self._noun = total, noun
         self._here = self._failed = 0
         self._work, self._worked = float(total if work is None else work), 0.0

@@ -9,6 +9,20 @@ from gen.errors import InputError
 
 Row = dict[str, float | int | str]
 
+FORMULAS = ("=", "+", "-", "@", "\t", "\r", "\n")
+"""What a text begins with that a spreadsheet would compute."""
+
+
+def cell(value: object) -> object:
+    """Quote a text that a spreadsheet would take for a formula; numbers stay what they are.
+
+    Parameters
+    ----------
+    value : of a cell; a text gets an apostrophe in front where it begins as a formula does, which
+        is what OWASP advises for names that come from strangers
+    """
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULAS) else value
+
 
 def write_csv(path: Path, rows: Sequence[Row]) -> None:
     """Write rows under a header; a file that is there is replaced only by a whole one.
@@ -24,7 +38,7 @@ def write_csv(path: Path, rows: Sequence[Row]) -> None:
             with unfinished.open("w", encoding="utf-8", newline="") as file:
                 writer = csv.DictWriter(file, list(rows[0]))
                 writer.writeheader()
-                writer.writerows(rows)
+                writer.writerows({name: cell(each) for name, each in row.items()} for row in rows)
             unfinished.replace(path)
         finally:
             unfinished.unlink(missing_ok=True)

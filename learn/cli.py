@@ -10,6 +10,7 @@ import typer
 
 from gen import command_line, farm
 from gen.errors import InputError
+from gen.terminal import echo
 from learn import commands
 from learn.options import (
     Again,
@@ -41,7 +42,7 @@ def main(arguments: Sequence[str]) -> int:
         world = farm.this_world()
         return command_line.call(app, "learn", arguments, speaking=world.is_master)
     except InputError as error:
-        typer.echo(f"learn: {error}", err=True)
+        echo(f"learn: {error}", err=True)
         return 2
     except Exception:
         world.abort()
@@ -188,8 +189,8 @@ def importance(
         return
     from learn.comparison.importance import write_report
 
-    for path in write_report(request, typer.echo):
-        typer.echo(f"wrote {path}")
+    for path in write_report(request, echo):
+        echo(f"wrote {path}")
 
 
 @app.command()
@@ -213,8 +214,8 @@ def appendix(
         return
     from learn.comparison.appendix import write_report
 
-    for path in write_report(request, typer.echo):
-        typer.echo(f"wrote {path}")
+    for path in write_report(request, echo):
+        echo(f"wrote {path}")
 
 
 def _request(
@@ -257,11 +258,11 @@ def _show(request: Request, world: Any, signal: int) -> int:
             import signal as signals
 
             name = signals.Signals(signal).name
-            typer.echo(f"stopped by {name}; the same command goes on with what is left")
+            echo(f"stopped by {name}; the same command goes on with what is left")
         return 128 + signal
     if world.is_master:
         _write_and_print(request.output, pictures=False)
-        typer.echo(f"pictures: python -m learn show {request.output}")
+        echo(f"pictures: python -m learn show {request.output}")
     return 0
 
 
@@ -276,4 +277,4 @@ def _write_and_print(folder: Path, *, pictures: bool) -> None:
             from learn.comparison.pictures import draw
 
             for path in draw(part):
-                typer.echo(f"wrote {path}")
+                echo(f"wrote {path}")

@@ -9,6 +9,7 @@ import typer
 
 from gen import farm
 from gen.errors import InputError
+from gen.terminal import echo
 from learn.options import (
     Coverage,
     Crop,
@@ -111,7 +112,7 @@ def fit(
         signal = int(world.broadcast(interruption.signal))
     if surrogate is not None:
         surrogate.save(output)
-        typer.echo(f"wrote {output}: python -m learn card {output}")
+        echo(f"wrote {output}: python -m learn card {output}")
         return 0
     if signal and world.is_master:
         _say("stopped; the same command goes on with what is left")
@@ -174,7 +175,7 @@ def predict(
     show(rows, interval, question.e_star or surrogate.modulus)
     if output is not None:
         write_csv(output, rows)
-        typer.echo(f"wrote {output}")
+        echo(f"wrote {output}")
 
 
 def law(
@@ -241,7 +242,7 @@ def law(
     found = make(surrogate, order, _say)
     show(found)
     for written in write(found, table, header):
-        typer.echo(f"wrote {written}")
+        echo(f"wrote {written}")
 
 
 def _targets(text: str) -> tuple[str, ...]:
@@ -253,4 +254,4 @@ def _targets(text: str) -> tuple[str, ...]:
 
 
 def _say(line: str) -> None:
-    typer.echo(line, err=True)
+    echo(line, err=True)

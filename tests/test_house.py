@@ -1,6 +1,7 @@
 """The rules that keep the house easy to live in: who imports what, and when."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -78,6 +79,17 @@ def test_bem_neither_prints_nor_opens_files():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             called = isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
             assert not (called and node.func.id in {"print", "open", "input"}), path
+
+
+@pytest.mark.parametrize("package", ["gen", "learn"])
+def test_one_place_prints(package):
+    """Where texts of strangers' files lose what would drive a terminal."""
+    for path in sources(package):
+        text = path.read_text(encoding="utf-8")
+        if path.name != "console.py":
+            assert not re.search(r"\bConsole\(", text), f"{path}: take gen.console"
+        if path.name != "terminal.py":
+            assert not re.search(r"typer\.s?echo|\bprint\(", text.replace(".print(", "")), path
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.errors import InputError
+from gen.table import cell
 from learn.dataset import Dataset
 from learn.features import chosen
 from learn.split import FOLDS, Split
@@ -173,7 +174,7 @@ class Folder:
 
         writer = csv.writer(Lines(), lineterminator="\n")
         writer.writerow(header)
-        writer.writerows(rows)
+        writer.writerows([cell(each) for each in row] for row in rows)
         return self._write(name, "".join(lines))
 
     def _write(self, name: str, text: str) -> Path:

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from gen.console import wide_console
 from learn.comparison import paper
 from learn.comparison.folder import KINDS, Folder
 from learn.comparison.spaces import TABLE_2
@@ -90,7 +90,7 @@ def show(folder: Folder) -> None:
     """Print the tables."""
     record = folder.record()
     conditions = record["conditions"]
-    console = Console(width=None if Console().is_terminal else 140)
+    console = wide_console(140)
     area_max = conditions["area_max"]
     limited = "" if area_max is None else f", areas to {area_max:g} %"
     console.print(

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.table import Table as Printed
 
+from gen.console import wide_console
 from gen.errors import InputError
 from gen.table import Row
 from learn.surrogate.model import Surrogate
@@ -146,7 +146,7 @@ def heading(column: str, unit: str) -> str:
 
 def show(rows: Sequence[Row], level: float, e_star: float) -> None:
     """Print the first rows of the table, and below it why some are outside."""
-    console = Console(width=None if Console().is_terminal else 160)
+    console = wide_console(160)
     names = [name for name in rows[0] if not name.endswith(("_low", "_high", "_std"))]
     table = Printed(title=f"Predictions with {100 * level:g} % intervals, E* = {e_star:g} MPa")
     for name in names:

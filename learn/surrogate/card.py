@@ -138,7 +138,7 @@ def show(surrogate: "Surrogate") -> None:
     InputError
         If the card lacks something: the file was not made by `learn fit`.
     """
-    from rich.console import Console
+    from gen.console import wide_console
 
     try:
         texts = [*lines(surrogate), *(f"warning: {remark}" for remark in surrogate.remarks)]
@@ -146,7 +146,7 @@ def show(surrogate: "Surrogate") -> None:
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         fault = printable(f"{type(error).__name__}: {error}")
         raise InputError(f"the surrogate's card is not whole ({fault}): fit it anew") from None
-    console = Console(width=None if Console().is_terminal else 120)
+    console = wide_console(120)
     for text in texts:
         console.print(printable(text), highlight=False, markup=False, soft_wrap=True)
     for table in tables:

@@ -23,10 +23,11 @@ def write(law: Law, table: Path | None, c_header: Path | None) -> list[Path]:
 
 def show(law: Law) -> None:
     """Print the law against Delta."""
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console(width=None if Console().is_terminal else 120)
+    from gen.console import wide_console
+
+    console = wide_console(120)
     for note in law.notes:
         console.print(note, highlight=False, markup=False, soft_wrap=True)
     table = Table(title=f"E* = {law.e_star:g} MPa; band: {law.band}")
