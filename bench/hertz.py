@@ -4,7 +4,6 @@ Both kernels on the paper's two grids, beside the closed form. The displacement 
 paraboloid's tip, which on an even number of nodes lies a little above the highest of them.
 """
 
-import csv
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,8 @@ from bem.analytic import Paraboloid, distances_to_centre
 from bem.influence import KERNELS, Kernel
 from bench.picture import new_figure, save
 from bench.style import STYLES
-from gen.errors import InputError
+from bench.table import write_table
+from gen.output import check_folder
 
 Values = NDArray[np.float64]
 
@@ -97,18 +97,12 @@ def write_report(folder: Path) -> list[Path]:
     """
     table, picture = folder / "hertz.csv", folder / "hertz.png"
     figure = new_figure(11, 7.5)
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder} is a file: give a folder")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with table.open("w", encoding="utf-8", newline="") as file:
-            curves = compare()
-            csv.writer(file).writerows(_rows(curves))
-        _draw(figure, curves)
-        save(figure, picture)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
-    return [table, picture]
+    check_folder(folder, table.name, picture.name)
+    curves = compare()
+    header, *rows = _rows(curves)
+    write_table(table, map(str, header), rows)
+    _draw(figure, curves)
+    return [table, save(figure, picture)]
 
 
 def _rows(curves: Iterable[Curve]) -> Iterable[tuple[object, ...]]:

@@ -6,6 +6,7 @@ from typing import Any
 
 from bench.style import COLOURS
 from gen.errors import InputError
+from gen.output import make_folder, write
 
 DPI = 150
 PALETTE = 256
@@ -40,14 +41,10 @@ def save(figure: Any, path: Path) -> Path:
     """
     from PIL import Image
 
-    drawn = BytesIO()
+    drawn, compact = BytesIO(), BytesIO()
     figure.savefig(drawn, dpi=DPI, format="png")
     few = Image.open(drawn).convert("RGB").quantize(PALETTE, dither=Image.Dither.NONE)
-    unfinished = path.with_name(f".{path.name}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        few.save(unfinished, format="PNG", optimize=True)
-        unfinished.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    few.save(compact, format="PNG", optimize=True)
+    make_folder(path.parent)
+    write(path, compact.getvalue(), "picture")
     return path

@@ -2,10 +2,10 @@
 
 import csv
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from io import StringIO
 from pathlib import Path
 
-from gen.errors import InputError
+from gen.output import make_folder, write
 
 
 def write_table(path: Path, header: Iterable[str], rows: Iterable[Sequence[object]]) -> Path:
@@ -16,16 +16,10 @@ def write_table(path: Path, header: Iterable[str], rows: Iterable[Sequence[objec
     InputError
         If that is not possible.
     """
-    unfinished = path.with_name(f".{path.name}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with unfinished.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(header)
-            writer.writerows(rows)
-        unfinished.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            unfinished.unlink(missing_ok=True)
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    text = StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(header)
+    writer.writerows(rows)
+    make_folder(path.parent)
+    write(path, text.getvalue())
     return path

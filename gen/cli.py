@@ -8,6 +8,7 @@ import typer
 
 from gen import command_line, farm
 from gen.errors import InputError
+from gen.output import Output, check_outputs
 from gen.terminal import echo
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
@@ -202,6 +203,7 @@ def contact(
     from gen.topography import read
 
     load, values = single.chosen_load({"delta": delta, "force": force, "pressure": pressure})
+    check_outputs([Output(table, "--csv"), Output(picture, "--plot", "picture")], [surface])
     if picture is not None:
         from gen.picture import draw_contacts, new_figure
 
@@ -243,6 +245,7 @@ def describe(
     from gen.table import write_csv
     from gen.topography import read
 
+    check_outputs([Output(table, "--csv")], [surface])
     measured = read(surface, side, unit)
     topography = prepare(measured, crop=crop, invert=invert, level=level, fill=fill)
     display.print_preparation(topography, warnings_about(topography))
@@ -264,6 +267,7 @@ def plot(
         return
     from gen.picture import draw_database
 
+    check_outputs([Output(output, "--output", "picture")], [file])
     draw_database(file, output)
     echo(f"wrote {output}")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from gen.database import Reader
 from gen.errors import InputError
+from gen.output import write
 from gen.plan import parameters
 from gen.sample import solve_contact, surface_of
 from gen.scene import Scene
@@ -66,10 +68,8 @@ def new_figure(picture: Path) -> Any:
         from matplotlib.figure import Figure
     except ImportError:
         raise InputError("drawing needs matplotlib: install the extra 'plot'") from None
-    if picture.is_dir() or picture.suffix.lower() not in {".png", ".svg", ".pdf"}:
+    if picture.suffix.lower() not in {".png", ".svg", ".pdf"}:
         raise InputError(f"{picture}: give the name of a picture, ending in .png, .svg or .pdf")
-    if not picture.absolute().parent.is_dir():
-        raise InputError(f"{picture} cannot be written: there is no folder {picture.parent}")
     return Figure(figsize=(11, 8.2), layout="constrained")
 
 
@@ -96,10 +96,10 @@ def draw_contacts(figure: Any, contacts: Sequence[Contact], load: str, picture: 
 
 
 def _save(figure: Any, picture: Path) -> None:
-    try:
-        figure.savefig(picture, dpi=110)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{picture} cannot be written: {error}") from None
+    """Draw in memory, then write the picture whole."""
+    drawn = BytesIO()
+    figure.savefig(drawn, dpi=110, format=picture.suffix[1:].lower())
+    write(picture, drawn.getvalue(), "picture")
 
 
 def _draw_fields(figure: Any, axes: Sequence[Any], contact: Contact) -> None:

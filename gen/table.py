@@ -1,11 +1,11 @@
 """Small tables that people take on to other programs: CSV files, written whole or not at all."""
 
 import csv
-import os
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from gen.errors import InputError
+from gen.output import write
 
 Row = dict[str, float | int | str]
 
@@ -32,15 +32,8 @@ def write_csv(path: Path, rows: Sequence[Row]) -> None:
     InputError
         If the file cannot be written
     """
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        try:
-            with unfinished.open("w", encoding="utf-8", newline="") as file:
-                writer = csv.DictWriter(file, list(rows[0]))
-                writer.writeheader()
-                writer.writerows({name: cell(each) for name, each in row.items()} for row in rows)
-            unfinished.replace(path)
-        finally:
-            unfinished.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(rows[0]))
+    writer.writeheader()
+    writer.writerows({name: cell(each) for name, each in row.items()} for row in rows)
+    write(path, text.getvalue())

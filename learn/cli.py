@@ -10,6 +10,7 @@ import typer
 
 from gen import command_line, farm
 from gen.errors import InputError
+from gen.output import check_folder
 from gen.terminal import echo
 from learn import commands
 from learn.options import (
@@ -235,6 +236,8 @@ def _request(
     from learn.features import chosen
     from learn.request import Request
 
+    if farm.this_world().is_master:
+        check_folder(output)
     normalise = normalise or chosen(features).normalisation
     return Request(
         database=file,

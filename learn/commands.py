@@ -9,6 +9,7 @@ import typer
 
 from gen import farm
 from gen.errors import InputError
+from gen.output import Output, check_outputs
 from gen.terminal import echo
 from learn.options import (
     Coverage,
@@ -27,7 +28,6 @@ from learn.options import (
     modulus_from,
     reading,
 )
-from learn.output import check_surrogate, check_text
 
 
 def fit(
@@ -87,19 +87,21 @@ def fit(
     from learn.surrogate.settings import normalisation_of
 
     world = farm.this_world()
-    check_surrogate(output)
+    if world.is_master:
+        wanted = Output(output, "--output", "surrogate")
+        check_outputs([wanted], [file] if source is None else [file, source])
     chosen_models([model])
     given = {"features": features, "area_max": area_max, "seed": seed, "normalisation": normalise}
     given = {name: value for name, value in given.items() if value not in {"", None}}
-    wanted = chosen(features or "dimensionless")
+    taken = chosen(features or "dimensionless")
     request = Request(
         database=file,
         output=output,
         targets=_targets(target),
         models=(model,),
         area_max=area_max,
-        normalisation=normalisation_of(wanted.normalisation, normalise),
-        features=wanted.name,
+        normalisation=normalisation_of(taken.normalisation, normalise),
+        features=taken.name,
         seed=seed or 0,
         train_rows=train_rows,
     )
@@ -157,7 +159,7 @@ def predict(
     from learn.surrogate.conformal import checked_level
     from learn.surrogate.sources import deltas_from
 
-    check_text(output, "--output", [file, *inputs])
+    check_outputs([Output(output, "--output")], [file, *inputs])
     surrogate = Surrogate.load(file)
     for remark in surrogate.remarks:
         _say(f"warning: {remark}")
@@ -226,8 +228,7 @@ def law(
     from learn.surrogate.law import Order, make
     from learn.surrogate.law_table import show, write
 
-    for path, option in ((table, "--csv"), (header, "--header")):
-        check_text(path, option, [file, *inputs])
+    check_outputs([Output(table, "--csv"), Output(header, "--header")], [file, *inputs])
     surrogate = Surrogate.load(file)
     order = Order(
         inputs=tuple(inputs),

@@ -7,6 +7,7 @@ import typer
 
 from bench.commands.options import Folder, numbers, remark
 from gen.errors import InputError
+from gen.output import check_folder
 
 
 def solver(
@@ -80,6 +81,7 @@ def growth(
     """
     from bench.growth import growth, markdown_table, write_report
 
+    check_folder(output, "growth.csv", "growth.png")
     rows = growth(numbers("nodes", nodes, int), surfaces, remark=remark)
     typer.echo(markdown_table(rows))
     for path in write_report(output, rows):

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from bench.commands.options import AreaMax, Folder, PaperDatabase, PaperRows, numbers, remark
+from gen.output import check_folder
 
 
 def models(
@@ -19,6 +20,7 @@ def models(
     """
     from bench.surrogates.models import costs, write_report
 
+    check_folder(output, "models.csv", "models.png")
     for path in write_report(output, costs(comparison, target)):
         typer.echo(path)
 
@@ -43,6 +45,7 @@ def tolerance(
     from bench.surrogates.tolerance import tolerance as measure
     from bench.surrogates.tolerance_report import write_report
 
+    check_folder(output, "tolerance.csv", "tolerance.txt", "tolerance.png")
     asked = numbers("tolerances", tolerances, float) if tolerances else TOLERANCES
     found = measure(output, rows, tolerances=asked, area_max=area_max, remark=remark)
     paths, text = write_report(output, found)
@@ -70,6 +73,7 @@ def generalisation(
     from bench.surrogates.generalisation import generalisation as measure
     from bench.surrogates.generalisation_report import show, write_report
 
+    check_folder(output, "generalisation.csv")
     found = measure(
         output,
         rows,
@@ -105,6 +109,7 @@ def cost(
     from bench.surrogates.cost import cost as measure
     from bench.surrogates.cost_report import write_report
 
+    check_folder(output, "cost.csv", "learning.csv", "cost.txt", "cost.png")
     found = measure(
         output,
         rows,
@@ -142,6 +147,8 @@ def throughput(
     """
     from bench.surrogates import throughput as calls
 
+    if output is not None:
+        check_folder(output, "throughput.csv")
     asked = calls.loaded(surrogate) if surrogate else calls.fitted(database, rows, remark)
     speeds = calls.throughput(asked, surfaces, remark)
     typer.echo(calls.markdown_table(speeds))
@@ -168,4 +175,6 @@ def memory(
     """
     from bench.memory import measure, report
 
+    if output is not None:
+        check_folder(output, "memory.csv")
     typer.echo(report(measure(model or [], rows, remark), output))

@@ -13,6 +13,7 @@ from bench.page.part import Part
 from bench.page.record import record
 from bench.page.table import Row, tabulated
 from gen.errors import InputError
+from gen.output import write
 
 PAGE = "index.html"
 
@@ -84,12 +85,8 @@ def write_page(parts: Sequence[Part], inputs: Inputs) -> Path:
         judged=sum(len(each.judged) for each in shown),
         failures=sum(each.failures for each in shown),
     )
-    path, unfinished = inputs.output / PAGE, inputs.output / f".{PAGE}"
-    try:
-        unfinished.write_text(text, encoding="utf-8")
-        unfinished.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    path = inputs.output / PAGE
+    write(path, text)
     return path
 
 

@@ -7,6 +7,7 @@ from typing import Any
 from bench.circumstances import circumstances
 from bench.page.inputs import Inputs, typed
 from bench.page.part import Part
+from gen import output
 from gen.errors import InputError
 
 SAME = ("commit", "versions", "machine")
@@ -66,12 +67,7 @@ def write(part: Part, inputs: Inputs, code: int, seconds: float, told: list[str]
         **circumstances(),
     }
     path = path_of(part, inputs)
-    unfinished = path.with_name(f".{path.name}")
-    try:
-        unfinished.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
-        unfinished.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    output.write(path, json.dumps(found, indent=2) + "\n")
     return found
 
 

@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from bench.page.html import write_page
+from bench.page.html import PAGE, write_page
 from bench.page.inputs import COMPARISON, Inputs
 from bench.page.part import Part
 from bench.page.parts import DATABASE, PARTS, ROWS
 from bench.page.run import Outcome, Remark, make
 from gen.errors import InputError
+from gen.output import check_folder, make_folder
 
 
 def run(
@@ -46,9 +47,8 @@ def run(
         raise InputError(f"--comparison {comparison}: give a folder of learn compare or learn tune")
     if comparison is not None:  # it is there, and not ours to add to
         parts = [part for part in parts if inputs.folder(part) != comparison]
-    if output.exists() and not output.is_dir():
-        raise InputError(f"{output} is a file: give a folder")
-    output.mkdir(parents=True, exist_ok=True)
+    check_folder(output, PAGE)
+    make_folder(output)
     if any("{database}" in (part.full if full else part.quick) for part in parts):
         _find_database(output, database, remark, full=full)
     outcome = make(parts, inputs, remark, lambda: write_page(PARTS, inputs))

@@ -11,6 +11,7 @@ from typing import Any
 
 from bench.page.content import Absent, Content, Figure, Table, Words
 from gen.errors import InputError
+from gen.output import write
 
 RECORD = "paper.json"
 
@@ -92,12 +93,7 @@ def keep(folder: Path, name: str, key: str, shown: list[Content]) -> None:
     """Remember what a part shows, and what it was made of."""
     made = record(folder)
     made[name] = {"key": key, "contents": [_packed(folder, each) for each in shown]}
-    unfinished = folder / f".{RECORD}"
-    try:
-        unfinished.write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
-        unfinished.replace(folder / RECORD)
-    except OSError as error:
-        raise InputError(f"{folder / RECORD} cannot be written: {error.strerror}") from None
+    write(folder / RECORD, json.dumps(made, indent=1) + "\n")
 
 
 def whole(folder: Path, part: dict[str, Any] | None) -> list[Content]:

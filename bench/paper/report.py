@@ -14,7 +14,7 @@ from bench.surrogates import databases
 from bench.surrogates.cases import CASES, FINE
 from bench.surrogates.databases import OTHER_SEED
 from bench.surrogates.generalisation import tests_of
-from gen.errors import InputError
+from gen.output import check_folder, make_folder
 
 VERSION = 1
 """Raised whenever a part shows something else for the same inputs."""
@@ -108,10 +108,7 @@ def write_report(
     source = databases.of_the_paper(given, folder / "databases", rows, remark)
     other = finer or _fine_database(folder, source, remark)
     inputs = Inputs(source, other, comparison, costs, command)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be written to: {error.strerror}") from None
+    make_folder(folder)
     parts = list(parts_of(inputs))
     written: list[Path] = []
     for number, part in enumerate(parts, 1):
@@ -122,8 +119,7 @@ def write_report(
 
 def _check(folder: Path, comparison: Path | None, costs: Path | None) -> None:
     """Refuse what cannot be used before anything is computed."""
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder} is a file: give a folder")
+    check_folder(folder)
     if comparison is not None:
         models.opened(comparison)
     if costs is not None:

@@ -1,6 +1,5 @@
 """The comparison's files, and what is printed."""
 
-import csv
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import astuple, fields
@@ -13,7 +12,9 @@ from bench.peers.picture import draw
 from bench.peers.sample import samples
 from bench.peers.table import tables
 from bench.picture import new_figure, save
+from bench.table import write_table
 from gen.errors import InputError
+from gen.output import check_folder
 
 UNITS = {"sigma0": "um", "delta": "um"}
 """Units of the columns whose names do not say them."""
@@ -47,25 +48,20 @@ def write_report(
     InputError
         If a grid or a displacement cannot be used, or the folder cannot be written to
     """
-    _check(folder, nodes, deltas)
+    _check(nodes, deltas)
     figure = _figure()
     for line in absent_lines(PEERS):
         announce(line)
     table, picture = folder / "peers.csv", folder / "peers.png"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        table.touch()  # found out before minutes of measuring rather than after
-        rows = compare(samples(nodes, deltas), contenders(), rounds, announce)
-        write_rows(table, rows)
-        announce(tables(rows))
-        if figure is None:
-            announce("no picture: matplotlib is not installed (extra 'plot')")
-            return [table]
-        draw(figure, rows)
-        save(figure, picture)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
-    return [table, picture]
+    check_folder(folder, table.name, picture.name)
+    rows = compare(samples(nodes, deltas), contenders(), rounds, announce)
+    write_rows(table, rows)
+    announce(tables(rows))
+    if figure is None:
+        announce("no picture: matplotlib is not installed (extra 'plot')")
+        return [table]
+    draw(figure, rows)
+    return [table, save(figure, picture)]
 
 
 def _figure() -> Any:
@@ -75,15 +71,13 @@ def _figure() -> Any:
     return None
 
 
-def _check(folder: Path, nodes: Sequence[int], deltas: Sequence[float]) -> None:
+def _check(nodes: Sequence[int], deltas: Sequence[float]) -> None:
     for size in nodes:
         if size < 3 or (size - 1) & (size - 2):
             raise InputError(f"nodes {size}: give 2^k + 1, as 129, 257, 513")
     for delta in deltas:
         if not 0 < delta < float("inf"):
             raise InputError(f"delta {delta}: give a displacement above 0 um")
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder} is a file: give a folder")
 
 
 def absent_lines(peers: Iterable[Peer]) -> list[str]:
@@ -95,7 +89,4 @@ def absent_lines(peers: Iterable[Peer]) -> list[str]:
 def write_rows(path: Path, rows: Iterable[Row]) -> None:
     """One line a row; a number is written with all its digits, None as nothing."""
     names = [f"{f.name}_{UNITS[f.name]}" if f.name in UNITS else f.name for f in fields(Row)]
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(names)
-        writer.writerows(astuple(row) for row in rows)
+    write_table(path, names, map(astuple, rows))

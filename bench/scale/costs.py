@@ -23,6 +23,7 @@ from bench.scale.launch import launch
 from bench.scale.probe import empty_rows, scene_of
 from gen import database, farm
 from gen.errors import InputError
+from gen.output import make_folder, write
 from gen.sample import compute_rows
 from gen.scene import Scene, load
 
@@ -97,7 +98,8 @@ def measure(remark: Callable[[str], None] = lambda line: None) -> Costs:
 
 def write_costs(path: Path, costs: Costs) -> None:
     """Keep the costs as JSON."""
-    path.write_text(json.dumps(asdict(costs), indent=1) + "\n", encoding="utf-8")
+    make_folder(path.parent)
+    write(path, json.dumps(asdict(costs), indent=1) + "\n")
 
 
 def read_costs(path: Path) -> Costs:

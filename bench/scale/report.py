@@ -12,7 +12,7 @@ from bench.scale.picture import draw
 from bench.scale.studies import GOAL_RANKS, GOAL_ROWS, WANTED, Point, saturation, sweep
 from bench.scale.validation import TOLERANCE, Comparison, compare
 from bench.table import write_table
-from gen.errors import InputError
+from gen.output import check_folder
 
 
 def write_report(
@@ -41,23 +41,20 @@ def write_report(
         If the folder cannot be written to, the costs cannot be read, or there is no mpiexec.
     """
     figure = new_figure()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        costs = measure(remark) if known is None else read_costs(known)
-        paths = [folder / "costs.json", folder / "scale.csv", folder / "scale.png"]
-        write_costs(paths[0], costs)
-        text = ""
-        if validate:
-            comparisons = compare(costs, remark=remark)
-            paths.append(folder / "validation.csv")
-            _write_comparisons(paths[-1], comparisons)
-            text = verdict_on(comparisons) + "\n"
-        points = list(sweep(costs, remark))
-        _write_points(paths[1], points)
-        draw(figure, points)
-        save(figure, paths[2])
-    except OSError as error:
-        raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
+    paths = [folder / "costs.json", folder / "scale.csv", folder / "scale.png"]
+    check_folder(folder, *(path.name for path in paths), "validation.csv")
+    costs = measure(remark) if known is None else read_costs(known)
+    write_costs(paths[0], costs)
+    text = ""
+    if validate:
+        comparisons = compare(costs, remark=remark)
+        paths.append(folder / "validation.csv")
+        _write_comparisons(paths[-1], comparisons)
+        text = verdict_on(comparisons) + "\n"
+    points = list(sweep(costs, remark))
+    _write_points(paths[1], points)
+    draw(figure, points)
+    save(figure, paths[2])
     return paths, text + summary(costs, points)
 
 

@@ -1,12 +1,12 @@
 """The command: runs the tables that are asked for, prints them, writes them."""
 
-import tempfile
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
 from bench.stability.sheet import Sheet
 from gen.errors import InputError
+from gen.output import check_folder
 
 TABLES = ("solver", "surfaces", "models")
 """Tables by the name of their package, in the order of their printing."""
@@ -34,7 +34,7 @@ def report(folder: Path | None = None, *, full: bool = False, of: Sequence[str] 
     if unknown:
         raise InputError(f"--of {unknown[0]!r}: give one of {', '.join(TABLES)}")
     if folder is not None:
-        _require_writable(folder)
+        check_folder(folder)
     passed = True
     for name in TABLES:
         if of and name not in of:
@@ -52,13 +52,3 @@ def sheet(name: str) -> Sheet:
     """A table by its name; what the others need is not imported."""
     found: Sheet = import_module(f"bench.stability.{name}.sheet").SHEET
     return found
-
-
-def _require_writable(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        message = f"{folder} cannot be written to: {error.strerror or error}"
-        raise InputError(message) from None

@@ -13,7 +13,7 @@ from bench.surrogates.cost import LADDER, NEW, OURS, PAPER, Costs, Question
 from bench.surrogates.costs import LOADS, LOOSE, PAPER_BREAK_EVEN, break_even
 from bench.surrogates.learning import Point
 from bench.table import write_table
-from gen.errors import InputError
+from gen.output import write
 
 GOALS = (10.0, 5.0, 3.0, 2.0, 1.0)
 """Errors (nMAE) that a user may want [%]."""
@@ -48,10 +48,7 @@ def write_report(folder: Path, costs: Costs) -> tuple[list[Path], str]:
         )
     ]
     words = folder / "cost.txt"
-    try:
-        words.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{words} cannot be written: {error.strerror or error}") from None
+    write(words, text + "\n")
     return [*tables, words, save(_picture(costs), folder / "cost.png")], text
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from gen.database import Reader
 from gen.errors import InputError
 from gen.farm import World
+from gen.output import write
 from gen.run import Request, generate_database
 from gen.scene import Scene, differences, load
 from gen.schema import Status
@@ -44,7 +45,7 @@ def generated(folder: Path, name: str, text: str, remark: Callable[[str], None])
         return path
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        scene.write_text(text, encoding="utf-8")
+        write(scene, text)
     except OSError as error:
         raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
     remark(f"generating {path}: {wanted.samples} rows, {wanted.surface.nodes} nodes a side")

@@ -1,7 +1,6 @@
 """Rows of the paper preset solved at several tolerances: times and areas, kept in a file."""
 
 import hashlib
-import os
 from collections.abc import Callable, Iterable, Sequence
 from io import BytesIO
 from pathlib import Path
@@ -13,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.circumstances import circumstances
-from gen.errors import InputError
 from gen.interruption import Interruption
+from gen.output import whole
 from gen.progress import RunProgress
 from gen.sample import compute_rows
 from gen.scene import Scene, load
@@ -86,21 +85,14 @@ class Solved:
     def save(self) -> None:
         """Write the file, under its name once it is whole, with what else it held."""
         known = self._with_others()
-        unfinished = self.path.with_name(f".{self.path.name}.{os.getpid()}")
-        try:
-            with unfinished.open("wb") as file:
-                np.savez(
-                    file,
-                    key=_key(),
-                    tolerances=known.tolerances,
-                    values=known.values,
-                    seconds=known.seconds,
-                )
-            unfinished.replace(self.path)
-        except OSError as error:
-            raise InputError(f"{self.path} cannot be written: {error.strerror}") from None
-        finally:
-            unfinished.unlink(missing_ok=True)
+        with whole(self.path, "arrays") as file:
+            np.savez(
+                file,
+                key=_key(),
+                tolerances=known.tolerances,
+                values=known.values,
+                seconds=known.seconds,
+            )
 
     def _take_over(self) -> None:
         """Take over what the file has of these rows and tolerances."""

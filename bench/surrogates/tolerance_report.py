@@ -12,7 +12,7 @@ from bench.surrogates.cost_report import time_of
 from bench.surrogates.tolerance import Row
 from bench.surrogates.tolerance_labels import DEFAULT, TIGHT
 from bench.table import write_table
-from gen.errors import InputError
+from gen.output import write
 
 GOOD = 1.02
 """Test errors count as the tight labels' up to this ratio."""
@@ -35,10 +35,7 @@ def write_report(folder: Path, rows: Sequence[Row]) -> tuple[list[Path], str]:
     text = "\n".join(lines(rows))
     table = write_table(folder / TABLE, [each.name for each in fields(Row)], map(astuple, rows))
     words = folder / TEXT
-    try:
-        words.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{words} cannot be written: {error.strerror or error}") from None
+    write(words, text + "\n")
     return [table, words, save(_picture(rows), folder / PICTURE)], text
 
 

@@ -11,6 +11,7 @@ from bench.style import STYLES
 from bench.table import write_table
 from bench.unstated import definitions, fixed_point, measurement
 from bench.unstated.measurement import Remark
+from gen.output import check_folder
 from gen.scene import load
 
 SURFACES = 200
@@ -53,6 +54,8 @@ def write_report(folder: Path, rows: int, remark: Remark) -> list[Path]:
     InputError
         If the folder cannot be written to, or matplotlib is not installed.
     """
+    names = ("readings.csv", "early-stop.csv", "unstated.csv", "unstated.png")
+    check_folder(folder, *names)
     new_figure()  # found out before minutes of measuring rather than after
     remark("readings of Table 1")
     readings = list(definitions.compare(load("paper"), SURFACES))

@@ -9,10 +9,12 @@ from typing import Any
 
 from bench.circumstances import circumstances
 from bench.picture import new_figure, save
+from bench.table import write_table
 from bench.work_precision.measurement import AREA_GATE, FORCE_GATE, PRESSURE_GATE, Point
 from bench.work_precision.picture import draw
 from bench.work_precision.studies import FULL, Extent, Sweep, sweep
 from gen.errors import InputError
+from gen.output import check_folder, write
 
 UNITS = {"delta": "um"}
 """Units of the columns whose names do not say them."""
@@ -48,21 +50,14 @@ def write_report(
         If the folder cannot be written to, or matplotlib is not installed
     """
     figure = new_figure()
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder} is a file: give a folder")
     paths = [folder / f"solver.{ending}" for ending in ("csv", "json", "png")]
     table, record, picture = paths
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        table.touch()  # found out before minutes of measuring rather than after
-        done = sweep(extent, announce)
-        write_points(table, done.points)
-        text = json.dumps(_record(extent, done), indent=2, ensure_ascii=False)
-        record.write_text(text + "\n", encoding="utf-8")
-        draw(figure, done.points)
-        save(figure, picture)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
+    check_folder(folder, *(path.name for path in paths))
+    done = sweep(extent, announce)
+    write_points(table, done.points)
+    write(record, json.dumps(_record(extent, done), indent=2, ensure_ascii=False) + "\n")
+    draw(figure, done.points)
+    save(figure, picture)
     for missing in done.left_out:
         announce(f"{missing.study}: left out {missing.solver}: {missing.reason}")
     return paths
@@ -78,10 +73,7 @@ def header() -> list[str]:
 
 def write_points(path: Path, points: Iterable[Point]) -> None:
     """One row a point; a number is written with all its digits, None as nothing."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(header())
-        writer.writerows(astuple(point) for point in points)
+    write_table(path, header(), map(astuple, points))
 
 
 def read_points(path: Path) -> list[Point]:

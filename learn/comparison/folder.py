@@ -14,7 +14,6 @@ One folder a target (here area). Files are written beside their place and then r
 
 import csv
 import json
-import os
 from collections.abc import Iterable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -23,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gen import output
 from gen.errors import InputError
 from gen.table import cell
 from learn.dataset import Dataset
@@ -179,14 +179,8 @@ class Folder:
 
     def _write(self, name: str, text: str) -> Path:
         path = self.path / name
-        unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            unfinished.write_text(text, encoding="utf-8")
-            unfinished.replace(path)
-        except OSError as error:
-            unfinished.unlink(missing_ok=True)
-            raise InputError(f"{path} cannot be written: {error.strerror}") from None
+        output.make_folder(path.parent)
+        output.write(path, text)
         return path
 
 

@@ -1,11 +1,13 @@
 """The pictures of a comparison, like the paper's figures 8 to 10; the home of matplotlib here."""
 
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gen.errors import InputError
+from gen.output import write
 from learn.comparison import tables
 from learn.comparison.folder import KINDS, Folder
 from learn.models import MODELS
@@ -31,12 +33,9 @@ def new_figure(width: float, height: float) -> Any:
 
 def save(figure: Any, path: Path) -> Path:
     """Write a figure as PNG, under its name only once it is whole."""
-    unfinished = path.with_name(f".{path.name}")
-    try:
-        figure.savefig(unfinished, dpi=DPI, format="png")
-        unfinished.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+    drawn = BytesIO()
+    figure.savefig(drawn, dpi=DPI, format="png")
+    write(path, drawn.getvalue(), "picture")
     return path
 
 

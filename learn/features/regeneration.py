@@ -7,7 +7,6 @@ changed or grown costs what has changed, and an interrupted run goes on.
 """
 
 import hashlib
-import os
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from gen import farm
 from gen.database import Reader
 from gen.errors import InputError
+from gen.output import whole
 from gen.plan import parameters
 from gen.progress import RunProgress
 from gen.sample import surface_of
@@ -189,15 +189,11 @@ class _Job:
     def save(self) -> str:
         """Write the file beside the database; why that was not possible, "" if it was."""
         self.last_save = time.monotonic()
-        unfinished = self.cache.with_name(f".{self.cache.name}.{os.getpid()}")
         try:
-            with unfinished.open("wb") as file:
+            with whole(self.cache, "arrays") as file:
                 np.savez(file, key=self.key, inputs=self.inputs, values=self.values)
-            unfinished.replace(self.cache)
-        except OSError as error:
-            return f"warning: {self.cache} cannot be written ({error.strerror}): not kept"
-        finally:
-            unfinished.unlink(missing_ok=True)
+        except InputError as error:
+            return f"warning: {error}: not kept"
         return ""
 
     def _kept(self) -> Values:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.errors import InputError
+from gen import output
 
 if TYPE_CHECKING:
     from learn.surrogate.law import Law
@@ -60,15 +59,7 @@ def write(path: Path, law: Law) -> None:
     InputError
         If it cannot be written.
     """
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        try:
-            unfinished.write_text("\n".join(_lines(law)) + "\n", encoding="ascii")
-            unfinished.replace(path)
-        finally:
-            unfinished.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    output.write(path, "\n".join(_lines(law)) + "\n")
 
 
 def _lines(law: Law) -> Iterator[str]:

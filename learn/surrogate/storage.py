@@ -5,7 +5,6 @@ skops' own of safe types, and the one below, reviewed by hand. A file that names
 refused before anything of it is built.
 """
 
-import os
 import warnings
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gen.errors import InputError
+from gen.output import whole
 
 FORMAT = 2
 KIND = "asperity surrogate"
@@ -48,16 +48,8 @@ def save(path: Path, content: dict[str, Any]) -> None:
         If it cannot be written.
     """
     io = _skops()
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        try:
-            with unfinished.open("wb") as file:
-                io.dump({"kind": KIND, "format": FORMAT, **content}, file)
-            unfinished.replace(path)
-        finally:
-            unfinished.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    with whole(path, "surrogate") as file:
+        io.dump({"kind": KIND, "format": FORMAT, **content}, file)
 
 
 def load(path: Path) -> tuple[dict[str, Any], list[str]]:
