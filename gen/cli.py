@@ -31,7 +31,16 @@ Side = Annotated[
 Unit = Annotated[
     str, typer.Option(metavar="UNIT", help="Of the file where it says none: m, mm, um, nm or A.")
 ]
+Channel = Annotated[
+    str, typer.Option(metavar="NAME", help="Channel of a file with several, or its index.")
+]
+OverrideScale = Annotated[
+    bool, typer.Option("--override-scale", help="Let --side and --unit overrule the file's own.")
+]
 Fill = Annotated[bool, typer.Option("--fill", help="Close holes harmonically.")]
+FillMost = Annotated[
+    bool, typer.Option("--fill-most", help="Fill even if more than half is missing.")
+]
 Level = Annotated[
     str, typer.Option(metavar="HOW", help="Take away the mean, the plane or the quadratic fit.")
 ]
@@ -174,7 +183,10 @@ def contact(
         float | None, typer.Option(metavar="MPA", help="Or E* of both bodies together.")
     ] = None,
     unit: Unit = "",
+    channel: Channel = "",
+    override_scale: OverrideScale = False,
     fill: Fill = False,
+    fill_most: FillMost = False,
     level: Level = "",
     crop: Crop = "",
     invert: Invert = False,
@@ -216,12 +228,23 @@ def contact(
         "max_iterations": max_iterations,
     }
     topography = prepare(
-        read(surface, side, unit), crop=crop, invert=invert, level=level, fill=fill
+        read(surface, side, unit, channel=channel, override_scale=override_scale),
+        crop=crop,
+        invert=invert,
+        level=level,
+        fill=fill,
+        fill_most=fill_most,
     )
-    solutions = single.solve_loads(topography, load, values, **settings)
-    contacts = display.followed(topography, warnings_about(topography), solutions, len(values))
+    contacts, warnings = display.followed(
+        topography,
+        warnings_about(topography),
+        single.solve_loads(topography, load, values, **settings),
+        len(values),
+        material=bool(young or e_star),
+    )
     if table is not None:
-        write_csv(table, [single.contact_row(topography, contact) for contact in contacts])
+        rows = [single.contact_row(topography, contact, warnings) for contact in contacts]
+        write_csv(table, rows)
     if picture is not None:
         draw_contacts(figure, contacts, load, picture)
 
@@ -231,7 +254,10 @@ def describe(
     surface: SurfaceFile,
     side: Side = "",
     unit: Unit = "",
+    channel: Channel = "",
+    override_scale: OverrideScale = False,
     fill: Fill = False,
+    fill_most: FillMost = False,
     level: Level = "",
     crop: Crop = "",
     invert: Invert = False,
@@ -246,13 +272,16 @@ def describe(
     from gen.topography import read
 
     check_outputs([Output(table, "--csv")], [surface])
-    measured = read(surface, side, unit)
-    topography = prepare(measured, crop=crop, invert=invert, level=level, fill=fill)
-    display.print_preparation(topography, warnings_about(topography))
+    measured = read(surface, side, unit, channel=channel, override_scale=override_scale)
+    topography = prepare(
+        measured, crop=crop, invert=invert, level=level, fill=fill, fill_most=fill_most
+    )
+    warnings = warnings_about(topography)
+    display.print_preparation(topography, warnings)
     description = single.describe(topography)
     display.print_statistics(topography.heights, topography.spacing, tilt(measured), description)
     if table is not None:
-        write_csv(table, [single.statistics_row(topography, description)])
+        write_csv(table, [single.statistics_row(topography, description, warnings)])
 
 
 @app.command()

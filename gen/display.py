@@ -179,25 +179,42 @@ def followed(
     warnings: list[str],
     solutions: Iterable[tuple[Contact, float]],
     count: int,
-) -> list[Contact]:
+    *,
+    material: bool,
+) -> tuple[list[Contact], list[str]]:
     """Collect the contacts of a surface, with progress; print how it was prepared, and them.
 
     One contact alone is printed in full, several as one table. Nothing is printed before the
     first, since its load may be refused.
+
+    Parameters
+    ----------
+    topography : the surface
+    warnings : about it
+    solutions : its contacts and the time each took, `count` of them
+    material : whether the modulus is that of a material
+
+    Returns
+    -------
+    The contacts, and all warnings about the surface and them.
     """
+    contacts = []
+    seconds = 0.0
     if count == 1:
         [(contact, seconds)] = solutions
-        print_preparation(topography, warnings + warnings_about(topography, [contact]))
-        print_contact(contact, seconds)
-        return [contact]
-    contacts = []
-    with RunProgress(count, noun="loads") as progress:
-        for contact, _ in solutions:
-            contacts.append(contact)
-            progress.advance(1, 0)
-    print_preparation(topography, warnings + warnings_about(topography, contacts))
-    print_law(contacts)
-    return contacts
+        contacts.append(contact)
+    else:
+        with RunProgress(count, noun="loads") as progress:
+            for contact, _ in solutions:
+                contacts.append(contact)
+                progress.advance(1, 0)
+    warnings = warnings + warnings_about(topography, contacts, material=material)
+    print_preparation(topography, warnings)
+    if count == 1:
+        print_contact(contacts[0], seconds)
+    else:
+        print_law(contacts)
+    return contacts, warnings
 
 
 def print_law(contacts: Sequence[Contact]) -> None:

@@ -20,6 +20,9 @@ SPIKE = 7.0
 STEEP = 0.3
 # Polished mirrors have 1e-4: what is flatter has probably lost the unit of its heights.
 FLAT = 1e-5
+# Shares of missing heights above which filling is warned of, and refused unless insisted upon.
+MANY = 0.1
+MOST = 0.5
 # Rows of so many triples are hardly a strip three nodes wide.
 TRIPLES = 100
 
@@ -31,8 +34,11 @@ def prepare(
     invert: bool = False,
     level: str = "",
     fill: bool = False,
+    fill_most: bool = False,
 ) -> Topography:
     """Crop, invert, level and fill, in this order, whatever of it is asked for.
+
+    A surface of which more than `MANY` is filled gets a warning.
 
     Parameters
     ----------
@@ -40,11 +46,13 @@ def prepare(
     invert : turn the surface upside down, where the file's heights point into the material
     level : take away the "mean", the least-squares "plane" or "quadratic" of the measured nodes
     fill : close holes harmonically: no filled node is higher or lower than a hole's rim
+    fill_most : fill even where more than half of the heights are missing
 
     Raises
     ------
     InputError
-        For a part that is empty, a level that is none of these, or holes that stay
+        For a part that is empty, a level that is none of these, holes that stay, or more holes than
+        heights
     """
     if crop:
         topography = _cropped(topography, crop)
@@ -52,9 +60,8 @@ def prepare(
         topography = _changed(topography, -topography.heights, "turned upside down")
     if level:
         topography = _levelled(topography, level)
-    if fill and topography.missing:
-        filled = filled_harmonically(topography.heights, topography.spacing)
-        topography = _changed(topography, filled, f"filled {topography.missing} nodes harmonically")
+    if (fill or fill_most) and topography.missing:
+        topography = _filled(topography, insisted=fill_most)
     if topography.missing:
         raise InputError(
             f"{topography.name}: {topography.missing} of {topography.heights.size} heights are"
@@ -65,7 +72,7 @@ def prepare(
 
 def warnings_about(topography: Topography) -> list[str]:
     """What a user should know before trusting a contact of this surface, a line each."""
-    notes = []
+    notes = list(topography.warnings)
     spike = _spike(topography.heights)
     if spike is not None:
         row, column, above = spike
@@ -156,6 +163,23 @@ def filled_harmonically(heights: Heights, spacing: tuple[float, float]) -> Heigh
 
 def _changed(topography: Topography, heights: Heights, step: str) -> Topography:
     return replace(topography, heights=heights, steps=(*topography.steps, step))
+
+
+def _filled(topography: Topography, *, insisted: bool) -> Topography:
+    """Fill holes; refuse more holes than heights unless the user insisted, and warn of many."""
+    missing, size = topography.missing, topography.heights.size
+    share = f"{100 * missing / size:.3g} %"
+    if missing > MOST * size and not insisted:
+        raise InputError(
+            f"{topography.name}: {missing} of {size} heights are missing ({share}): --fill would"
+            " make up more than was measured; crop, measure again, or insist by --fill-most"
+        )
+    heights = filled_harmonically(topography.heights, topography.spacing)
+    filled = _changed(topography, heights, f"filled {missing} nodes ({share}) harmonically")
+    if missing <= MANY * size:
+        return filled
+    warning = f"{share} of the heights were missing and are filled: filled parts are too smooth"
+    return replace(filled, warnings=(*filled.warnings, warning))
 
 
 def _cropped(topography: Topography, text: str) -> Topography:

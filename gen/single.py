@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 LOADS = ("delta", "force", "pressure")
 
+# Hardness is rarely above a hundredth of E*: steel of 2 GPa has 230 GPa, and only glasses,
+# ceramics and rubber bear more.
+YIELDING = 100
+
 
 def chosen_load(given: dict[str, str]) -> tuple[str, list[float]]:
     """The one load that was given, and its values.
@@ -72,14 +76,35 @@ def solve_loads(
         raise InputError(f"{topography.name}: {error}") from None
 
 
-def warnings_about(topography: Topography, contacts: Sequence[Contact]) -> list[str]:
-    """What a user should know before trusting contacts of this surface, a line each."""
+def warnings_about(
+    topography: Topography, contacts: Sequence[Contact], *, material: bool
+) -> list[str]:
+    """What a user should know before trusting contacts of this surface, a line each.
+
+    Parameters
+    ----------
+    topography : the surface
+    contacts : of it, one or more
+    material : whether the modulus is that of a material, so that pressures mean something
+    """
+    notes = []
     full = [contact.delta for contact in contacts if contact.contact_nodes == contact.pressure.size]
-    if not full:
-        return []
-    span = float(np.ptp(topography.heights))
-    touching = f"from Delta = {min(full):.4g} um on every node touches, the heights span {span:.4g}"
-    return [f"{touching} um: check the load and the unit of the heights"]
+    if full:
+        span = f"{np.ptp(topography.heights):.4g}"
+        notes.append(
+            f"from Delta = {min(full):.4g} um on every node touches, the heights span {span} um:"
+            " check the load and the unit of the heights"
+        )
+    limit = contacts[0].problem.modulus / YIELDING
+    over = [contact for contact in contacts if contact.largest_pressure > limit]
+    if over and material:
+        largest = max(contact.largest_pressure for contact in over)
+        notes.append(
+            f"from Delta = {min(contact.delta for contact in over):.4g} um on pressures are above"
+            f" E*/{YIELDING:g} = {limit:.4g} MPa (the largest is {largest:.4g} MPa), where most"
+            " materials yield, so that the true contact area is larger than this elastic one"
+        )
+    return notes
 
 
 def describe(topography: Topography) -> Description:
@@ -89,8 +114,10 @@ def describe(topography: Topography) -> Description:
     return statistics.describe(topography.heights, topography.spacing)
 
 
-def statistics_row(topography: Topography, description: Description) -> Row:
-    """What `--csv` writes and `learn predict` takes: the statistics, grid and steps."""
+def statistics_row(
+    topography: Topography, description: Description, warnings: Sequence[str]
+) -> Row:
+    """What `--csv` writes and `learn predict` takes: statistics, grid, steps and warnings."""
     nx, ny = topography.heights.shape
     return {
         **description.values,
@@ -99,11 +126,12 @@ def statistics_row(topography: Topography, description: Description) -> Row:
         "side_x_um": topography.sides[0],
         "side_y_um": topography.sides[1],
         "prepared": "; ".join(topography.steps),
+        "warnings": "; ".join(warnings),
     }
 
 
-def contact_row(topography: Topography, contact: Contact) -> Row:
-    """One line of a law: the load, and all that the contact says in numbers."""
+def contact_row(topography: Topography, contact: Contact, warnings: Sequence[str]) -> Row:
+    """One line of a law: the load, all that the contact says in numbers, and all warnings."""
     problem = contact.problem
     cells = contact.pressure.size * problem.spacing[0] * problem.spacing[1]
     return {
@@ -119,6 +147,7 @@ def contact_row(topography: Topography, contact: Contact) -> Row:
         "modulus_MPa": problem.modulus,
         "residual": contact.residual,
         "prepared": "; ".join(topography.steps),
+        "warnings": "; ".join(warnings),
     }
 
 

@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from gen import text
 from gen.errors import InputError
 
 Heights = NDArray[np.float64]
@@ -165,7 +166,8 @@ def load(path: Path, *, holes: bool = False) -> Heights:
     Parameters
     ----------
     path : a .npy file, or text with a row of numbers a line, separated by `;`, commas or
-        whitespace (one of them a line, `;` before comma before whitespace), comments after `#`
+        whitespace (one of them a line, `;` before comma before whitespace), comments after `#`;
+        of several matrices under headers, the first
     holes : allow NaN where nothing was measured
 
     Returns
@@ -178,13 +180,31 @@ def load(path: Path, *, holes: bool = False) -> Heights:
 
     Source: the text format is that of MIRCO's topologies (.dat, a `;` after each number).
     """
+    [matrix] = read(path)[:1]
+    return checked(matrix.numbers, path, holes=holes)
+
+
+def read(path: Path) -> list[text.Matrix]:
+    """Read the matrices of a .npy or text file, which has more than one where headers say so.
+
+    Raises
+    ------
+    InputError : for what cannot be read
+    """
     try:
         content = path.read_bytes()
     except (OSError, ValueError) as error:
         fault = error.strerror if isinstance(error, OSError) else str(error)
         raise InputError(f"{path}: cannot be read ({fault}); give a .npy or text file") from error
-    is_array = path.suffix.lower() == ".npy" or content.startswith(np.lib.format.MAGIC_PREFIX)
-    heights = _from_npy(content, path) if is_array else _from_text(content, path)
+    if path.suffix.lower() == ".npy" or content.startswith(np.lib.format.MAGIC_PREFIX):
+        return [text.Matrix(_from_npy(content, path))]
+    if any(character in content for character in CONTROL_CHARACTERS):
+        raise InputError(f"{path}: is neither .npy nor text; give one of them")
+    return text.matrices(content, path)
+
+
+def checked(heights: Heights, path: Path, *, holes: bool) -> Heights:
+    """Return 2-D heights, 2 x 2 or more, finite unless `holes` allows NaN; refuse others."""
     if heights.ndim != 2 or min(heights.shape) < 2:
         shape = " x ".join(str(length) for length in heights.shape) or "a single number"
         found = shape if heights.size else "no heights"
@@ -208,43 +228,3 @@ def _from_npy(content: bytes, path: Path) -> Heights:
         raise InputError(f"{path}: holds {array.dtype} values; save real numbers (float64)")
     with np.errstate(over="ignore"):  # wider floats become infinite, and are counted by `load`
         return np.asarray(array, dtype=np.float64, order="C")
-
-
-def _from_text(content: bytes, path: Path) -> Heights:
-    """Numbers of any number of rows and columns from the bytes of a text file."""
-    if any(character in content for character in CONTROL_CHARACTERS):
-        raise InputError(f"{path}: is neither .npy nor text; give one of them")
-    rows: list[list[float]] = []
-    lines = content.decode("utf-8-sig", errors="replace").splitlines()
-    for number, line in enumerate(lines, start=1):
-        fields = _fields(line.split("#", 1)[0].strip())
-        if not fields:
-            continue
-        row = [_number(field, path, number) for field in fields]
-        if rows and len(row) != len(rows[0]):
-            raise InputError(
-                f"{path}, line {number}: {len(row)} numbers where the first row has {len(rows[0])};"
-                " give rows of equal length"
-            )
-        rows.append(row)
-    return np.array(rows, dtype=np.float64)
-
-
-def _fields(line: str) -> list[str]:
-    """Fields of one line; the separator after the last one may be left out."""
-    separator = next((mark for mark in ";," if mark in line), None)
-    if separator is None:
-        return line.split()
-    return line.removesuffix(separator).split(separator)
-
-
-def _number(field: str, path: Path, line: int) -> float:
-    """Number in a field of a line."""
-    try:
-        return float(field)
-    except ValueError as error:
-        shown = repr(field.strip())[:40]
-        raise InputError(
-            f"{path}, line {line}: {shown} is not a number; give numbers separated by"
-            " whitespace, commas or ';'"
-        ) from error

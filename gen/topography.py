@@ -1,6 +1,7 @@
 """Measured topographies: heights and lengths from an instrument's file, in um, whatever it says.
 
-Our own formats are read by `gen.surface`; all others by SurfaceTopography, whose home is here.
+Our own formats are read by `gen.surface`, with headers by `gen.text`; all others by
+SurfaceTopography, whose home is here.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gen import surface
+from gen import surface, text
+from gen.channel import Channel, chosen, named
 from gen.errors import InputError
 
 Heights = NDArray[np.float64]
@@ -21,6 +23,10 @@ Sides = tuple[float, float]
 
 UNITS = {"m": 1e6, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "A": 1e-4, "Å": 1e-4}
 """um in each unit of length."""
+CHANCE = 8
+"""Heights that hardly ever rise one after the other, as coordinates do."""
+STRIP = 100
+"""Rows from which on two or three columns are no strip of a map, whatever they hold."""
 OWN_SUFFIXES = {".npy", ".txt", ".dat", ".csv", ".asc", ""}
 
 
@@ -34,12 +40,14 @@ class Topography:
     heights : (nx, ny), NaN where nothing was measured [um]
     sides : lengths from the first to the last node along x and y [um]
     steps : what it is and what was done to it, a line each
+    warnings : what to know before trusting it, a line each
     """
 
     name: str
     heights: Heights
     sides: Sides
     steps: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def spacing(self) -> Sides:
@@ -53,39 +61,83 @@ class Topography:
         return int(np.count_nonzero(np.isnan(self.heights)))
 
 
-def read(path: Path, side: str = "", unit: str = "") -> Topography:
+@dataclass(frozen=True, eq=False)
+class _Scan:
+    """A map as a file holds it, in the file's own units.
+
+    Attributes
+    ----------
+    heights : (nx, ny), NaN where nothing was measured [unit]
+    lengths : from the first to the last node along x and y, None where the file has none
+    unit : of the heights, None where the file names none
+    length_unit : of the lengths, None for that of the heights
+    origin : of what was read, in words
+    remarks : comments of the file that are not understood and name a unit of length
+    """
+
+    heights: Heights
+    lengths: Sides | None = None
+    unit: str | None = None
+    length_unit: str | None = None
+    origin: str = ""
+    remarks: tuple[str, ...] = ()
+
+
+def read(
+    path: Path,
+    side: str = "",
+    unit: str = "",
+    *,
+    channel: str = "",
+    override_scale: bool = False,
+) -> Topography:
     """Read a file; lengths that it does not hold have to be given, and only those.
 
     Parameters
     ----------
-    path : .npy, text, or what SurfaceTopography reads (x3p, sur, al3d, opd, plu, gwy, nc ...)
+    path : .npy, text, or a file that SurfaceTopography reads (x3p, sur, al3d, opd, plu, gwy ...)
     side : scan length, or two separated by a comma [um]; for files that hold no lengths
     unit : of the heights where the file does not say, and of its lengths if it holds some; .npy
-        and text are in um unless it is given
+        and text are in um unless a header or `unit` says otherwise
+    channel : name or index of the channel to read; the first one with heights if left out
+    override_scale : let `side` and `unit` overrule those of the file, with a warning
 
     Raises
     ------
     InputError
-        If the file cannot be read, a length or unit is missing, wrong, or given twice
+        If the file cannot be read or holds no map of heights, its channel is unknown, or a length
+        or unit is missing, wrong, or given twice
     """
-    factor = _factor(unit, "--unit") if unit else None
-    if path.suffix.lower() in OWN_SUFFIXES and not _is_foreign(path):
-        heights = surface.load(path, holes=True)
-        if not side:
-            raise InputError(f"{path}: holds no lengths; give --side, the scan length in um")
-        found = heights * (factor or 1.0), sides_from(side)
-        said = f"heights in {unit}" if unit else "heights taken as um"
-    else:
-        heights, lengths, own_unit = _measured(path)
-        factor = _agreed_factor(path, own_unit, unit)
-        found = heights * factor, _agreed_sides(path, lengths, factor, side)
-        said = f"lengths in {own_unit or unit}"
-    topography = Topography(str(path), *found)
-    _check(path, topography.heights)
-    nx, ny = topography.heights.shape
-    holes = topography.missing
-    share = f"{holes} missing ({100 * holes / topography.heights.size:.3g} %)"
-    return Topography(str(path), *found, steps=(f"read {nx} x {ny} nodes, {said}, {share}",))
+    if override_scale and not (side or unit):
+        raise InputError("--override-scale: give --side, --unit or both, to overrule the file's")
+    own = path.suffix.lower() in OWN_SUFFIXES and not _is_foreign(path)
+    scan = _own_scan(path, channel) if own else _measured(path, channel)
+    _check(path, scan.heights)
+    overruled: list[str] = []
+    named = _agreed_unit(path, scan, unit, overruled if override_scale else None)
+    sides = _agreed_sides(path, scan, named, side, overruled if override_scale else None)
+    heights = scan.heights * _factor(named or "um", "--unit")
+    steps = [_account(path, scan, heights, named)]
+    steps += [f"OVERRULED by --override-scale: {each}" for each in overruled]
+    notes = [f"the file's own scale is overruled: {each}" for each in overruled]
+    notes += [
+        f"the file says {remark!r}, which is not read: check --side and --unit against it"
+        for remark in scan.remarks
+    ]
+    return Topography(str(path), heights, sides, tuple(steps), tuple(notes))
+
+
+def _account(path: Path, scan: _Scan, heights: Heights, unit: str | None) -> str:
+    """What was read, in one line."""
+    nx, ny = heights.shape
+    said = f"heights in {unit}" if unit else "heights taken as um"
+    if scan.lengths is not None:
+        said = f"lengths in {unit}"
+        if scan.length_unit not in {None, unit}:
+            said = f"lengths in {scan.length_unit}, heights in {unit}"
+    holes = int(np.count_nonzero(np.isnan(heights)))
+    share = f"{holes} missing ({100 * holes / heights.size:.3g} %)"
+    return f"read {nx} x {ny} nodes{scan.origin}, {said}, {share}"
 
 
 def sides_from(text: str) -> Sides:
@@ -117,29 +169,109 @@ def _factor(unit: str, name: str) -> float:
     return UNITS[unit]
 
 
-def _agreed_factor(path: Path, own: str | None, given: str) -> float:
-    """um in the unit of a file that may name it."""
+def _agreed_unit(path: Path, scan: _Scan, given: str, overruled: list[str] | None) -> str | None:
+    """Unit of the heights of a file that may name it; None where .npy or text is taken as um.
+
+    What `given` overrules is added to `overruled`, unless that is None, which forbids it.
+    """
+    own = scan.unit
+    if given:
+        _factor(given, "--unit")
     if own is None:
-        if not given:
+        if not given and (scan.lengths is not None or path.suffix.lower() not in OWN_SUFFIXES):
             raise InputError(f"{path}: names no unit; give --unit, one of {', '.join(UNITS)}")
-        return _factor(given, "--unit")
-    if given and _factor(given, "--unit") != _factor(own, f"{path}: unit"):
-        raise InputError(f"{path}: its lengths are in {own}, --unit says {given}; leave that out")
-    return _factor(own, f"{path}: unit")
-
-
-def _agreed_sides(path: Path, lengths: Sides | None, factor: float, side: str) -> Sides:
-    """Lengths between the outermost nodes of a file that may hold them [um]."""
-    if lengths is None:
-        if not side:
-            raise InputError(f"{path}: holds no lengths; give --side, the scan length in um")
-        return sides_from(side)
-    own = lengths[0] * factor, lengths[1] * factor
-    if side and not np.allclose(sides_from(side), own, rtol=1e-3):
+        return given or None
+    if not given or UNITS[given] == UNITS.get(own):
+        _factor(own, f"{path}: unit")
+        return given or own
+    if overruled is None:
         raise InputError(
-            f"{path}: is {own[0]:.6g} x {own[1]:.6g} um, --side says {side}; leave that out"
+            f"{path}: its lengths are in {own}, --unit says {given}; leave that out, or overrule"
+            " the file by --override-scale"
         )
-    return own
+    overruled.append(f"unit {own}, taken as {given}")
+    return given
+
+
+def _agreed_sides(
+    path: Path, scan: _Scan, unit: str | None, side: str, overruled: list[str] | None
+) -> Sides:
+    """Lengths between the outermost nodes of a file that may hold them [um].
+
+    What `side` overrules is added to `overruled`, unless that is None, which forbids it.
+    """
+    if scan.lengths is None:
+        if not side:
+            said = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
+            raise InputError(f"{path}: holds no lengths; give --side, the scan length in um{said}")
+        return sides_from(side)
+    factor = _factor(scan.length_unit or unit or "um", f"{path}: unit")
+    own = scan.lengths[0] * factor, scan.lengths[1] * factor
+    if not side:
+        return own
+    given = sides_from(side)
+    if np.allclose(given, own, rtol=1e-3):
+        return own
+    if overruled is None:
+        raise InputError(
+            f"{path}: is {own[0]:.6g} x {own[1]:.6g} um, --side says {side}; leave that out, or"
+            " overrule the file by --override-scale"
+        )
+    overruled.append(f"{own[0]:.6g} x {own[1]:.6g} um, taken as {given[0]:g} x {given[1]:g} um")
+    return given
+
+
+def _own_scan(path: Path, wanted: str) -> _Scan:
+    """The map in a .npy or text file, with what its header says."""
+    matrices = surface.read(path)
+    units = [matrix.value_unit for matrix in matrices]
+    channels = [
+        Channel(place, matrix.channel or f"matrix {place}", not unit or unit in UNITS, unit)
+        for place, (matrix, (_, unit)) in enumerate(zip(matrices, units, strict=True))
+    ]
+    taken = chosen(path, channels, wanted).index
+    matrix, (factor, unit) = matrices[taken], units[taken]
+    heights = surface.checked(matrix.numbers, path, holes=True)
+    widths, remarks = matrix.widths, matrix.remarks
+    origin = named(channels, taken)
+    if widths is None:
+        _refuse_points(path, heights)
+        return _Scan(factor * heights, unit=unit or None, origin=origin, remarks=remarks)
+    (width, length), length_unit = widths
+    heights = np.ascontiguousarray(factor * heights.T)
+    nx, ny = heights.shape
+    return _Scan(
+        heights=heights,
+        lengths=(width * (nx - 1) / nx, length * (ny - 1) / ny),
+        unit=unit or None,
+        length_unit=length_unit or None,
+        origin=f"{origin} under a header, x along its lines",
+        remarks=remarks,
+    )
+
+
+def _refuse_points(path: Path, heights: Heights) -> None:
+    """Refuse two or three columns that are coordinates rather than a strip of heights."""
+    for columns, how in ((heights, "columns"), (heights.T, "rows")):
+        points, axes = columns.shape
+        if axes > 3 or points < 3:
+            continue
+        steps = np.diff(columns[:, 0])
+        rising = bool((steps > 0).all() or (steps < 0).all())
+        rising &= points >= CHANCE or np.allclose(steps, steps[0], rtol=1e-3, atol=0)
+        what = "a profile, x and z," if axes == 2 else "a list of points, x, y and z,"
+        if (points > axes and (rising or (axes == 3 and _is_grid(columns)))) or points >= STRIP:
+            raise InputError(
+                f"{path}: holds {points} x {axes} numbers in {how}: looks like {what} not a map"
+                f" of heights; {text.POINTS}"
+            )
+
+
+def _is_grid(columns: Heights) -> bool:
+    """Whether the first two columns hold each node of a rectangular grid once."""
+    x, y = np.unique(columns[:, 0]), np.unique(columns[:, 1])
+    pairs = np.unique(columns[:, :2], axis=0)
+    return min(x.size, y.size) > 1 and x.size * y.size == len(columns) == len(pairs)
 
 
 def _is_foreign(path: Path) -> bool:
@@ -153,8 +285,8 @@ def _is_foreign(path: Path) -> bool:
     return path.suffix.lower() == ".dat" and binary and not start.startswith(b"\x93NUMPY")
 
 
-def _measured(path: Path) -> tuple[Heights, Sides | None, str | None]:
-    """Heights with NaN in holes, lengths between the outermost nodes, and their unit."""
+def _measured(path: Path, wanted: str) -> _Scan:
+    """Read an instrument's file, with NaN in holes and lengths between the outermost nodes."""
     try:
         from SurfaceTopography import open_topography
     except ImportError:
@@ -167,9 +299,9 @@ def _measured(path: Path) -> tuple[Heights, Sides | None, str | None]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # readers complain about each other's formats
-            return _first_channel(open_topography(str(path)))
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+            return _scan_of(path, open_topography(str(path)), wanted)
+    except InputError:
+        raise
     except Exception as error:  # a broken file makes its readers raise nearly anything
         fault = " ".join(str(error).split())[:80]
         raise InputError(
@@ -177,17 +309,29 @@ def _measured(path: Path) -> tuple[Heights, Sides | None, str | None]:
         ) from None
 
 
-def _first_channel(reader: Any) -> tuple[Heights, Sides | None, str | None]:
-    """The first two-dimensional channel of heights."""
-    channels = [channel for channel in reader.channels if channel.dim == 2]
-    if not channels:
-        raise InputError("it holds line scans only; give a map of heights")
-    channel = channels[0]
+def _scan_of(path: Path, reader: Any, wanted: str) -> _Scan:
+    """Read the wanted map of heights of an open file."""
+    maps = {channel.index: channel for channel in reader.channels if channel.dim == 2}
+    if not maps:
+        raise InputError(f"{path}: it holds line scans only; give a map of heights")
+    channels = [
+        # Before they knew kinds of data, readers of SurfaceTopography gave heights alone.
+        Channel(
+            index=index,
+            name=str(each.name),
+            heights=bool(getattr(each, "is_height_channel", True)),
+            unit=str(getattr(each, "data_unit", None) or ""),
+        )
+        for index, each in maps.items()
+    ]
+    taken = chosen(path, channels, wanted).index
+    channel = maps[taken]
     given = {} if channel.physical_sizes is not None else {"physical_sizes": channel.nb_grid_pts}
-    topography = reader.topography(channel_index=channel.index, **given)
+    topography = reader.topography(channel_index=taken, **given)
     heights = np.ma.filled(np.ma.asarray(topography.heights(), dtype=np.float64), np.nan)
-    if channel.physical_sizes is None:
-        return heights, None, topography.unit
-    nx, ny = heights.shape
-    width, length = (float(size) for size in topography.physical_sizes)
-    return heights, (width * (nx - 1) / nx, length * (ny - 1) / ny), topography.unit
+    lengths = None
+    if channel.physical_sizes is not None:
+        nx, ny = heights.shape
+        width, length = (float(size) for size in topography.physical_sizes)
+        lengths = width * (nx - 1) / nx, length * (ny - 1) / ny
+    return _Scan(heights, lengths, topography.unit, origin=named(channels, taken))

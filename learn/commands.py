@@ -12,21 +12,23 @@ from gen.errors import InputError
 from gen.output import Output, check_outputs
 from gen.terminal import echo
 from learn.options import (
+    Channel,
     Coverage,
     Crop,
     Deltas,
     EStar,
     File,
     Fill,
+    FillMost,
     Inputs,
     Invert,
     Level,
+    OverrideScale,
     Poisson,
     Side,
     Unit,
     Young,
     modulus_from,
-    reading,
 )
 
 
@@ -141,7 +143,10 @@ def predict(
     interval: Coverage = 0.9,
     side: Side = "",
     unit: Unit = "",
+    channel: Channel = "",
+    override_scale: OverrideScale = False,
     fill: Fill = False,
+    fill_most: FillMost = False,
     level: Level = "",
     crop: Crop = "",
     invert: Invert = False,
@@ -157,7 +162,7 @@ def predict(
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, show
     from learn.surrogate.conformal import checked_level
-    from learn.surrogate.sources import deltas_from
+    from learn.surrogate.sources import Options, deltas_from
 
     check_outputs([Output(output, "--output")], [file, *inputs])
     surrogate = Surrogate.load(file)
@@ -167,7 +172,17 @@ def predict(
         deltas=deltas_from(delta) if delta else None,
         e_star=modulus_from(young, poisson, e_star),
         level=checked_level(interval),
-        options=reading(side, unit, fill, level, crop, invert),
+        options=Options(
+            side=side,
+            unit=unit,
+            channel=channel,
+            override_scale=override_scale,
+            fill=fill,
+            fill_most=fill_most,
+            level=level,
+            crop=crop,
+            invert=invert,
+        ),
     )
     rows: list[Row] = []
     with RunProgress(len(inputs), "inputs") as progress:
@@ -208,7 +223,10 @@ def law(
     interval: Coverage = 0.9,
     side: Side = "",
     unit: Unit = "",
+    channel: Channel = "",
+    override_scale: OverrideScale = False,
     fill: Fill = False,
+    fill_most: FillMost = False,
     level: Level = "",
     crop: Crop = "",
     invert: Invert = False,
@@ -227,6 +245,7 @@ def law(
     from learn.surrogate.conformal import checked_level
     from learn.surrogate.law import Order, make
     from learn.surrogate.law_table import show, write
+    from learn.surrogate.sources import Options
 
     check_outputs([Output(table, "--csv"), Output(header, "--header")], [file, *inputs])
     surrogate = Surrogate.load(file)
@@ -238,7 +257,17 @@ def law(
         surfaces=surfaces,
         level=checked_level(interval),
         e_star=modulus_from(young, poisson, e_star),
-        options=reading(side, unit, fill, level, crop, invert),
+        options=Options(
+            side=side,
+            unit=unit,
+            channel=channel,
+            override_scale=override_scale,
+            fill=fill,
+            fill_most=fill_most,
+            level=level,
+            crop=crop,
+            invert=invert,
+        ),
     )
     found = make(surrogate, order, _say)
     show(found)

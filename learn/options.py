@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-
-if TYPE_CHECKING:
-    from learn.surrogate.sources import Options
 
 Database = Annotated[Path, typer.Argument(metavar="FILE", help="A database made by gen (HDF5).")]
 Output = Annotated[
@@ -74,7 +71,16 @@ Side = Annotated[
     str, typer.Option(metavar="UM", help="Scan length where a file has none; 1000,500 if oblong.")
 ]
 Unit = Annotated[str, typer.Option(metavar="UNIT", help="Of a file that says none: m, mm, um, nm.")]
+Channel = Annotated[
+    str, typer.Option(metavar="NAME", help="Channel of a file with several, or its index.")
+]
+OverrideScale = Annotated[
+    bool, typer.Option("--override-scale", help="Let --side and --unit overrule the file's own.")
+]
 Fill = Annotated[bool, typer.Option("--fill", help="Close holes harmonically.")]
+FillMost = Annotated[
+    bool, typer.Option("--fill-most", help="Fill even if more than half is missing.")
+]
 Level = Annotated[
     str, typer.Option(metavar="HOW", help="Take away the mean, the plane or the quadratic fit.")
 ]
@@ -104,10 +110,3 @@ def modulus_from(
     from gen.material import combined_modulus
 
     return combined_modulus(young or [], poisson or [], e_star)
-
-
-def reading(side: str, unit: str, fill: bool, level: str, crop: str, invert: bool) -> Options:
-    """How surfaces are to be read."""
-    from learn.surrogate.sources import Options
-
-    return Options(side, unit, fill, level, crop, invert)

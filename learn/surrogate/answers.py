@@ -88,7 +88,7 @@ def answers(
             found = pressed.predict(
                 question.deltas, e_star=question.e_star, level=question.level, std=True
             )
-            yield from _rows(surrogate, str(path), found)
+            yield from _rows(surrogate, str(path), found, warnings)
 
 
 def _of_table(surrogate: Surrogate, table: Table, question: Question) -> Prediction:
@@ -125,8 +125,10 @@ def _note(surrogate: Surrogate, table: Table, row: int) -> str:
     return surrogate.note(nodes, sides)
 
 
-def _rows(surrogate: Surrogate, name: str, found: Prediction) -> Iterator[Row]:
-    """Rows of the table."""
+def _rows(
+    surrogate: Surrogate, name: str, found: Prediction, warnings: Sequence[str] = ()
+) -> Iterator[Row]:
+    """Rows of the table, each with the warnings about its surface."""
     for place, (delta, reason) in enumerate(zip(found.delta, found.reasons, strict=True)):
         row: Row = {"input": name, "delta_um": float(delta)}
         for target, learnt in surrogate.learnt.items():
@@ -136,7 +138,8 @@ def _rows(surrogate: Surrogate, name: str, found: Prediction) -> Iterator[Row]:
             row[f"{key}_high"] = float(found.high[target][place])
             if target in found.std:
                 row[f"{key}_std"] = float(found.std[target][place])
-        yield {**row, "flag": "outside" if reason else "inside", "reason": reason}
+        row["flag"] = "outside" if reason else "inside"
+        yield {**row, "reason": reason, "warnings": "; ".join(warnings)}
 
 
 def heading(column: str, unit: str) -> str:
@@ -147,7 +150,8 @@ def heading(column: str, unit: str) -> str:
 def show(rows: Sequence[Row], level: float, e_star: float) -> None:
     """Print the first rows of the table, and below it why some are outside."""
     console = wide_console(160)
-    names = [name for name in rows[0] if not name.endswith(("_low", "_high", "_std"))]
+    hidden = ("_low", "_high", "_std", "warnings")  # warnings were said with the surface
+    names = [name for name in rows[0] if not name.endswith(hidden)]
     table = Printed(title=f"Predictions with {100 * level:g} % intervals, E* = {e_star:g} MPa")
     for name in names:
         table.add_column(name, justify="left" if name in {"input", "flag", "reason"} else "right")

@@ -37,7 +37,10 @@ class Options(NamedTuple):
 
     side: str = ""
     unit: str = ""
+    channel: str = ""
+    override_scale: bool = False
     fill: bool = False
+    fill_most: bool = False
     level: str = ""
     crop: str = ""
     invert: bool = False
@@ -152,13 +155,20 @@ def is_table(path: Path) -> bool:
 def read_surface(path: Path, options: Options) -> tuple[Topography, list[str]]:
     """A surface as it is to be pressed, and what to know before trusting its contact."""
     try:
-        measured = read(path, options.side, options.unit)
+        measured = read(
+            path,
+            options.side,
+            options.unit,
+            channel=options.channel,
+            override_scale=options.override_scale,
+        )
         topography = prepare(
             measured,
             crop=options.crop,
             invert=options.invert,
             level=options.level,
             fill=options.fill,
+            fill_most=options.fill_most,
         )
     except InputError as error:
         named = "" if str(error).startswith(("--", str(path))) else f"{path}: "

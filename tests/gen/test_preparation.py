@@ -116,6 +116,17 @@ def test_heights_in_metres_and_lists_of_points_are_told() -> None:
     assert any("a list of x, y and z" in line for line in warnings_about(topography(points)))
 
 
+def test_much_that_is_missing_is_warned_of_and_more_refused() -> None:
+    for share, warned, refused in ((0.05, False, False), (0.3, True, False), (0.8, True, True)):
+        heights = np.where(np.random.default_rng(1).random(X.shape) < share, np.nan, 0.1 * X)
+        if refused:
+            with pytest.raises(InputError, match=r"are missing \(.* %\): .* insist by --fill-most"):
+                prepare(topography(heights), fill=True)
+        filled = prepare(topography(heights), fill=True, fill_most=refused)
+        told = [line for line in warnings_about(filled) if "were missing and are filled" in line]
+        assert len(told) == warned
+
+
 def test_moduli_combine() -> None:
     assert combined_modulus([], []) == 1
     assert combined_modulus([210e3], [0.3]) == pytest.approx(210e3 / 0.91)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from gen import cli
 from gen.errors import InputError
@@ -16,6 +17,7 @@ SurfaceTopography = pytest.importorskip("SurfaceTopography", reason="needs the e
 HEIGHTS = np.random.default_rng(5).normal(size=(7, 5))  # um; oblong, odd and even
 HOLES = np.zeros(HEIGHTS.shape, dtype=bool)
 HOLES[2, 3] = HOLES[5, 0] = True
+HIGHEST = float(HEIGHTS[~HOLES].max())
 PIXEL = 2.0, 0.5  # um
 
 
@@ -119,3 +121,27 @@ def test_a_line_scan_is_refused_by_name(tmp_path: Path) -> None:
     SurfaceTopography.UniformLineScan(np.arange(9.0), 8.0, unit="um").to_netcdf(str(path))
     with pytest.raises(InputError, match=r"line\.nc: it holds line scans only"):
         read(path)
+
+
+def test_channels_are_chosen_and_named(tmp_path: Path) -> None:
+    scan = tmp_path / "two.mat"
+    savemat(scan, {"front": HEIGHTS, "back": -HEIGHTS})
+    assert "channel 0 'front' (not 1 'back')" in read(scan, "12,2", "um").steps[0]
+    for wanted in ("back", "1"):
+        topography = read(scan, "12,2", "um", channel=wanted)
+        np.testing.assert_array_equal(topography.heights, -HEIGHTS)
+        assert "channel 1 'back' (not 0 'front')" in topography.steps[0]
+    with pytest.raises(InputError, match=r"'side': no such channel; .* holds 0 'front', 1 'back'"):
+        read(scan, "12,2", "um", channel="side")
+
+
+def test_a_scale_can_be_overruled(tmp_path: Path) -> None:
+    scan = written(tmp_path / "scan.nc", "m", 1.0)  # um written as m: a spacing of 2 and 0.5 m
+    side = read(scan, "1000,200", override_scale=True)
+    assert (side.sides, np.nanmax(side.heights)) == ((1000, 200), pytest.approx(1e6 * HIGHEST))
+    assert "OVERRULED by --override-scale: 1.2e+07 x 2e+06 um, taken as 1000 x 200 um" in side.steps
+    unit = read(scan, unit="um", override_scale=True)
+    assert unit.sides == pytest.approx((12, 2))
+    assert np.nanmax(unit.heights) == pytest.approx(HIGHEST)
+    assert unit.warnings == ("the file's own scale is overruled: unit m, taken as um",)
+    assert not read(scan, unit="m", override_scale=True).warnings

@@ -430,3 +430,20 @@ def test_wrong_input_is_one_line_and_code_2(work, capsys, arguments, word):
     assert said[-1].startswith("learn: "), said
     assert word in said[-1]
     assert sorted(work.iterdir()) == before, "nothing was written"
+
+
+def test_an_overruled_scale_is_told_beside_the_predictions(work, capsys):
+    heights = np.load("many/s0.npy")
+    header = "Channel: Topo\nWidth: 1 m\nHeight: 1 m\nValue units: um"
+    np.savetxt("scan.txt", heights, header=header)
+    ask = ["predict", "dimensionless.surrogate", "scan.txt", "--delta", "9", "-o", "p.csv"]
+    assert run(*ask, "--side", 1000) == 2
+    assert "--override-scale" in capsys.readouterr().err
+    assert run(*ask, "--side", 1000, "--override-scale", "--channel", "Topo") == 0
+    said = capsys.readouterr()
+    assert "OVERRULED" in said.err
+    assert "warning: the file's own scale is overruled" in said.err
+    (row,) = table("p.csv")
+    assert "taken as 1000 x 1000 um" in row["warnings"]
+    assert run(*ask, "--channel", "Phase") == 2
+    assert "holds 0 'Topo'" in capsys.readouterr().err
