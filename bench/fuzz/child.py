@@ -1,0 +1,192 @@
+"""One command line in a process of its own: forked, bounded in time and memory, and judged.
+
+A fork of a process that has loaded the packages starts in milliseconds where an interpreter takes
+a second, and whatever a command does to its process is gone with it.
+"""
+
+import importlib
+import os
+import re
+import resource
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, NoReturn
+
+BOUND = 30.0
+"""Seconds that a command may take: a hundred times what it takes of files that nobody damaged."""
+
+MEMORY = 3 * 2**30
+"""Bytes of address space that a command may ask for on top of what the packages take."""
+
+LARGEST_FILE = 256 * 2**20
+"""Bytes that a command may write into one file."""
+
+LOADED = (
+    "bem",
+    "gen.check",
+    "gen.database",
+    "gen.display",
+    "gen.forecast",
+    "gen.picture",
+    "gen.run",
+    "learn.comparison.importance",
+    "learn.comparison.jobs",
+    "learn.comparison.pictures",
+    "learn.comparison.tables",
+    "learn.surrogate.answers",
+    "learn.surrogate.card",
+    "learn.surrogate.law",
+    "learn.surrogate.training",
+    "bench.page.report",
+    "matplotlib.backends.backend_agg",
+    "scipy.sparse.linalg",
+    "sklearn.ensemble",
+    "sklearn.gaussian_process",
+    "sklearn.kernel_ridge",
+    "sklearn.tree",
+    "xgboost",
+)
+"""Modules that commands import when they need them: loaded once here, not once in every case."""
+
+PROGRAMS = {"gen": "gen.cli", "learn": "learn.cli", "bench": "bench.__main__"}
+"""The module whose `main` takes the command line of each program."""
+
+WARNING = re.compile(r"\.py:\d+: \w*Warning")
+"""What a library has to say about a line of code: nothing that helps a user."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a command ended.
+
+    Attributes
+    ----------
+    code : exit code; minus the number of a signal that ended it
+    output, errors : what it wrote to standard output and standard error
+    hung : whether it was ended because it took longer than its bound
+    seconds : that it took
+    """
+
+    code: int
+    output: str
+    errors: str
+    hung: bool = False
+    seconds: float = 0.0
+
+
+def load() -> None:
+    """Load the packages, so that the forks find them in memory."""
+    for module in (*PROGRAMS.values(), *LOADED):
+        importlib.import_module(module)
+
+
+def run(command: Sequence[str], folder: Path, bound: float = BOUND) -> Ended:
+    """Run a command line in a fork of this process.
+
+    Parameters
+    ----------
+    command : "gen", "learn" or "bench", and its arguments
+    folder : where it works
+    bound : seconds after which it is killed
+    """
+    with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
+        began = time.monotonic()
+        process = os.fork()
+        if process == 0:
+            _become(command, folder, output, errors)
+        code, hung = _await(process, began + bound)
+        seconds = time.monotonic() - began
+        return Ended(code, _content(output), _content(errors), hung, seconds)
+
+
+def fault(command: Sequence[str], ended: Ended) -> str:
+    """What is wrong with the way in which a command ended, "" if nothing is.
+
+    Right are 0 for success, 1 where a check has found faults and names them, and 2 with exactly one
+    line that says what was wrong with the input; each without a traceback or a library's warning.
+    """
+    lines = [line for line in ended.errors.splitlines() if line.startswith(f"{command[0]}: ")]
+    if ended.hung:
+        return "hang"
+    if ended.code < 0:
+        return signal.Signals(-ended.code).name
+    if "Traceback (most recent call last)" in ended.errors:
+        return f"traceback: {ended.errors.strip().splitlines()[-1][:200]}"
+    if WARNING.search(ended.errors):
+        return "a library's warning"
+    if ended.code == 2 and len(lines) != 1:
+        return f"{len(lines)} lines in place of one"
+    if ended.code == 2 and ended.errors.splitlines()[-1] != lines[0]:
+        return "lines after the last word"
+    if ended.code not in {0, 2} and not (ended.code == 1 and command[1:2] == ["check"]):
+        return f"exit code {ended.code}"
+    return ""
+
+
+def _become(
+    command: Sequence[str], folder: Path, output: IO[bytes], errors: IO[bytes]
+) -> NoReturn:
+    """Be the command, in the fork; nothing that the forked program would do at its end is done."""
+    code = 1
+    try:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        os.chdir(folder)
+        os.dup2(output.fileno(), 1)
+        os.dup2(errors.fileno(), 2)
+        sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+        sys.stderr = open(  # noqa: SIM115 - as the interpreter has it
+            2, "w", encoding="utf-8", errors="backslashreplace", closefd=False, buffering=1
+        )
+        _limit(resource.RLIMIT_AS, _address_space() + MEMORY)
+        _limit(resource.RLIMIT_FSIZE, LARGEST_FILE)
+        _limit(resource.RLIMIT_CORE, 0)
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        main: Callable[[Sequence[str]], int] = importlib.import_module(PROGRAMS[command[0]]).main
+        code = main(command[1:])
+    except SystemExit as exit_:
+        code = exit_.code if isinstance(exit_.code, int) else 1
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        with suppress(BaseException):
+            sys.stdout.flush()
+        with suppress(BaseException):
+            sys.stderr.flush()
+        os._exit(code)
+
+
+def _limit(kind: int, most: int) -> None:
+    resource.setrlimit(kind, (most, resource.getrlimit(kind)[1]))
+
+
+def _address_space() -> int:
+    """Bytes of address space that this process has."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def _await(process: int, limit: float) -> tuple[int, bool]:
+    """Exit code of a child, and whether it had to be killed."""
+    pause = 0.001
+    while True:
+        ended, status = os.waitpid(process, os.WNOHANG)
+        if ended:
+            return os.waitstatus_to_exitcode(status), False
+        if time.monotonic() > limit:
+            os.kill(process, signal.SIGKILL)
+            os.waitpid(process, 0)
+            return -signal.SIGKILL, True
+        time.sleep(pause)
+        pause = min(2 * pause, 0.05)
+
+
+def _content(file: IO[bytes]) -> str:
+    file.seek(0)
+    return file.read().decode("utf-8", errors="replace")
