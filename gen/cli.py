@@ -8,6 +8,7 @@ import typer
 
 from gen import command_line, farm
 from gen.errors import InputError
+from gen.numbers import rows_from
 from gen.output import Output, check_outputs
 from gen.terminal import echo
 
@@ -117,7 +118,7 @@ def run(
     in flight; the same command goes on.
     """
     world = farm.this_world()
-    share = _range(rows)
+    share = rows_from(rows)
     if sample_limit is not None and not 0 < sample_limit < float("inf"):
         raise InputError(f"--sample-limit {sample_limit:g}: give seconds, a number above 0")
     if dry_run:
@@ -137,16 +138,6 @@ def run(
 
         display.print_outcome(output, outcome)
     return 128 + outcome.signal if outcome.signal and outcome.counts.pending else 0
-
-
-def _range(text: str) -> tuple[int, int] | None:
-    """Rows from "100:200"; None from nothing."""
-    if not text:
-        return None
-    first, _, last = text.partition(":")
-    if not (first.isdecimal() and last.isdecimal()):
-        raise InputError(f"--rows {text!r}: give two row numbers, as 0:1000")
-    return int(first), int(last)
 
 
 @app.command()

@@ -11,6 +11,7 @@ import numpy as np
 from rich.table import Table
 
 from gen.console import console as new_console
+from gen.memory import size
 from gen.progress import RunProgress
 from gen.schema import REASONS, RUNTIME, Column, Status, statistics_columns
 from gen.single import warnings_about
@@ -64,7 +65,7 @@ def print_database(reader: Reader) -> None:
     counts = reader.counts()
     attributes = reader.attributes
     console.print(f"{reader.path}: {attributes['title']}")
-    console.print(f"  size      {reader.size_bytes / 1e6:.1f} MB, {sum(counts)} rows")
+    console.print(f"  size      {size(reader.size_bytes)}, {sum(counts)} rows")
     console.print(
         f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending"
     )
@@ -100,7 +101,7 @@ def print_plan(plan: Plan, path: Path | None = None) -> None:
         f"{plan.samples} samples on {plan.surfaces} surfaces of {plan.nodes} x {plan.nodes} nodes"
     )
     console.print(f"  Delta     {low:.4g} to {high:.4g} um, {mean:.4g} um on average")
-    console.print(f"  file      {plan.file_bytes / 1e6:.1f} MB")
+    console.print(f"  file      {size(plan.file_bytes)}")
     if path is not None:
         state = "exists" if path.exists() else "does not exist yet"
         console.print(f"  output    {path} {state}; nothing was written")
@@ -120,7 +121,7 @@ def print_estimate(plan: Plan, estimate: Estimate) -> None:
         f"  time      {hours}:{rest // 60:02}:{rest % 60:02} h on {estimate.workers} workers:"
         f" {estimate.milliseconds:.2f} ms a sample, mean of {estimate.measured} measured here"
     )
-    console.print(f"  memory    {estimate.memory_bytes / 1e6:.0f} MB on all ranks")
+    console.print(f"  memory    {size(estimate.memory_bytes)} on all ranks")
 
 
 def print_contact(contact: Contact, seconds: float) -> None:

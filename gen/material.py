@@ -1,9 +1,9 @@
 """The plane-strain modulus of one elastic body on a rigid one, or of two elastic bodies."""
 
-import math
 from collections.abc import Sequence
 
 from gen.errors import InputError
+from gen.numbers import magnitude
 
 
 def combined_modulus(
@@ -29,8 +29,8 @@ def combined_modulus(
     if e_star is not None:
         if young or poisson:
             raise InputError("--e-star stands in place of --young and --poisson: give one of them")
-        if not 0 < e_star < math.inf:
-            raise InputError(f"--e-star {e_star:g}: the modulus must be above 0 MPa")
+        if not magnitude(e_star):
+            raise InputError(f"--e-star {e_star:g}: the modulus must be above 0 MPa, and finite")
         return e_star
     moduli = list(young) or [1.0]
     ratios = list(poisson) or [0.0] * len(moduli)
@@ -40,8 +40,8 @@ def combined_modulus(
             " or twice for two elastic bodies"
         )
     for modulus, ratio in zip(moduli, ratios, strict=True):
-        if not 0 < modulus < math.inf:
-            raise InputError(f"--young {modulus:g}: the modulus must be above 0 MPa")
+        if not magnitude(modulus):
+            raise InputError(f"--young {modulus:g}: the modulus must be above 0 MPa, and finite")
         if not -1 < ratio <= 0.5:
             raise InputError(f"--poisson {ratio:g}: must be above -1 and at most 0.5")
     return 1 / sum((1 - nu**2) / e for e, nu in zip(moduli, ratios, strict=True))

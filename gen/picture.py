@@ -191,8 +191,12 @@ def _draw_areas(figure: Any, axis: Any, columns: dict[str, NDArray[Any]]) -> Non
 
 def _draw_times(axis: Any, columns: dict[str, NDArray[Any]]) -> None:
     """Time of every solve against the area."""
-    milliseconds = 1e3 * columns["solve_seconds"]
-    axis.plot(columns["area_percent"], milliseconds, ".", color="tab:blue", ms=4)
+    known = np.isfinite(columns["solve_seconds"])
+    milliseconds = 1e3 * columns["solve_seconds"][known]
+    if not known.any():
+        axis.set(title="no solve time is known")
+        return
+    axis.plot(columns["area_percent"][known], milliseconds, ".", color="tab:blue", ms=4)
     axis.axhline(milliseconds.mean(), color="tab:red", lw=1)
     axis.set(
         title=f"{milliseconds.mean():.1f} ms a solve on average",

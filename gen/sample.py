@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import bem
 from gen.errors import InputError
+from gen.memory import too_little_for_solve
 from gen.overtime import Overtime, at_most
 from gen.plan import Parameters, parameters, surface_random
 from gen.scene import Scene
@@ -41,7 +42,20 @@ def compute_rows(
     Returns
     -------
     Every column of `gen.schema.columns_for(scene.store)` by name, with stop - start rows
+
+    Raises
+    ------
+    InputError
+        If memory runs out: it is not the sample's fault, so that no row has failed.
     """
+    try:
+        return _computed(scene, start, stop, rank, limit)
+    except MemoryError:
+        raise too_little_for_solve(scene.shape) from None
+
+
+def _computed(scene: Scene, start: int, stop: int, rank: int, limit: float | None) -> Rows:
+    """Compute the rows start..stop, as far as memory goes."""
     plan = parameters(scene, start, stop)
     rows = _empty_rows(scene, stop - start)
     for name in ("surface", "hurst", "sigma0", "delta"):

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gen import memory
 from gen.errors import InputError
+from gen.numbers import values_from
 from gen.table import Row
 from gen.topography import Topography
 
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from gen.statistics import Description
 
 LOADS = ("delta", "force", "pressure")
+ADVICE = "give a number, several as 1,2,5, or start:stop:count"
 
 # Hardness is rarely above a hundredth of E*: steel of 2 GPa has 230 GPa, and only glasses,
 # ceramics and rubber bear more.
@@ -41,7 +44,7 @@ def chosen_load(given: dict[str, str]) -> tuple[str, list[float]]:
         said = " and ".join(f"--{name}" for name in chosen) or "no load"
         raise InputError(f"{said} given: give one of --delta, --force and --pressure")
     name = chosen[0]
-    return name, _values(name, given[name])
+    return name, values_from(given[name], f"--{name}", ADVICE)
 
 
 def solve_loads(
@@ -67,6 +70,7 @@ def solve_loads(
     """
     import bem
 
+    memory.require_for_contacts(len(values), topography.heights.shape)
     began = time.perf_counter()
     try:
         for contact in _contacts(topography, load, values, settings):
@@ -74,6 +78,9 @@ def solve_loads(
             began = time.perf_counter()
     except (bem.NotConverged, ValueError) as error:
         raise InputError(f"{topography.name}: {error}") from None
+    except MemoryError:
+        fault = memory.too_little_for_solve(topography.heights.shape)
+        raise InputError(f"{topography.name}: {fault}") from None
 
 
 def warnings_about(
@@ -158,19 +165,3 @@ def _contacts(
 
     loads: dict[str, Any] = {f"{load}s": values}
     return bem.ladder(topography.heights, topography.sides, **loads, **settings)
-
-
-def _values(name: str, text: str) -> list[float]:
-    """Numbers from "5", "1,2,5" or "1:100:20", start, stop and count."""
-    if "," in text:
-        return [value for part in text.split(",") for value in _values(name, part)]
-    parts = text.split(":")
-    try:
-        if len(parts) == 1:
-            return [float(text)]
-        start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
-    except (ValueError, IndexError):
-        start, stop, count = 0.0, 0.0, 0
-    if len(parts) != 3 or count < 2 or not np.isfinite([start, stop]).all():
-        raise InputError(f"--{name} {text!r}: give a number, several as 1,2,5, or start:stop:count")
-    return [float(value) for value in np.linspace(start, stop, count)]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gen import surface, text
 from gen.channel import Channel, chosen, named
 from gen.errors import InputError
+from gen.numbers import magnitude
 
 Heights = NDArray[np.float64]
 Sides = tuple[float, float]
@@ -146,7 +147,7 @@ def sides_from(text: str) -> Sides:
         lengths = [float(part) for part in text.split(",")]
     except ValueError:
         lengths = []
-    if len(lengths) not in {1, 2} or not all(0 < length < np.inf for length in lengths):
+    if len(lengths) not in {1, 2} or not all(map(magnitude, lengths)):
         raise InputError(
             f"--side {text!r}: give the scan length in um, a number above 0, or two as 1000,500"
         )

@@ -13,8 +13,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from gen.errors import InputError
+from gen.memory import MIB, allowed
 
-MIB = 2**20
 USABLE = 0.85
 """Share of the machine's memory that fits may take; the rest is the system's."""
 
@@ -57,14 +57,8 @@ def needed(model: str, rows: int, *, baseline: bool = False) -> int:
 
 
 def available() -> int:
-    """Memory that fits may take on this machine [bytes]; limits of containers and jobs count."""
-    limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
-    for name in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
-        with suppress(OSError, ValueError):
-            limits.append(int(Path(name).read_text(encoding="ascii")))
-    with suppress(KeyError, ValueError):  # set by Slurm, in MiB
-        limits.append(int(os.environ["SLURM_MEM_PER_NODE"]) * MIB)
-    return int(USABLE * min(limits))
+    """Return the memory that fits may take on this machine [bytes]."""
+    return int(USABLE * allowed())
 
 
 def check(model: str, rows: int, *, baseline: bool = False) -> None:

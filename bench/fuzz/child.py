@@ -112,7 +112,6 @@ def fault(command: Sequence[str], ended: Ended) -> str:
     Right are 0 for success, 1 where a check has found faults and names them, and 2 with exactly one
     line that says what was wrong with the input; each without a traceback or a library's warning.
     """
-    lines = [line for line in ended.errors.splitlines() if line.startswith(f"{command[0]}: ")]
     if ended.hung:
         return "hang"
     if ended.code < 0:
@@ -121,18 +120,21 @@ def fault(command: Sequence[str], ended: Ended) -> str:
         return f"traceback: {ended.errors.strip().splitlines()[-1][:200]}"
     if WARNING.search(ended.errors):
         return "a library's warning"
-    if ended.code == 2 and len(lines) != 1:
-        return f"{len(lines)} lines in place of one"
-    if ended.code == 2 and ended.errors.splitlines()[-1] != lines[0]:
-        return "lines after the last word"
-    if ended.code not in {0, 2} and not (ended.code == 1 and command[1:2] == ["check"]):
+    checked = ended.code == 1 and list(command[:2]) == ["gen", "check"]
+    if ended.code not in {0, 2} and not checked:
         return f"exit code {ended.code}"
-    return ""
+    return _refusal_fault(command[0], ended.errors.splitlines()) if ended.code == 2 else ""
 
 
-def _become(
-    command: Sequence[str], folder: Path, output: IO[bytes], errors: IO[bytes]
-) -> NoReturn:
+def _refusal_fault(program: str, lines: Sequence[str]) -> str:
+    """What is wrong with the words of a refusal; progress and warnings may stand above them."""
+    refusals = [line for line in lines if line.startswith(f"{program}: ")]
+    if len(refusals) != 1:
+        return f"{len(refusals)} lines of refusal in place of one"
+    return "" if lines[-1] == refusals[0] else "lines below the refusal"
+
+
+def _become(command: Sequence[str], folder: Path, output: IO[bytes], errors: IO[bytes]) -> NoReturn:
     """Be the command, in the fork; nothing that the forked program would do at its end is done."""
     code = 1
     try:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gen.errors import InputError
 from gen.lock import beside
+from gen.memory import size
 from gen.scene import Scene
 from gen.schema import row_bytes
 
@@ -66,8 +67,8 @@ def _require_room(path: Path, scene: Scene) -> None:
     free = shutil.disk_usage(path.resolve().parent).free
     if needed > free:
         raise InputError(
-            f"{path}: {scene.samples} samples need {needed / 1e9:,.1f} GB, "
-            f"{free / 1e9:,.1f} GB are free; make room, or ask for less"
+            f"{path}: {scene.samples} samples need {size(needed)}, {size(free)} are free; make"
+            " room, or ask for less"
         )
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.errors import InputError
+from gen.numbers import magnitude, shown, values_from
 from gen.preparation import prepare, warnings_about
-from gen.single import chosen_load
 from gen.topography import OWN_SUFFIXES, Topography, read, sides_from
 from learn.features.sets import STATISTICS
 
@@ -23,9 +23,6 @@ INSTRUMENTS = {
     *(".mat", ".xyz", ".vk4", ".vk6", ".vk7", ".jpk", ".gsf", ".nid", ".ezd", ".mnt", ".stp"),
 }
 """Endings that are taken for surfaces where a whole folder is given."""
-
-MOST = 100_000
-"""Displacements or pressures of one command."""
 
 DELTA_NAMES = ("delta_um", "delta")
 SIDE_NAMES = ("side_x_um", "side_y_um")
@@ -75,8 +72,8 @@ def deltas_from(text: str) -> Values:
         If they are no numbers above 0.
     """
     values = numbers_from(text, "--delta", "give numbers above 0 um, as 2, 1,2,5 or 5:45:9")
-    if not (values > 0).all():
-        raise InputError(f"--delta {text!r}: give numbers above 0 um, as 2, 1,2,5 or 5:45:9")
+    if not all(map(magnitude, values)):
+        raise InputError(f"--delta {shown(text)}: give numbers above 0 um, as 2, 1,2,5 or 5:45:9")
     return values
 
 
@@ -86,18 +83,11 @@ def numbers_from(text: str, option: str, advice: str) -> Values:
     Raises
     ------
     InputError
-        If they are none, or more than `MOST`; with the option and the advice.
+        If they are none, or too many; with the option and the advice.
     """
-    for part in text.split(","):
-        count = part.rpartition(":")[2].strip()
-        if ":" in part and count.isdigit() and int(count) > MOST:
-            raise InputError(f"{option} {text!r}: give {MOST:,} values at most")
-    try:
-        values = np.array(chosen_load({"delta": text or "?", "force": "", "pressure": ""})[1])
-    except InputError:
-        raise InputError(f"{option} {text!r}: {advice}") from None
+    values = np.array(values_from(text, option, advice))
     if not np.isfinite(values).all():
-        raise InputError(f"{option} {text!r}: {advice}")
+        raise InputError(f"{option} {shown(text)}: {advice}")
     return values
 
 
