@@ -1,13 +1,13 @@
 """`python -m bench`: reports on how exact and how fast the packages are."""
 
-import os
 import sys
 from collections.abc import Sequence
 
 import typer
 
 from bench.commands import farm, page, solver, surrogates
-from gen import command_line
+from gen import command_line, startup
+from gen import farm as processes
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
@@ -45,11 +45,11 @@ def describe_program() -> None:
 
 def main(arguments: Sequence[str]) -> int:
     """Run one command line; return its exit code."""
-    return command_line.call(app, "bench", arguments)
+    return command_line.main(app, "bench", arguments, alone=True)
 
 
 if __name__ == "__main__":
-    # One thread, as in production: more would blur every time.
-    for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):
-        os.environ[f"{library}_NUM_THREADS"] = "1"
-    sys.exit(main(sys.argv[1:]))
+    startup.start(deaf=False)
+    code = main(sys.argv[1:])
+    processes.leave()
+    sys.exit(code)

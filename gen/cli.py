@@ -56,15 +56,7 @@ Table = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write
 
 def main(arguments: Sequence[str]) -> int:
     """Run one command line; return its exit code."""
-    world = farm.World()
-    try:
-        world = farm.this_world()
-        return command_line.call(app, "gen", arguments, speaking=world.is_master)
-    except InputError as error:
-        echo(f"gen: {error}", err=True)
-        return 2
-    except Exception:
-        world.abort()
+    return command_line.main(app, "gen", arguments, together=["run"])
 
 
 @app.callback()
@@ -143,8 +135,6 @@ def run(
 @app.command()
 def info(file: Database) -> None:
     """Show what a database holds: rows, ranges beside the paper's, times, scene, versions."""
-    if not farm.this_world().is_master:
-        return
     from gen import display
     from gen.database import Reader
 
@@ -197,8 +187,6 @@ def contact(
     Give one of --delta, --force and --pressure: a number, or for a law start:stop:count or several
     with commas.
     """
-    if not farm.this_world().is_master:
-        return
     from gen import display, single
     from gen.material import combined_modulus
     from gen.preparation import prepare, warnings_about
@@ -255,8 +243,6 @@ def describe(
     table: Table = None,
 ) -> None:
     """Print the 22 roughness statistics of a surface, with their units."""
-    if not farm.this_world().is_master:
-        return
     from gen import display, single
     from gen.preparation import prepare, tilt, warnings_about
     from gen.table import write_csv
@@ -283,8 +269,6 @@ def plot(
     ],
 ) -> None:
     """Draw what a database holds: one surface, its pressure, the areas, the solve times."""
-    if not farm.this_world().is_master:
-        return
     from gen.picture import draw_database
 
     check_outputs([Output(output, "--output", "picture")], [file])
@@ -295,8 +279,6 @@ def plot(
 @app.command()
 def columns() -> None:
     """Print the table of columns of a database, in Markdown."""
-    if not farm.this_world().is_master:
-        return
     from gen.schema import markdown_table
 
     for line in markdown_table().splitlines():
@@ -315,8 +297,6 @@ def check(
 
     Exit code 0 if all is well, 1 if not.
     """
-    if not farm.this_world().is_master:
-        return 0
     from gen.check import faults
     from gen.database import Reader
 
@@ -343,8 +323,6 @@ def merge(
     ],
 ) -> None:
     """Join databases whose rows were computed by different jobs."""
-    if not farm.this_world().is_master:
-        return
     from gen import database
 
     pending, done, failed = database.merge(output, files)
@@ -359,8 +337,6 @@ def estimate(
     ] = 1,
 ) -> None:
     """Measure a few samples and say what the run takes: time, memory, disk."""
-    if not farm.this_world().is_master:
-        return
     from gen import display, forecast
     from gen.scene import load
 

@@ -62,23 +62,17 @@ class ThroughMaster:
     Parameters
     ----------
     target : what is written
-    world : the processes, all of which make one of these
+    world : the processes; the master writes
     compute : every column of a block's rows; those that are pending are not written
     """
 
     def __init__(self, target: Target, world: farm.World, compute: Callable[[Block], Rows]) -> None:
         self.work = compute
         self._writer: Writer | None = None
-        refusal = ""
         if world.is_master:
             from gen import database
 
-            try:
-                self._writer = database.Writer(target.path, target.scene, force=target.force)
-            except InputError as error:
-                refusal = str(error)
-        if refusal := world.broadcast(refusal):
-            raise InputError(refusal)
+            self._writer = database.Writer(target.path, target.scene, force=target.force)
 
     def __enter__(self) -> Self:
         """Leave the block to close the file."""
@@ -154,7 +148,7 @@ def delivery(
     Raises
     ------
     InputError
-        On every process alike, if the file cannot be opened.
+        If the file cannot be opened: on the master, or on all that write.
     """
     return (FromWorkers if target.parallel else ThroughMaster)(target, world, compute)
 

@@ -7,6 +7,7 @@ are finished: the master holds a few tasks per worker, however long the plan is.
 
 import os
 import sys
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -26,13 +27,32 @@ IN_FLIGHT = 2
 LAUNCHERS = ("PMI_SIZE", "PMIX_RANK", "OMPI_COMM_WORLD_SIZE", "MPI_LOCALNRANKS")
 """Variables that mpiexec, mpirun and srun set for the processes that they start."""
 
+LONGEST_NAP = 0.01
+"""Time at most between two looks of a process that waits for the master [s]: MPI itself would keep
+a core busy, for as long as the master works alone."""
+
 _own_work: ContextVar[Callable[[Any], Any]] = ContextVar("_own_work")
 """What this process does with a task, while it is in `run`."""
+
+
+class MasterLeft(SystemExit):
+    """Raised on a worker that waits for a master which has ended the command: the worker ends too.
+
+    Attributes
+    ----------
+    code : exit code of the master
+    """
+
+    code: int
 
 
 @dataclass(frozen=True)
 class World:
     """The processes of this run.
+
+    What the master has for all processes travels in envelopes: either a value (`broadcast`) or the
+    exit code with which the master ends the command (`end`). A master that refuses its input
+    therefore always meets the workers, wherever they wait.
 
     Attributes
     ----------
@@ -55,8 +75,50 @@ class World:
         return max(self.size - 1, 1)
 
     def broadcast(self, value: Any) -> Any:
-        """Give the master's value to every process; all of them have to call it."""
-        return value if self.communicator is None else self.communicator.bcast(value, root=0)
+        """Give the master's value to every process; all of them have to call it.
+
+        Raises
+        ------
+        MasterLeft
+            On the workers, if the master has ended the command instead.
+        """
+        value, code = self._exchange((value, None))
+        if code is not None:
+            raise MasterLeft(code)
+        return value
+
+    def end(self, code: int) -> int:
+        """End the command: the last that every process calls, unless it has raised `MasterLeft`.
+
+        Parameters
+        ----------
+        code : exit code of this process's own command; only the master's counts
+
+        Returns
+        -------
+        The master's exit code
+
+        Raises
+        ------
+        RuntimeError
+            On a worker whose command has ended although the master goes on with it.
+        """
+        _, agreed = self._exchange((None, code))
+        if agreed is None:
+            raise RuntimeError(f"rank {self.rank} has left a command that rank 0 goes on with")
+        return int(agreed)
+
+    def _exchange(self, envelope: tuple[Any, int | None]) -> tuple[Any, int | None]:
+        """Return the master's envelope on every process; those that wait for it sleep."""
+        if self.communicator is None:
+            return envelope
+        announced = self.communicator.Ibcast(bytearray(1), root=0)
+        nap = LONGEST_NAP / 1024
+        while not announced.Test():
+            time.sleep(nap)
+            nap = min(2 * nap, LONGEST_NAP)
+        found: tuple[Any, int | None] = self.communicator.bcast(envelope, root=0)
+        return found
 
     def abort(self) -> NoReturn:
         """End all processes at once after a bug, with its traceback."""
@@ -130,6 +192,8 @@ def run(
     Exception
         What `on_result` or `tasks` raise, on the master, after the tasks in flight have ended.
         What `work` raises is a bug: it ends all processes.
+    MasterLeft
+        On the workers, if the master has ended the command instead of calling this.
     """
     if world.size == 1:
         for task in tasks:
@@ -139,6 +203,7 @@ def run(
         return
     from mpi4py.futures import MPICommExecutor
 
+    world.broadcast(None)  # a master that never comes is heard of here, not inside the executor
     own = _own_work.set(work)
     try:
         with MPICommExecutor(world.communicator, root=0) as executor:

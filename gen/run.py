@@ -55,13 +55,11 @@ class Outcome:
     ----------
     counts : rows pending, done and failed in the file
     signal : number of the signal that interrupted the run, 0 if none did
-    message : what went wrong with the input or the disk, "" if nothing did
     overdue : rows that were left pending because they took longer than the limit
     """
 
     counts: Counts
     signal: int
-    message: str
     overdue: int = 0
 
 
@@ -101,29 +99,18 @@ def generate_database(request: Request, world: farm.World) -> Outcome:
     Raises
     ------
     InputError
-        On every process alike, for a scene or a file that cannot be used, or a full disk.
+        On the master, for a scene or a file that cannot be used, or a full disk.
+    gen.farm.MasterLeft
+        On the workers then.
     """
     with ExitStack() as stack:
         # From here on a signal is noted; it takes effect between two blocks, not in a broadcast.
         interruption = stack.enter_context(Interruption(listening=world.is_master))
-        job: _Job | None = None
-        target: Target | None = None
-        refusal = ""
-        if world.is_master:
-            try:
-                job = stack.enter_context(_Job(request, world))
-                target = job.target
-            except InputError as error:
-                refusal = str(error)
-        target, refusal = world.broadcast((target, refusal))
-        if target is None:
-            raise InputError(refusal)
+        job = stack.enter_context(_Job(request, world)) if world.is_master else None
+        target: Target = world.broadcast(job and job.target)
         compute = partial(_compute_block, target.scene, world.rank, request.sample_limit)
         delivered = delivery(target, world, compute)
-        outcome = _work_off(job, delivered, world, interruption)
-    if outcome.message:
-        raise InputError(outcome.message)
-    return outcome
+        return _work_off(job, delivered, world, interruption)
 
 
 class _Job:
@@ -207,14 +194,11 @@ def _work_off(
 
 
 def _counted(path: Path, ended: Outcome) -> Outcome:
-    """Count the rows; the other processes wait for an answer, whatever it is."""
+    """Count the rows."""
     from gen import database
 
-    try:
-        with database.Reader(path) as reader:
-            return replace(ended, counts=reader.counts())
-    except (InputError, OSError) as error:
-        return replace(ended, message=ended.message or str(error))
+    with database.Reader(path) as reader:
+        return replace(ended, counts=reader.counts())
 
 
 def _supervise(
@@ -227,7 +211,7 @@ def _supervise(
     from gen.database import Counts
     from gen.progress import RunProgress
 
-    message, overdue = "", 0
+    overdue = 0
     todo = sum(stop - start for start, stop in job.pending)
     with RunProgress(todo) as progress:
         progress.say(_opening_line(job, todo, world))
@@ -239,11 +223,8 @@ def _supervise(
             progress.advance(block[1] - block[0] - tally.overdue, tally.failed)
 
         blocks = blocks_of(job.target.scene, job.pending, world.workers)
-        try:
-            farm.run(delivered.work, blocks, take, world, stopping=interruption.requested)
-        except InputError as error:
-            message = str(error)
-    return Outcome(Counts(0, 0, 0), interruption.signal, message, overdue)
+        farm.run(delivered.work, blocks, take, world, stopping=interruption.requested)
+    return Outcome(Counts(0, 0, 0), interruption.signal, overdue)
 
 
 def _opening_line(job: _Job, todo: int, world: farm.World) -> str:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gen import command_line, farm
-from gen.errors import InputError
 from gen.output import check_folder
 from gen.terminal import echo
 from learn import commands
@@ -38,15 +37,8 @@ for _command in (commands.fit, commands.card, commands.predict, commands.law):
 
 def main(arguments: Sequence[str]) -> int:
     """Run one command line; return its exit code."""
-    world = farm.World()
-    try:
-        world = farm.this_world()
-        return command_line.call(app, "learn", arguments, speaking=world.is_master)
-    except InputError as error:
-        echo(f"learn: {error}", err=True)
-        return 2
-    except Exception:
-        world.abort()
+    together = ["fit", "compare", "tune", "estimate"]
+    return command_line.main(app, "learn", arguments, together=together)
 
 
 @app.callback()
@@ -162,8 +154,7 @@ def show(
     scores.csv and times.csv are the paper's Table 4, tuning.csv is its Table 3; parity.png is like
     its figures 8 and 10, scores.png and times.png are like its figure 9.
     """
-    if farm.this_world().is_master:
-        _write_and_print(folder, pictures=pictures)
+    _write_and_print(folder, pictures=pictures)
 
 
 @app.command()
@@ -186,8 +177,6 @@ def importance(
     request = _request(
         file, output, [model], target, area_max, features, normalise, seed, train_rows, False
     )
-    if not farm.this_world().is_master:
-        return
     from learn.comparison.importance import write_report
 
     for path in write_report(request, echo):
@@ -211,8 +200,6 @@ def appendix(
     request = _request(
         file, output, None, "area", area_max, features, normalise, seed, train_rows, False
     )
-    if not farm.this_world().is_master:
-        return
     from learn.comparison.appendix import write_report
 
     for path in write_report(request, echo):

@@ -107,8 +107,9 @@ def fit(
         seed=seed or 0,
         train_rows=train_rows,
     )
-    if source is not None:
+    if source is not None and world.is_master:
         request = training.request_from(request, source, given)
+    request = world.broadcast(request)
     with Interruption(listening=world.is_master) as interruption:
         surrogate = training.fit(
             request, world, _say, source=source, stopping=interruption.requested
@@ -125,8 +126,6 @@ def fit(
 
 def card(file: File) -> None:
     """Print a surrogate's model card: what it was made of, its scores, intervals and ranges."""
-    if not farm.this_world().is_master:
-        return
     from learn.surrogate import Surrogate
     from learn.surrogate.card import show
 
@@ -155,8 +154,6 @@ def predict(
     e_star: EStar = None,
 ) -> None:
     """Predict area and force of surfaces, with intervals, and a flag for what is unknown ground."""
-    if not farm.this_world().is_master:
-        return
     from gen.progress import RunProgress
     from gen.table import Row, write_csv
     from learn.surrogate import Surrogate
@@ -239,8 +236,6 @@ def law(
     Bands are the surrogate's intervals for one surface, and quantiles over the surfaces of a
     population.
     """
-    if not farm.this_world().is_master:
-        return
     from learn.surrogate import Surrogate
     from learn.surrogate.conformal import checked_level
     from learn.surrogate.law import Order, make

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from gen import farm
@@ -34,7 +34,7 @@ def compare(request: Request, world: farm.World) -> Ended:
     Raises
     ------
     InputError
-        On every process alike, for input that cannot be used.
+        For input that cannot be used; the workers leave by `gen.farm.MasterLeft` then.
     """
 
     def work(models: list[Model], folder: Folder | None, interruption: Interruption) -> None:
@@ -49,7 +49,7 @@ def tune(request: Request, world: farm.World) -> Ended:
     Raises
     ------
     InputError
-        On every process alike, for input that cannot be used.
+        For input that cannot be used; the workers leave by `gen.farm.MasterLeft` then.
     """
     return _one_by_one(_tune_model, request, world)
 
@@ -60,7 +60,7 @@ def estimate(request: Request, world: farm.World) -> Ended:
     Raises
     ------
     InputError
-        On every process alike, for input that cannot be used.
+        For input that cannot be used; the workers leave by `gen.farm.MasterLeft` then.
     """
     return _one_by_one(_estimate_model, request, world)
 
@@ -146,7 +146,7 @@ def _tune_model(
     if request.spaces is not None:
         source, space = spaces.GIVEN, request.spaces[model.name]
     grid = pruning.grid(model, space, training_data.held().inputs.shape[1])
-    with _trials(model, folder, world) as trials:
+    with _trials(model, folder) as trials:
         searched = _searched(model, grid, trials, world, interruption, limit)
         if world.broadcast(interruption.requested()):
             return
@@ -174,27 +174,20 @@ def _estimate_model(
     source, space = spaces.of(model.name, request.features)
     grid = pruning.grid(model, space, training_data.held().inputs.shape[1])
     stopping = interruption.requested
-    with _trials(model, folder, world) as trials:
+    with _trials(model, folder) as trials:
         cost = whole_grid.measure(model, grid, trials, world, limit or 0.0, stopping)
         if folder is not None and cost is not None:
             keep_cost(folder, model, source, cost)
 
 
 @contextmanager
-def _trials(model: Model, folder: Folder | None, world: farm.World) -> Iterator[Trials | None]:
-    """Open the finished fits on the master, None elsewhere; refused on every process alike."""
-    with ExitStack() as stack:
-        trials: Trials | None = None
-        refusal = ""
-        if folder is not None:
-            try:
-                path = folder.path / "trials" / f"{model.name}.jsonl"
-                trials = stack.enter_context(Trials(path, folder.record()["conditions"]))
-            except InputError as error:
-                refusal = str(error)
-        refusal = world.broadcast(refusal)
-        if refusal:
-            raise InputError(refusal)
+def _trials(model: Model, folder: Folder | None) -> Iterator[Trials | None]:
+    """Open the finished fits on the master, None elsewhere."""
+    if folder is None:
+        yield None
+        return
+    path = folder.path / "trials" / f"{model.name}.jsonl"
+    with Trials(path, folder.record()["conditions"]) as trials:
         yield trials
 
 

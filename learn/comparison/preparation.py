@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from gen import farm
-from gen.errors import InputError
 from gen.progress import RunProgress
 from learn import dataset, memory, split
 from learn.comparison import training_data
@@ -28,15 +27,8 @@ def prepared(
     """Read the data on the master and give it to all; the folder on the master, None elsewhere."""
     folder: Folder | None = None
     training: training_data.Training | None = None
-    refusal = ""
     if world.is_master:
-        try:
-            training, folder = _read(request, target, models, pressed, searched=searched)
-        except InputError as error:
-            refusal = str(error)
-    refusal = world.broadcast(refusal)
-    if refusal:
-        raise InputError(refusal)
+        training, folder = _read(request, target, models, pressed, searched=searched)
     training_data.hold(training, world)
     yield folder
 

@@ -59,32 +59,23 @@ def pressed_rows(path: Path, world: farm.World, stopping: Callable[[], bool]) ->
     Raises
     ------
     InputError
-        On every process, if the file is no database, or its surfaces cannot be generated anew.
+        On the master, if the file is no database, or its surfaces cannot be generated anew.
     """
-    job: _Job | None = None
-    refusal = text = ""
-    if world.is_master:
-        try:
-            job = _Job(path)
-            text = job.scene.text() if job.blocks else ""
-        except InputError as error:
-            refusal = str(error)
-    refusal, text = world.broadcast((refusal, text))
-    if text and not refusal:
-        refusal = world.broadcast(_work_off(job, Scene.from_text(text), world, stopping))
-    if refusal:
-        raise InputError(refusal)
+    job = _Job(path) if world.is_master else None
+    scene = world.broadcast(job.scene if job is not None and job.blocks else None)
+    if scene is not None:
+        _work_off(job, scene, world, stopping)
     return None if job is None else job.values
 
 
 def _work_off(
     job: "_Job | None", scene: Scene, world: farm.World, stopping: Callable[[], bool]
-) -> str:
-    """Do the blocks that are left; what is wrong with them, "" if nothing is."""
+) -> None:
+    """Do the blocks that are left; on the master, raise InputError for what they show."""
     compute = partial(compute_block, scene)
     if job is None:
         farm.run(compute, iter(()), _ignore, world)
-        return ""
+        return
     faults: list[str] = []
     rows = sum(stop - start for start, stop in job.blocks)
     with RunProgress(rows, "surfaces") as progress:
@@ -111,7 +102,8 @@ def _work_off(
             note = "" if faults else job.save()
             if note:
                 progress.say(note)
-    return faults[0] if faults else ""
+    if faults:
+        raise InputError(faults[0])
 
 
 def _ignore(block: Block, found: tuple[Values, Values]) -> None:
