@@ -83,6 +83,11 @@ class ThroughMaster:
         if self._writer is not None:
             self._writer.close()
 
+    def confirm(self) -> None:
+        """Refuse a file that is no longer what was opened, on the master."""
+        if self._writer is not None:
+            self._writer.confirm()
+
     def take(self, block: Block, rows: Rows) -> Tally:
         """Write the rows that `work` has computed, on the master."""
         if self._writer is None:
@@ -114,6 +119,10 @@ class FromWorkers:
     def __exit__(self, *error: object) -> None:
         """Close the file."""
         self._writer.close()
+
+    def confirm(self) -> None:
+        """Refuse a file that is no longer what was opened, on any process."""
+        self._writer.confirm()
 
     def work(self, block: Block) -> Tally:
         """Compute and write the rows of a block, on a worker."""

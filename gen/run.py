@@ -224,6 +224,7 @@ def _supervise(
 
         blocks = blocks_of(job.target.scene, job.pending, world.workers)
         farm.run(delivered.work, blocks, take, world, stopping=interruption.requested)
+        delivered.confirm()
     return Outcome(Counts(0, 0, 0), interruption.signal, overdue)
 
 

@@ -4,7 +4,9 @@ One contiguous dataset per column of `gen.schema`, allocated and filled when the
 so that writing rows changes no metadata: whatever the moment at which a writer is killed, the
 file opens again, and a row whose status says done is whole. (The order of writes that guarantees
 it holds for killed processes, not for a machine that loses power.) HDF5's own file locks are not
-used: they fail on network file systems and would shut out readers; `lock` keeps writers apart.
+used: they fail on network file systems and would shut out readers; `lock` keeps writers apart by
+name, `HeldFile` by device and inode. What a run writes is the file that it has opened: one that is
+replaced, moved or overwritten meanwhile ends the run, and is left as it is.
 
 Two writers keep one contract. `Writer` is one process, `ParallelWriter` all processes of an MPI
 run together, where h5py is built with MPI. They write the same file, and either goes on with what

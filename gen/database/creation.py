@@ -3,8 +3,10 @@
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from gen.database.disk import chunks, new_file, write_rows
+from gen.database.disk import chunks, write_rows
+from gen.database.held import HeldFile
 from gen.database.layout import fill, identity, lay_out, provenance, read_attributes
+from gen.database.making import new_file
 from gen.database.opening import checked_for, open_file
 from gen.errors import InputError
 from gen.scene import Scene
@@ -73,7 +75,8 @@ def extend(path: Path, scene: Scene, *, force: bool = False) -> None:
     """Give a database more rows of the same scene; the caller holds `lock(path)`.
 
     Contiguous datasets cannot grow: the rows are copied into a new file, which then takes the
-    name of the old one. A kill at any moment leaves one of the two, whole.
+    name of the old one, its owner, group and mode. A kill at any moment leaves one of the two,
+    whole.
 
     Parameters
     ----------
@@ -84,15 +87,16 @@ def extend(path: Path, scene: Scene, *, force: bool = False) -> None:
     Raises
     ------
     InputError
-        If the database is not of this scene, has as many rows already, or the disk is full.
+        If the database is not of this scene, has as many rows already, may not be written or
+        replaced, or is being written; if the disk is full.
     """
-    with open_file(path) as old:
+    with HeldFile(path) as held, open_file(path) as old:
         found = checked_for(old, path, scene, force=force)
         rows = found.samples
         if scene.samples <= rows:
             raise InputError(f"{path} has {rows} samples; to extend it ask for more")
         attributes = read_attributes(old) | identity(scene)
-        with new_file(path, scene, replace=True) as temporary:
+        with new_file(path, scene, replaced=held) as temporary:
             lay_out(temporary, scene, attributes)
             with open_file(temporary, writing=True) as new:
                 for column in columns_for(scene.store):

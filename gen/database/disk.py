@@ -1,22 +1,14 @@
-"""The disk under a database: files in the making, rows in pieces, troubles in words."""
+"""The disk under a database: rows in pieces, file systems, troubles in words."""
 
 import errno
 import os
 import re
-import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import h5py
 from numpy.typing import NDArray
-
-from gen.errors import InputError
-from gen.lock import beside
-from gen.memory import size
-from gen.scene import Scene
-from gen.schema import row_bytes
 
 CHUNK_BYTES = 8 * 2**20
 """Bytes of a column that are held in memory at once."""
@@ -29,57 +21,6 @@ MOUNTS = Path("/proc/self/mountinfo")
 
 INCOHERENT = frozenset({"nfs", "nfs4", "cifs", "smb3"})
 """File systems whose machines write back whole pages, with old bytes of others' rows in them."""
-
-
-@contextmanager
-def new_file(path: Path, scene: Scene, *, replace: bool = False) -> Iterator[Path]:
-    """Name for a file in the making, which takes its place when the block has succeeded.
-
-    What is left of a killed attempt is removed by the next.
-    """
-    temporary = beside(path, ".part")
-    if not replace and os.path.lexists(path):
-        raise InputError(f"{path} exists; give another name")
-    if not temporary.parent.is_dir():
-        raise InputError(f"{path}: the folder {temporary.parent} does not exist; create it first")
-    try:
-        temporary.unlink(missing_ok=True)
-        _require_room(path, scene)
-        yield temporary
-        with temporary.open("rb") as file:
-            os.fsync(file.fileno())
-        if replace:
-            temporary.replace(path.resolve())
-        else:
-            _put_in_place(temporary, path)
-    except (OSError, RuntimeError, ValueError) as error:
-        trouble = disk_trouble(error)
-        if trouble is None:
-            raise
-        raise InputError(f"{path}: {trouble}; nothing was changed") from None
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _require_room(path: Path, scene: Scene) -> None:
-    """Refuse a file that cannot fit before it fills the disk; quotas show only on writing."""
-    needed = scene.samples * row_bytes(scene.store, scene.surface.nodes)
-    free = shutil.disk_usage(path.resolve().parent).free
-    if needed > free:
-        raise InputError(
-            f"{path}: {scene.samples} samples need {size(needed)}, {size(free)} are free; make"
-            " room, or ask for less"
-        )
-
-
-def _put_in_place(temporary: Path, path: Path) -> None:
-    """Rename, but never over a file that has appeared meanwhile."""
-    try:
-        path.hardlink_to(temporary)
-    except FileExistsError:
-        raise InputError(f"{path} has appeared meanwhile; give another name") from None
-    except OSError:  # no hard links on this file system
-        temporary.rename(path)
 
 
 def chunks(rows: int, bytes_per_row: int, first: int = 0) -> Iterator[tuple[int, int]]:

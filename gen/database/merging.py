@@ -9,8 +9,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.database.disk import chunks, new_file, write_rows
+from gen.database.disk import chunks, write_rows
 from gen.database.layout import lay_out, read_attributes
+from gen.database.making import new_file
 from gen.database.opening import Counts, checked, counts, open_file
 from gen.errors import InputError
 from gen.lock import lock

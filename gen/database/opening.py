@@ -13,6 +13,7 @@ from gen.database.disk import chunks, first_line
 from gen.database.inspection import NUMBERS, TEXTS, check_columns
 from gen.database.layout import read_attributes
 from gen.errors import InputError
+from gen.output import require_writable
 from gen.scene import Scene, differences
 from gen.schema import PHYSICS, SCHEMA, STATUS, Column, Status, columns_for
 
@@ -74,6 +75,8 @@ def open_file(path: Path, *, writing: bool = False, communicator: Any = None) ->
         raise InputError(f"{path} is a folder; give the name of a database")
     if path.is_file() and not path.stat().st_size:  # HDF5 would make it a file of its own
         raise InputError(f"{path} is empty, not a database; give another name or remove it")
+    if writing and path.is_file():
+        require_writable(path)
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
     access.set_file_locking(False, True)  # none, and no complaint where they are disabled

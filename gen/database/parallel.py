@@ -7,6 +7,7 @@ from typing import Any
 
 import h5py
 
+from gen.database.held import HeldFile
 from gen.database.opening import open_file
 from gen.database.writer import Writer
 from gen.errors import InputError
@@ -41,9 +42,23 @@ class ParallelWriter(Writer):
         self._communicator = communicator
         super().__init__(path, scene, force=force)
 
+    def _hold(self, path: Path) -> HeldFile:
+        """Lock the file on the master; refused on every process alike."""
+        _require_one_file(path, self._communicator)
+        held, refusal = None, ""
+        try:
+            held = HeldFile(path, locking=self._communicator.rank == 0)
+        except InputError as error:
+            refusal = str(error)
+        refusals = [each for each in self._communicator.allgather(refusal) if each]
+        if held is None or refusals:
+            if held is not None:
+                held.close()
+            raise InputError(refusals[0])
+        return held
+
     def _open(self, path: Path) -> h5py.File:
         """Open the file together with the other processes."""
-        _require_one_file(path, self._communicator)
         file, refusal = None, ""
         try:
             file = open_file(path, writing=True, communicator=self._communicator)
@@ -55,6 +70,9 @@ class ParallelWriter(Writer):
         if any(refusals):  # some have opened it and would wait for the others to close it
             raise RuntimeError("; ".join(filter(None, refusals)))
         return file
+
+    def _abandon(self) -> None:
+        """Do nothing: MPI has the file open, and closing it is collective."""
 
     def _flush(self) -> None:
         """Do nothing: HDF5's flush is collective, and it has nothing to hand over.

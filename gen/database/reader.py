@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 
 from gen.database.disk import chunks
 from gen.database.layout import FLAGS, read_attributes
+from gen.database.making import SIGNATURE
 from gen.database.opening import OpenDatabase, checked, open_file
 from gen.errors import InputError
 from gen.schema import REASON, STATUS, Status
-
-SIGNATURE = b"\x89HDF\r\n\x1a\n"
-"""How HDF5 files begin."""
 
 
 def is_database(path: Path) -> bool:

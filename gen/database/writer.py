@@ -1,5 +1,7 @@
 """The single writer: finished rows go in, unfinished ones are found again."""
 
+import os
+import tempfile
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -10,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gen.database.disk import chunks, disk_trouble, write_rows
+from gen.database.held import HeldFile
 from gen.database.opening import OpenDatabase, checked_for, counts, open_file
 from gen.errors import InputError
 from gen.scene import Scene
@@ -38,16 +41,43 @@ class Writer(OpenDatabase):
     Raises
     ------
     InputError
-        If the file cannot be opened or is not of this scene, layout and physics.
+        If the file cannot be opened or written, another process writes it under another name, or
+        it is not of this scene, layout and physics.
     """
 
     def __init__(self, path: Path, scene: Scene, *, force: bool = False) -> None:
         with ExitStack() as stack:
+            self._held = stack.enter_context(self._hold(path))
             file = stack.enter_context(self._open(path))
             super().__init__(path, checked_for(file, path, scene, force=force), file)
+            self._datasets = {column.name: file[column.path] for column in self.columns()}
+            self._status = self._datasets[STATUS.name]
+            self._held.remember(self._datasets.values())
             stack.pop_all()
-        self._datasets = {column.name: file[column.path] for column in self.columns()}
-        self._status = self._datasets[STATUS.name]
+
+    def close(self) -> None:
+        """Close the file, then let go of it; a file that has become another gets nothing more."""
+        if not self._file:
+            return
+        try:
+            self._held.check()
+        except InputError:
+            self._abandon()
+        super().close()
+        self._held.close()
+
+    def _abandon(self) -> None:
+        """Have HDF5 write into nothing what it writes when it closes a file, its first bytes."""
+        with tempfile.TemporaryFile() as nothing:
+            os.dup2(nothing.fileno(), self._file.id.get_vfd_handle())
+
+    def confirm(self) -> None:
+        """Refuse a file that is no longer what was opened: see `HeldFile.check`."""
+        self._held.check()
+
+    def _hold(self, path: Path) -> HeldFile:
+        """Lock the file, whatever it is called."""
+        return HeldFile(path)
 
     def _open(self, path: Path) -> h5py.File:
         """Open the file for this process alone."""
@@ -68,9 +98,11 @@ class Writer(OpenDatabase):
             If a column is missing, unknown, or of another shape or kind, a status is neither done
             nor failed, or there are no such rows; nothing is written then.
         InputError
-            If the disk is full or fails: it says how many rows are safe.
+            If the disk is full or fails: it says how many rows are safe; if the file is no longer
+            what was opened.
         """
         arrays = self._checked_block(start, stop, columns)
+        self.confirm()
         status = arrays.pop(STATUS.name)
         try:
             for name, values in arrays.items():
@@ -139,6 +171,7 @@ class Writer(OpenDatabase):
 
     def retry_failed(self, first: int = 0, last: int | None = None) -> int:
         """Make the failed rows first..last pending again, and return how many they were."""
+        self.confirm()
         retried = 0
         rows = self.scene.samples
         for start, stop in chunks(rows if last is None else min(last, rows), 1, first):

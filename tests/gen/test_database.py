@@ -190,10 +190,21 @@ def test_creation_never_overwrites_what_appears_meanwhile(path, monkeypatch):
     assert path.read_text() == "precious"
 
 
-def test_leftover_of_a_killed_creation_is_no_obstacle(path):
-    path.with_name("some.h5.part").write_bytes(b"half a file")
+def test_leftover_of_a_killed_creation_is_removed_and_the_users_files_stay(path):
+    left = [path.with_name(f"some.h5.{name}.part") for name in ("0" * 16, "0123456789abcdef")]
+    for each, content in zip(left, (b"", b"\x89HDF\r\n\x1a\nhalf a file"), strict=True):
+        each.write_bytes(content)
+    precious = path.with_name("precious")
+    own = [
+        path.with_name(f"some.h5.{name}") for name in ("part", "1.part", f"{'1' * 16}.part", "bak")
+    ]
+    for each in (precious, *own):
+        each.write_text("precious")
+    link = path.with_name(f"some.h5.{'2' * 16}.part")
+    link.symlink_to(precious)
     create(path, small())
-    assert list(path.parent.iterdir()) == [path]
+    assert set(path.parent.iterdir()) == {path, precious, *own, link}
+    assert {each.read_text() for each in (precious, *own, link)} == {"precious"}
 
 
 def test_written_rows_come_back(path):

@@ -1,0 +1,121 @@
+"""Files in the making: whole before they take their names."""
+
+import os
+import re
+import secrets
+import shutil
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from gen.database.disk import disk_trouble
+from gen.database.held import HeldFile
+from gen.errors import InputError
+from gen.memory import size
+from gen.output import hand_on, place_of
+from gen.scene import Scene
+from gen.schema import row_bytes
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+"""How HDF5 files begin."""
+
+
+@contextmanager
+def new_file(path: Path, scene: Scene, *, replaced: HeldFile | None = None) -> Iterator[Path]:
+    """Make an empty file beside a database, which takes its place when the block has succeeded.
+
+    Its name, `X.h5.0123456789abcdef.part`, is drawn at random and nobody else's. What is left of a
+    killed attempt is removed by the next, which holds the same lock.
+
+    Parameters
+    ----------
+    path : the database
+    scene : what it is going to hold
+    replaced : the file of this name that is to be replaced, None if there may be none
+
+    Yields
+    ------
+    Name of the file in the making
+
+    Raises
+    ------
+    InputError
+        If the place cannot be written, there is no room, or a file is there that may not be
+        replaced: another than `replaced`, or one whose owner and group this user cannot hand on.
+    """
+    if not path.resolve().parent.is_dir():
+        raise InputError(f"{path}: the folder {path.parent} does not exist; create it first")
+    real = place_of(path)
+    if replaced is None and os.path.lexists(path):
+        raise InputError(f"{path} exists; give another name")
+    unfinished = real.with_name(f"{real.name}.{secrets.token_hex(8)}.part")
+    try:
+        _remove_leftovers(real)
+        _require_room(path, scene)
+        _make(unfinished, path, replaced)
+        yield unfinished
+        with unfinished.open("rb") as file:
+            os.fsync(file.fileno())
+        if replaced is None:
+            _put_in_place(unfinished, real)
+        else:
+            replaced.check()
+            unfinished.replace(real)
+    except (OSError, RuntimeError, ValueError) as error:
+        trouble = disk_trouble(error)
+        if trouble is None:
+            raise
+        raise InputError(f"{path}: {trouble}; nothing was changed") from None
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def _make(unfinished: Path, path: Path, replaced: HeldFile | None) -> None:
+    """Create the file, closed to all whom the old one is closed to."""
+    mode = 0o666 if replaced is None else 0o600
+    descriptor = os.open(unfinished, os.O_RDWR | os.O_CREAT | os.O_EXCL, mode)
+    try:
+        if replaced is None:
+            return
+        old = replaced.stat()
+        hand_on(old, descriptor)
+        new = os.fstat(descriptor)
+    finally:
+        os.close(descriptor)
+    if (new.st_uid, new.st_gid) != (old.st_uid, old.st_gid):
+        raise InputError(
+            f"{path} belongs to user {old.st_uid} and group {old.st_gid}: to extend it would make"
+            " it yours; let its owner do that, or copy it"
+        )
+
+
+def _remove_leftovers(real: Path) -> None:
+    """Remove what killed attempts have left, and nothing else that is called like it."""
+    own = re.compile(re.escape(real.name) + r"\.[0-9a-f]{16}\.part")
+    for each in real.parent.iterdir():
+        if own.fullmatch(each.name) and stat.S_ISREG(each.lstat().st_mode):
+            with suppress(PermissionError), each.open("rb") as file:
+                if file.read(len(SIGNATURE)) in {SIGNATURE, b""}:
+                    each.unlink()
+
+
+def _require_room(path: Path, scene: Scene) -> None:
+    """Refuse a file that cannot fit before it fills the disk; quotas show only on writing."""
+    needed = scene.samples * row_bytes(scene.store, scene.surface.nodes)
+    free = shutil.disk_usage(path.resolve().parent).free
+    if needed > free:
+        raise InputError(
+            f"{path}: {scene.samples} samples need {size(needed)}, {size(free)} are free; make"
+            " room, or ask for less"
+        )
+
+
+def _put_in_place(temporary: Path, path: Path) -> None:
+    """Rename, but never over a file that has appeared meanwhile."""
+    try:
+        path.hardlink_to(temporary)
+    except FileExistsError:
+        raise InputError(f"{path} has appeared meanwhile; give another name") from None
+    except OSError:  # no hard links on this file system
+        temporary.rename(path)
