@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from gen import command_line, farm
+from gen import command_line, farm, overtime
 from gen.errors import InputError
 from gen.numbers import rows_from
 from gen.output import Output, check_outputs
@@ -111,8 +111,11 @@ def run(
     """
     world = farm.this_world()
     share = rows_from(rows)
-    if sample_limit is not None and not 0 < sample_limit < float("inf"):
-        raise InputError(f"--sample-limit {sample_limit:g}: give seconds, a number above 0")
+    if sample_limit is not None and not 0 < sample_limit <= overtime.LONGEST:
+        raise InputError(
+            f"--sample-limit {sample_limit:g}: give seconds, a number above 0, at most"
+            f" {overtime.LONGEST:g}"
+        )
     if dry_run:
         if world.is_master:
             from gen import display

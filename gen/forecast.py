@@ -14,6 +14,9 @@ from gen.schema import row_bytes
 MEASURED_SURFACES = 16
 """Surfaces computed for an estimate, spread evenly over the plan."""
 
+COUNTED_ROWS = 1_000_000
+"""Planned rows that are looked at one by one; more are as their distribution says."""
+
 MEASURED_LOADS = 4
 """Samples computed on each of them, at most."""
 
@@ -25,7 +28,8 @@ class Plan:
     Attributes
     ----------
     samples, surfaces, nodes : numbers of rows, of surfaces and of nodes a side
-    delta : smallest, mean and largest displacement of the planned rows [um]
+    delta : smallest, mean and largest displacement [um], of the planned rows, or of what they are
+        drawn from if they are more than `COUNTED_ROWS`
     file_bytes : size of the database's columns [bytes]
     """
 
@@ -56,26 +60,31 @@ class Estimate:
     memory_bytes: int
 
 
-def plan_of(scene: Scene, chunk_rows: int = 1_000_000) -> Plan:
-    """Go through the plan of a scene without computing anything.
+def plan_of(scene: Scene) -> Plan:
+    """Look at the plan of a scene without computing anything, in a time that no scene exceeds.
 
     Parameters
     ----------
     scene : what to generate
-    chunk_rows : rows looked at together
     """
-    low, total, high = np.inf, 0.0, -np.inf
-    for start in range(0, scene.samples, chunk_rows):
-        delta = parameters(scene, start, min(start + chunk_rows, scene.samples)).delta
-        low, high = min(low, float(delta.min())), max(high, float(delta.max()))
-        total += float(delta.sum())
     return Plan(
         samples=scene.samples,
         surfaces=scene.surfaces,
         nodes=scene.surface.nodes,
-        delta=(low, total / scene.samples, high),
+        delta=_displacements(scene),
         file_bytes=scene.samples * row_bytes(scene.store, scene.surface.nodes),
     )
+
+
+def _displacements(scene: Scene) -> tuple[float, float, float]:
+    """Smallest, mean and largest displacement [um]."""
+    if scene.samples <= COUNTED_ROWS:
+        delta = parameters(scene, 0, scene.samples).delta
+        return float(delta.min()), float(delta.mean()), float(delta.max())
+    pieces = scene.delta.pieces
+    low, high = zip(*(piece.range for piece in pieces), strict=True)
+    mean = sum(piece.share * (0.5 * piece.range[0] + 0.5 * piece.range[1]) for piece in pieces)
+    return min(low), mean, max(high)
 
 
 def estimate(scene: Scene, ranks: int) -> Estimate:

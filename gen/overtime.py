@@ -9,6 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+LONGEST = 1e8
+"""Longest time that can be allowed [s], three years: the system's timer ends at 9.2e9 s."""
+
 REPEATED = 1.0
 """Time after which the alarm rings again [s]: code that swallows exceptions may swallow one."""
 
@@ -25,16 +28,21 @@ def at_most(seconds: float | None) -> Iterator[None]:
 
     Parameters
     ----------
-    seconds : wall-clock time that the block may take [s], above 0; None for any
+    seconds : wall-clock time that the block may take [s], above 0, at most `LONGEST`; None
+        for any
 
     Raises
     ------
+    ValueError
+        For another number of seconds.
     Overtime
         Once the block has taken longer.
     """
     if seconds is None:
         yield
         return
+    if not 0 < seconds <= LONGEST:
+        raise ValueError(f"{seconds} s: wanted more than 0, at most {LONGEST:g}")
     previous = signal.signal(signal.SIGALRM, _end)
     try:
         signal.setitimer(signal.ITIMER_REAL, seconds, REPEATED)

@@ -16,7 +16,7 @@ from gen.overtime import Overtime, at_most
 from gen.plan import Parameters, parameters, surface_random
 from gen.scene import Scene
 from gen.schema import Reason, Status, columns_for
-from gen.statistics import describe
+from gen.statistics import Description, describe
 from gen.surface import generate
 
 Heights = NDArray[np.float64]
@@ -132,14 +132,14 @@ def _compute_surface(
     began = time.perf_counter()
     try:
         with at_most(limit):
-            heights = surface_of(scene, plan, first)
-            description = describe(heights, scene.spacing)
+            described = _described(scene, plan, first)
     except Overtime:
         return
-    except (ArithmeticError, InputError):  # heights or spacings beyond what numbers can hold
+    if described is None:
         rows["reason"][first:last] = Reason.ARITHMETIC
         rows["status"][first:last] = Status.FAILED
         return
+    heights, description = described
     for name, value in description.values.items():
         rows[name][first:last] = value
     if scene.store.heights:
@@ -157,6 +157,15 @@ def _compute_surface(
             reason = Reason.NO_STATISTICS
         rows["reason"][row] = reason
         rows["status"][row] = Status.DONE if reason is Reason.NONE else Status.FAILED
+
+
+def _described(scene: Scene, plan: Parameters, row: int) -> tuple[Heights, Description] | None:
+    """A row's surface and its statistics, None if they are beyond what numbers can hold."""
+    try:
+        heights = surface_of(scene, plan, row)
+        return heights, describe(heights, scene.spacing)
+    except (ArithmeticError, InputError):
+        return None
 
 
 def _solve(scene: Scene, heights: Heights, delta: float, rows: Rows, row: int) -> Reason:

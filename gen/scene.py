@@ -3,6 +3,7 @@
 import difflib
 import hashlib
 import json
+import re
 import tomllib
 from collections.abc import Iterator
 from importlib.resources import files
@@ -12,8 +13,25 @@ from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationError
 
 from gen.errors import InputError
+from gen.input_file import require_file
 
 T = TypeVar("T")
+
+MOST_BYTES = 1_000_000
+"""Size of a scene's file at most; a title apart, a few hundred bytes say all there is to say."""
+
+DEEPEST = 16
+"""Tables and arrays within each other at most; a scene has four."""
+
+TEXTS = re.compile(
+    r'''"""(?:\\.|[^\\])*?(?:"""|\\?\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:\\.|[^"\\\n])*"?|'[^'\n]*'?|\#[^\n]*''',
+    re.DOTALL,
+)
+"""Texts and comments of TOML, in which dots and brackets mean nothing; also texts without an end,
+so that no text is looked through twice."""
+
+DOTTED = re.compile(r"[^=,\[\]{}\n]*")
+"""What may be one key, with its dots."""
 
 
 def _without_negative_zero(number: float) -> float:
@@ -188,8 +206,10 @@ class Scene(Table):
         Raises
         ------
         InputError
-            If the text is not TOML, is empty, or has a key or a value that is not allowed.
+            If the text is not TOML, is empty or nested too deeply, or has a key or a value that is
+            not allowed.
         """
+        _require_simple(text, source)
         try:
             content = tomllib.loads(text)
         except (ValueError, RecursionError) as error:  # whole numbers of over 4,300 digits too
@@ -308,7 +328,13 @@ def _leaves(value: object, location: Location = ()) -> Iterator[tuple[Location, 
 def _read(path: str) -> str:
     """Content of a scene's file; a byte order mark, which some editors write, is dropped."""
     try:
-        return Path(path).read_bytes().decode("utf-8-sig")
+        with require_file(Path(path)).open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) <= MOST_BYTES:
+            return content.decode("utf-8-sig")
+        reason = f"over {MOST_BYTES:,} bytes"
+    except InputError:
+        raise
     except FileNotFoundError:
         reason = "neither a file nor a preset"
     except UnicodeDecodeError as error:
@@ -321,6 +347,17 @@ def _read(path: str) -> str:
     raise InputError(
         _one_line(f"scene {path!r}: {reason}; give a preset ({presets}) or the path of a TOML file")
     )
+
+
+def _require_simple(text: str, source: str) -> None:
+    """Refuse what would keep a parser of TOML busy for minutes: deep arrays, keys of many dots."""
+    bare = TEXTS.sub("", text)
+    depth = deepest = 0
+    for bracket in re.findall(r"[\[\]{}]", bare):
+        depth += 1 if bracket in "[{" else -1
+        deepest = max(deepest, depth)
+    if deepest > DEEPEST or any(key.count(".") > DEEPEST for key in DOTTED.findall(bare)):
+        raise InputError(_one_line(f"{source}: not TOML of a scene: over {DEEPEST} levels deep"))
 
 
 def _first_fault(error: ValidationError) -> str:

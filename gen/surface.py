@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gen import text
 from gen.errors import InputError
+from gen.input_file import require_file
 
 Heights = NDArray[np.float64]
 Generator = Callable[[int, float, float, np.random.Generator], Heights]
@@ -191,6 +192,7 @@ def read(path: Path) -> list[text.Matrix]:
     ------
     InputError : for what cannot be read
     """
+    require_file(path)
     try:
         content = path.read_bytes()
     except (OSError, ValueError) as error:

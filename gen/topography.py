@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gen import surface, text
 from gen.channel import Channel, chosen, named
 from gen.errors import InputError
+from gen.input_file import require_file
 from gen.numbers import magnitude
 
 Heights = NDArray[np.float64]
@@ -278,7 +279,7 @@ def _is_grid(columns: Heights) -> bool:
 def _is_foreign(path: Path) -> bool:
     """Whether a file with one of our endings is binary all the same, as an instrument's .dat."""
     try:
-        with path.open("rb") as file:
+        with require_file(path).open("rb") as file:
             start = file.read(1024)
     except (OSError, ValueError):
         return False
@@ -295,7 +296,7 @@ def _measured(path: Path, wanted: str) -> _Scan:
             f"{path}: only .npy and text can be read without SurfaceTopography:"
             " pip install 'asperity[instruments]'"
         ) from None
-    if not path.is_file():
+    if not require_file(path).is_file():
         raise InputError(f"{path}: is no file that could be read")
     try:
         with warnings.catch_warnings():

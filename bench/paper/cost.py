@@ -18,6 +18,7 @@ from bench.surrogates.cost_report import TAKEN, time_of
 from bench.surrogates.costs import PAPER_BREAK_EVEN
 from bench.table import write_table
 from gen.errors import InputError
+from gen.input_file import require_file
 
 Question = dict[str, Any]
 
@@ -36,7 +37,7 @@ def read(cost: Path) -> tuple[Question, list[Question]]:
     InputError
         If the folder has no such table.
     """
-    path = cost / "cost.csv"
+    path = require_file(cost / "cost.csv")
     try:
         with path.open(encoding="utf-8") as file:
             rows: list[Question] = [

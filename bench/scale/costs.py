@@ -23,6 +23,7 @@ from bench.scale.launch import launch
 from bench.scale.probe import empty_rows, scene_of
 from gen import database, farm
 from gen.errors import InputError
+from gen.input_file import require_file
 from gen.output import make_folder, write
 from gen.sample import compute_rows
 from gen.scene import Scene, load
@@ -104,6 +105,7 @@ def write_costs(path: Path, costs: Costs) -> None:
 
 def read_costs(path: Path) -> Costs:
     """Read what `write_costs` wrote; raises InputError for anything else."""
+    require_file(path)
     try:
         content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         rows = {int(nodes): tuple(seconds) for nodes, seconds in content.pop("rows").items()}

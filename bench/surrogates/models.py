@@ -13,6 +13,7 @@ from bench.picture import new_figure, save
 from bench.style import STYLES
 from bench.table import write_table
 from gen.errors import InputError
+from gen.input_file import require_file
 from learn.models import MODELS
 
 TIMES = {
@@ -130,6 +131,7 @@ def _marked(cost: Cost, found: Sequence[Cost]) -> Cost:
 
 
 def _table(path: Path) -> list[dict[str, str]]:
+    require_file(path)
     try:
         with path.open(encoding="utf-8", newline="") as file:
             return list(csv.DictReader(file))

@@ -13,6 +13,7 @@ from gen.database.disk import chunks, first_line
 from gen.database.inspection import NUMBERS, TEXTS, check_columns
 from gen.database.layout import read_attributes
 from gen.errors import InputError
+from gen.input_file import require_file
 from gen.output import require_writable
 from gen.scene import Scene, differences
 from gen.schema import PHYSICS, SCHEMA, STATUS, Column, Status, columns_for
@@ -73,6 +74,7 @@ def open_file(path: Path, *, writing: bool = False, communicator: Any = None) ->
     """
     if path.is_dir():
         raise InputError(f"{path} is a folder; give the name of a database")
+    require_file(path)
     if path.is_file() and not path.stat().st_size:  # HDF5 would make it a file of its own
         raise InputError(f"{path} is empty, not a database; give another name or remove it")
     if writing and path.is_file():

@@ -13,13 +13,14 @@ from gen.database.layout import FLAGS, read_attributes
 from gen.database.making import SIGNATURE
 from gen.database.opening import OpenDatabase, checked, open_file
 from gen.errors import InputError
+from gen.input_file import require_file
 from gen.schema import REASON, STATUS, Status
 
 
 def is_database(path: Path) -> bool:
     """Whether a file is a database that can be read."""
     try:
-        with path.open("rb") as file:
+        with require_file(path).open("rb") as file:
             if file.read(len(SIGNATURE)) != SIGNATURE:
                 return False
         with Reader(path):

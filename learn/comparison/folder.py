@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from gen import output
 from gen.errors import InputError
+from gen.input_file import require_file
 from gen.table import cell
 from learn.dataset import Dataset
 from learn.features import chosen
@@ -139,7 +140,7 @@ class Folder:
 
     def prediction(self, kind: str, model: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Read truth and prediction of the test rows, (m,) each."""
-        path = self.path / kind / f"{model}.csv"
+        path = require_file(self.path / kind / f"{model}.csv")
         try:
             table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
             return table[:, 1], table[:, 2]
@@ -148,7 +149,7 @@ class Folder:
 
     def read_json(self, name: str) -> dict[str, Any] | None:
         """Read a file of the folder, None if it is missing."""
-        path = self.path / name
+        path = require_file(self.path / name)
         try:
             found = json.loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError:

@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import IO, Self
 
 from gen.errors import InputError
+from gen.input_file import require_file
 from gen.lock import lock
 
 
@@ -107,7 +108,7 @@ class Trials:
     def _opened(self, conditions: dict[str, object]) -> IO[bytes]:
         """Read what is there, cut off a line that is not whole, and open for appending."""
         try:
-            content = self.path.read_bytes() if self.path.exists() else b""
+            content = require_file(self.path).read_bytes() if self.path.exists() else b""
             whole = content[: content.rfind(b"\n") + 1]
             self._read(whole, conditions)
             file = self.path.open("r+b" if content else "wb")

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gen import farm
 from gen.database import Reader
 from gen.errors import InputError
+from gen.input_file import require_file
 from gen.output import whole
 from gen.plan import parameters
 from gen.progress import RunProgress
@@ -192,7 +193,9 @@ class _Job:
         """Values of the rows that the file has, with the inputs that they have today."""
         values = np.full((len(self.inputs), len(PRESSED)), np.nan)
         try:
-            content = BytesIO(self.cache.read_bytes())  # numpy leaves a broken file open
+            content = BytesIO(
+                require_file(self.cache).read_bytes()
+            )  # numpy leaves a broken file open
             with np.load(content, allow_pickle=False) as kept:
                 if str(kept["key"]) != self.key:
                     return values

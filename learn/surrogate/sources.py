@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.errors import InputError
+from gen.input_file import require_file
 from gen.numbers import magnitude, shown, values_from
 from gen.preparation import prepare, warnings_about
 from gen.topography import OWN_SUFFIXES, Topography, read, sides_from
@@ -135,7 +136,7 @@ def is_table(path: Path) -> bool:
     if path.suffix.lower() not in {".csv", ".txt"}:
         return False
     try:
-        with path.open(encoding="utf-8-sig", errors="replace") as file:
+        with require_file(path).open(encoding="utf-8-sig", errors="replace") as file:
             names = {name.strip() for name in file.readline().split(",")}
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
@@ -182,7 +183,7 @@ def read_table(path: Path, side: str = "") -> Table:
         If a column is missing, or a value is no number; it names row and column.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
+        with require_file(path).open(encoding="utf-8-sig", newline="") as file:
             reader = csv.DictReader(file, skipinitialspace=True)
             names = [name.strip() for name in reader.fieldnames or []]
             reader.fieldnames = names

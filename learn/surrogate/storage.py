@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gen.errors import InputError
+from gen.input_file import require_file
 from gen.output import whole
 
 FORMAT = 2
@@ -66,7 +67,7 @@ def load(path: Path) -> tuple[dict[str, Any], list[str]]:
     """
     io = _skops()
     try:
-        data = path.read_bytes()
+        data = require_file(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     with warnings.catch_warnings(record=True) as caught:

@@ -111,7 +111,7 @@ def test_workers_heed_the_limit(folder):
     assert not status(folder / "rows.h5").any()
 
 
-@pytest.mark.parametrize("limit", ["0", "-1", "nan", "inf"])
+@pytest.mark.parametrize("limit", ["0", "-1", "nan", "inf", "1e10"])
 def test_a_limit_that_is_none_is_refused(folder, limit, capsys):
     assert cli.main(["run", "scene.toml", "-o", "rows.h5", "--sample-limit", limit]) == 2
     assert "--sample-limit" in capsys.readouterr().err

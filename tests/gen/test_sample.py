@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import bem
+import gen.overtime
 import gen.sample
 from gen.plan import parameters
 from gen.sample import compute_rows, surface_of
@@ -122,3 +123,18 @@ def test_rows_close_to_the_critical_displacement_converge(row):
     rows = compute_rows(load("paper-mirco"), row, row + 1)
     assert rows["reason"][0] == Reason.NONE
     assert rows["residual"][0] <= 1e-6
+
+
+def test_a_bug_in_the_timer_is_not_a_row(monkeypatch):
+    def fail(_, seconds, *repeated):
+        if seconds:
+            raise OverflowError("timestamp out of range")
+
+    monkeypatch.setattr(gen.overtime.signal, "setitimer", fail)
+    with pytest.raises(OverflowError):
+        compute_rows(scene(), 0, 1, limit=5.0)
+
+
+def test_a_limit_that_no_timer_takes_is_no_failed_row():
+    with pytest.raises(ValueError, match="at most"):
+        compute_rows(scene(), 0, 1, limit=1e10)

@@ -5,6 +5,7 @@ import json
 import math
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 from bem.problem import MAX_ITERATIONS, RTOL
 from gen import cli
 from gen.errors import InputError
+from gen.forecast import plan_of
 from gen.scene import Scene, differences, load, preset_names
 
 FULL = load("paper").model_dump(mode="json")
@@ -423,3 +425,49 @@ def test_import_brings_no_numerics() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
     )
     assert done.stdout.split() == []
+
+
+DEEP = {
+    "bare keys": "samples = 3\n" + "a." * 200_000 + "b = 1",
+    "a table": "samples = 3\n[" + "a." * 200_000 + "b]",
+    "quoted keys": "samples = 3\n" + '"a" . ' * 100_000 + "b = 1",
+    "arrays": "samples = " + "[" * 200_000,
+    "inline tables": "samples = " + "{a=" * 100_000,
+}
+ENDLESS = {
+    "texts": "samples = 3\ntitle = " + '"""\n\\' * 30_000,
+    "quotes": 'samples = 3\ntitle = "' + 'x\\"' * 50_000,
+}
+
+
+@pytest.mark.parametrize("text", [*DEEP.values(), *ENDLESS.values()], ids=[*DEEP, *ENDLESS])
+def test_no_text_keeps_the_parser_busy(text: str) -> None:
+    began = time.process_time()
+    refused = refusal(text)
+    assert time.process_time() < began + 2.0
+    assert ("over 16 levels" if text in DEEP.values() else "not TOML") in refused
+
+
+def test_dots_and_brackets_in_texts_and_comments_are_no_depth() -> None:
+    text = 'samples = 3 # [[[[[[[[[[[[[[[[[[ a.b.c.d.e.f.g.h.i.j.k.l.m.n.o.p.q.r\ntitle = "{}"\n'
+    title = "." * 20 + "[" * 20
+    assert Scene.parse(text.format(title), "test").title == title
+
+
+def test_a_file_of_over_a_megabyte_is_no_scene(tmp_path: Path) -> None:
+    path = tmp_path / "large.toml"
+    path.write_text("samples = 3\n" + "#" * 1_000_000)
+    with pytest.raises(InputError, match="over 1,000,000 bytes"):
+        load(str(path))
+
+
+@pytest.mark.parametrize("per_surface", [1, 10_000])
+def test_the_plan_of_a_billion_rows_takes_no_time(per_surface: int) -> None:
+    began = time.process_time()
+    text = f"samples = {{}}\nsamples_per_surface = {per_surface}"
+    large, counted = (
+        plan_of(Scene.parse(text.format(samples), "test")) for samples in (10**9, 10**6)
+    )
+    assert time.process_time() < began + 2.0
+    assert large.surfaces == 10**9 // per_surface
+    assert large.delta == pytest.approx(counted.delta, rel=1e-3)
