@@ -226,12 +226,12 @@ def _require_replaceable(path: Path, kind: Kind) -> None:
         raise InputError(f"{path}: is no regular file: not replaced")
     require_writable(path)
     with _in_words(path, "cannot be read"):
-        found = _kind_of(path)
+        found = kind_of(path)
     if found not in {kind, ""}:
         raise InputError(f"{path}: holds {WORDS[found]}, not {WORDS[kind]}: not replaced")
 
 
-def _kind_of(path: Path) -> str:
+def kind_of(path: Path) -> str:
     """What a file holds, as far as its beginning tells; "" if it is empty."""
     with path.open("rb") as file:
         start = file.read(BEGINNING)

@@ -9,7 +9,7 @@ import typer
 
 from gen import farm
 from gen.errors import InputError
-from gen.output import Output, check_outputs
+from gen.output import Output, check_outputs, kind_of
 from gen.terminal import echo
 from learn.options import (
     Channel,
@@ -29,6 +29,7 @@ from learn.options import (
     Unit,
     Young,
     modulus_from,
+    typed,
 )
 
 
@@ -193,17 +194,19 @@ def predict(
 
 
 def law(
-    file: File,
+    context: typer.Context,
     inputs: Annotated[
         list[str],
         typer.Argument(
-            metavar="INPUT...",
-            help="One surface, a folder of them, a database, or a scene: a population.",
+            metavar="[SURROGATE] INPUT...",
+            help="A surrogate made by learn fit, which --solver does not need; then one surface, or"
+            " folders of them, databases or scenes: a population.",
         ),
     ],
     delta: Deltas = "",
     pressure: Annotated[
-        str, typer.Option(metavar="MPA", help="Nominal pressures, start:stop:count.")
+        str,
+        typer.Option(metavar="MPA", help="Nominal pressures: 2, 1,2,5 or start:stop:count."),
     ] = "",
     table: Annotated[
         Path | None, typer.Option("--csv", metavar="FILE", help="Write the table.")
@@ -215,7 +218,8 @@ def law(
         bool, typer.Option("--solver", help="Solve every contact instead of predicting it.")
     ] = False,
     surfaces: Annotated[
-        int, typer.Option(min=2, help="Surfaces of a database's or scene's population.")
+        int,
+        typer.Option(min=2, max=10_000, help="Surfaces of a database's or scene's population."),
     ] = 50,
     interval: Coverage = 0.9,
     side: Side = "",
@@ -234,7 +238,9 @@ def law(
     """Tabulate area, force and mean gap against Delta and nominal pressure, monotone, with slopes.
 
     Bands are the surrogate's intervals for one surface, and quantiles over the surfaces of a
-    population.
+    population; one surface that is solved has none, nor has ground that the surrogate does not
+    know. The solver solves at the Delta or pressures given; its E* is 1 MPa, a scene's, or that of
+    the surrogate's training unless given.
     """
     from learn.surrogate import Surrogate
     from learn.surrogate.conformal import checked_level
@@ -242,10 +248,10 @@ def law(
     from learn.surrogate.law_table import show, write
     from learn.surrogate.sources import Options
 
-    check_outputs([Output(table, "--csv"), Output(header, "--header")], [file, *inputs])
-    surrogate = Surrogate.load(file)
+    check_outputs([Output(table, "--csv"), Output(header, "--header")], inputs)
+    file, wanted = _surrogate_and_inputs(inputs, solver=solver)
     order = Order(
-        inputs=tuple(inputs),
+        inputs=tuple(wanted),
         delta=delta,
         pressure=pressure,
         solver=solver,
@@ -263,11 +269,26 @@ def law(
             crop=crop,
             invert=invert,
         ),
+        command=typed(context),
     )
+    surrogate = None if file is None else Surrogate.load(file)
     found = make(surrogate, order, _say)
     show(found)
     for written in write(found, table, header):
         echo(f"wrote {written}")
+
+
+def _surrogate_and_inputs(given: list[str], *, solver: bool) -> tuple[Path | None, list[str]]:
+    """The surrogate, and the surfaces after it; the solver may go without a surrogate."""
+    first, *others = given
+    if solver and not (Path(first).is_file() and kind_of(Path(first)) == "surrogate"):
+        return None, given
+    if not others:
+        raise InputError(
+            f"{first}: nothing else given: give a surrogate and then surfaces, or surfaces and"
+            " --solver"
+        )
+    return Path(first), others
 
 
 def _targets(text: str) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -110,3 +111,19 @@ def modulus_from(
     from gen.material import combined_modulus
 
     return combined_modulus(young or [], poisson or [], e_star)
+
+
+def typed(context: typer.Context) -> str:
+    """The command line of this command, for the record: what was given, defaults left out."""
+    words = ["python", "-m", "learn", str(context.info_name)]
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        source = context.get_parameter_source(name)
+        if source is None or source.name != "COMMANDLINE":
+            continue
+        given = context.params[name]
+        values = given if isinstance(given, list | tuple) else [given]
+        option = [] if parameter.param_type_name == "argument" else [parameter.opts[0]]
+        for value in values:
+            words += [*option, str(value)] if value is not True else option
+    return shlex.join(words)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.markup import escape
 from rich.table import Table as Printed
 
 from gen.console import wide_console
@@ -15,6 +16,7 @@ from gen.errors import InputError
 from gen.table import Row
 from learn.surrogate.model import Surrogate
 from learn.surrogate.prediction import Prediction
+from learn.surrogate.ranges import brief
 from learn.surrogate.sources import Options, Table, files_in, is_table, read_surface, read_table
 
 Values = NDArray[np.float64]
@@ -128,14 +130,18 @@ def _note(surrogate: Surrogate, table: Table, row: int) -> str:
 def _rows(
     surrogate: Surrogate, name: str, found: Prediction, warnings: Sequence[str] = ()
 ) -> Iterator[Row]:
-    """Rows of the table, each with the warnings about its surface."""
+    """Rows of the table, each with the warnings about its surface.
+
+    The ends of intervals are empty where a row is outside the training.
+    """
     for place, (delta, reason) in enumerate(zip(found.delta, found.reasons, strict=True)):
         row: Row = {"input": name, "delta_um": float(delta)}
         for target, learnt in surrogate.learnt.items():
             key = heading(learnt.column, learnt.unit)
             row[key] = float(found.values[target][place])
-            row[f"{key}_low"] = float(found.low[target][place])
-            row[f"{key}_high"] = float(found.high[target][place])
+            # On unknown ground there is no interval to give: the cells stay empty.
+            row[f"{key}_low"] = "" if reason else float(found.low[target][place])
+            row[f"{key}_high"] = "" if reason else float(found.high[target][place])
             if target in found.std:
                 row[f"{key}_std"] = float(found.std[target][place])
         row["flag"] = "outside" if reason else "inside"
@@ -156,7 +162,8 @@ def show(rows: Sequence[Row], level: float, e_star: float) -> None:
     for name in names:
         table.add_column(name, justify="left" if name in {"input", "flag", "reason"} else "right")
     for row in rows[:SHOWN]:
-        table.add_row(*(_cell(row, name) for name in names))
+        style = "dim" if row["flag"] == "outside" else ""
+        table.add_row(*(escape(_cell(row, name)) for name in names), style=style)
     console.print(table)
     outside = sum(row["flag"] == "outside" for row in rows)
     if len(rows) > SHOWN:
@@ -164,7 +171,7 @@ def show(rows: Sequence[Row], level: float, e_star: float) -> None:
     if outside:
         text = (
             f"{outside} of {len(rows)} rows lie outside what the surrogate was trained on: no"
-            " interval holds there"
+            " interval holds there, and none is given (-)"
         )
         console.print(text, highlight=False, soft_wrap=True)
         for line in _reasons(rows):
@@ -187,13 +194,15 @@ def _reasons(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _cell(row: Row, name: str) -> str:
+    """A cell as it is printed: a value with its interval, with `-` where that is withheld."""
     value = row[name]
     if name == "reason":
-        first, _, others = str(value).partition("; ")
-        return f"{first}; and {others.count('; ') + 1} more" if others else first
+        return brief(str(value))
     if not isinstance(value, float):
         return str(value)
     if f"{name}_low" not in row:
         return f"{value:.4g}"
+    if row["flag"] == "outside":
+        return f"{value:.4g} (-)"
     spread = f" +- {row[f'{name}_std']:.2g}" if f"{name}_std" in row else ""
     return f"{value:.4g}{spread} ({row[f'{name}_low']:.4g} to {row[f'{name}_high']:.4g})"

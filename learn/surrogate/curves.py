@@ -1,19 +1,21 @@
 """Curves of a contact law: monotone values with a band and slopes, over Delta or over pressure."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.errors import InputError
-from learn.surrogate.sources import numbers_from
+from learn.surrogate.points import Points
 
 Values = NDArray[np.float64]
 
 QUANTITIES = ("area_percent", "force_uN", "mean_gap_um", "pressure_MPa")
-RISING = {"area_percent": True, "force_uN": True, "mean_gap_um": False, "pressure_MPa": True}
-FINE = 400
-"""Displacements between which the law against pressure is interpolated."""
+COLUMNS = {
+    "delta_um": QUANTITIES,
+    "pressure_MPa": ("delta_um", "area_percent", "mean_gap_um"),
+}
+"""Quantities of a table by what they are tabulated against."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +24,8 @@ class Curve:
 
     Attributes
     ----------
-    value, low, high, slope : (k,) in the quantity's unit, slope over the argument's unit
+    value, low, high, slope : (k,) in the quantity's unit, slope over the argument's unit; low and
+        high are NaN where there is no band
     """
 
     value: Values
@@ -30,37 +33,140 @@ class Curve:
     high: Values
     slope: Values
 
-
-def by_delta(
-    deltas: Values, tables: dict[str, Values], rest: dict[str, Values], level: float
-) -> tuple[dict[str, Curve], float]:
-    """Monotone curves over Delta, from 0 on, and the largest relative correction."""
-    curves: dict[str, Curve] = {}
-    corrected = 0.0
-    arguments = np.concatenate([[0.0], deltas])
-    for name, table in tables.items():
-        start = np.repeat(rest[name][:, None, None], 3, axis=1)
-        whole = np.concatenate([start, table], axis=2)
-        if len(whole) == 1:
-            value, low, high = whole[0]
-        else:
-            value = whole[:, 0].mean(axis=0)
-            low, high = np.quantile(whole[:, 0], [(1 - level) / 2, (1 + level) / 2], axis=0)
-        smooth = [_monotone(each, rising=RISING[name]) for each in (value, low, high)]
-        largest = float(np.abs(value).max()) or 1.0
-        corrected = max(corrected, float(np.abs(smooth[0] - value).max()) / largest)
-        value, low, high = smooth
-        curves[name] = Curve(
-            value, np.minimum(low, value), np.maximum(high, value), _slope(arguments, value)
-        )
-    return curves, corrected
+    @property
+    def banded(self) -> NDArray[np.bool_]:
+        """(k,) where there is a band."""
+        return ~(np.isnan(self.low) | np.isnan(self.high))
 
 
-def _monotone(values: Values, *, rising: bool) -> Values:
-    """The closest monotone values, by least squares."""
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """One table of a law.
+
+    Attributes
+    ----------
+    against : "delta_um" or "pressure_MPa"
+    at : (k,) ascending arguments [um or MPa]
+    curves : by name of the quantity
+    outside : (k,) share of the surfaces that are unknown ground to the surrogate there
+    reasons : k texts: what is unknown ground, or why there is no band there; "" where all is known
+    """
+
+    against: str
+    at: Values
+    curves: dict[str, Curve]
+    outside: Values
+    reasons: tuple[str, ...]
+
+    @property
+    def banded(self) -> bool:
+        """True if any value has a band."""
+        return any(bool(curve.banded.any()) for curve in self.curves.values())
+
+    def withheld(self, place: int) -> bool:
+        """True if there is no band at an argument because the ground is unknown."""
+        known = any(bool(curve.banded[place]) for curve in self.curves.values())
+        return bool(self.reasons[place]) and not known
+
+
+def tabulated(against: str, at: Values, parts: Sequence[Points], level: float) -> Curves:
+    """Put the points of one surface or many into one table.
+
+    Of one surface, values and intervals are the points' own. Of a population they are mean and
+    quantiles over the surfaces' values at the same argument. Where the surrogate does not know the
+    ground there is no band: for one surface where the point has a reason, for a population where
+    more surfaces are outside than the band leaves out on each side, (1 - level) / 2 of them.
+
+    Parameters
+    ----------
+    against : "delta_um" or "pressure_MPa"
+    at : (k,) ascending arguments, the same for all surfaces [um or MPa]
+    parts : of each surface, at these arguments
+    level : coverage of the band
+    """
+    unknown = np.array([[bool(reason) for reason in part.reasons] for part in parts])
+    outside = unknown.mean(axis=0)
+    reasons = [_summary([part.reasons[place] for part in parts]) for place in range(at.size)]
+    withheld = outside > (1 - level) / 2
+    if len(parts) == 1 and parts[0].endless:
+        reasons = [one or other for one, other in zip(reasons, parts[0].endless, strict=True)]
+        withheld |= np.array([bool(reason) for reason in reasons])
+    curves = {}
+    for name in COLUMNS[against]:
+        value, low, high = _band(name, parts, level)
+        slope = _slope(at, value) if at.size > 1 else np.zeros(1)
+        low, high = np.minimum(low, value), np.maximum(high, value)
+        low[withheld], high[withheld] = np.nan, np.nan
+        curves[name] = Curve(value, low, high, slope)
+    return Curves(against, at, curves, outside, tuple(reasons))
+
+
+def _band(name: str, parts: Sequence[Points], level: float) -> tuple[Values, Values, Values]:
+    """(k,) value, low and high of one quantity; NaN where a surface has no interval."""
+    if len(parts) > 1:
+        whole = np.stack([part.values[name] for part in parts])
+        low, high = np.quantile(whole, [(1 - level) / 2, (1 + level) / 2], axis=0)
+        return whole.mean(axis=0), low, high
+    (part,) = parts
+    unknown = np.full_like(part.values[name], np.nan)
+    low, high = (np.array(each.get(name, unknown)) for each in (part.low, part.high))
+    return part.values[name], low, high
+
+
+def _summary(reasons: Sequence[str]) -> str:
+    """Why surfaces are outside: the reason of one, or of how many and the first of them."""
+    given = [reason for reason in reasons if reason]
+    if not given or len(reasons) == 1:
+        return "; ".join(given)
+    first, _, _ = given[0].partition("; ")
+    return f"{len(given)} of {len(reasons)} surfaces, the first: {first}"
+
+
+def monotone(points: Points) -> tuple[Points, Points]:
+    """Make the curves of one surface monotone, by least squares; return the corrections too.
+
+    Area, force and pressure rise with Delta, the mean gap falls. The corrections are the changes
+    of the values.
+    """
     from scipy.optimize import isotonic_regression
 
-    return np.asarray(isotonic_regression(values, increasing=rising).x)
+    def smooth(part: dict[str, Values]) -> dict[str, Values]:
+        made = {}
+        for name, values in part.items():
+            finite = np.isfinite(values).all()
+            rising = name != "mean_gap_um"
+            made[name] = values
+            if finite and name != "delta_um":
+                made[name] = np.asarray(isotonic_regression(values, increasing=rising).x)
+        return made
+
+    values, low, high = smooth(points.values), smooth(points.low), smooth(points.high)
+    for name in low:
+        low[name] = np.minimum(low[name], values[name])
+        high[name] = np.maximum(high[name], values[name])
+    changes = {name: values[name] - points.values[name] for name in values}
+    return Points(values, low, high, points.reasons), Points(changes)
+
+
+def continued(points: Points, further: Points) -> Points:
+    """Append points at larger Delta, held at the last values where they would turn back."""
+
+    def held(before: dict[str, Values], after: dict[str, Values]) -> dict[str, Values]:
+        return {
+            name: (np.minimum if name == "mean_gap_um" else np.maximum).accumulate(
+                np.concatenate([before[name][-1:], values])
+            )[1:]
+            for name, values in after.items()
+        }
+
+    return points.joined(
+        Points(
+            held(points.values, further.values),
+            held(points.low, further.low),
+            held(points.high, further.high),
+            further.reasons,
+        )
+    )
 
 
 def _slope(arguments: Values, values: Values) -> Values:
@@ -68,45 +174,3 @@ def _slope(arguments: Values, values: Values) -> Values:
     from scipy.interpolate import PchipInterpolator
 
     return np.asarray(PchipInterpolator(arguments, values).derivative()(arguments))
-
-
-def by_pressure(
-    deltas: Values, curves: dict[str, Curve], text: str
-) -> tuple[Values, dict[str, Curve]]:
-    """The same curves against the nominal pressure."""
-    from scipy.interpolate import PchipInterpolator
-
-    fine = np.unique(np.concatenate([deltas, np.linspace(0, deltas[-1], FINE)]))
-    reached = PchipInterpolator(deltas, curves["pressure_MPa"].value)(fine)
-    rising = np.concatenate([[True], np.diff(np.maximum.accumulate(reached)) > 0])
-    fine, reached = fine[rising], reached[rising]
-    if reached.size < 2:
-        raise InputError("the law has no force at all: nothing to tabulate against pressure")
-    pressure = np.unique(curves["pressure_MPa"].value)  # as close as Delta's where it is small
-    if text:
-        pressure = np.unique(pressures_from(text))
-        if pressure[-1] > reached[-1]:
-            raise InputError(
-                f"--pressure {text}: the law ends at {reached[-1]:.4g} MPa, Delta ="
-                f" {deltas[-1]:.4g} um: give a larger --delta"
-            )
-    at = np.interp(pressure, reached, fine)
-    found: dict[str, Curve] = {"delta_um": _curve(pressure, at, at, at)}
-    for name in ("area_percent", "mean_gap_um"):
-        ends = curves[name].value, curves[name].low, curves[name].high
-        found[name] = _curve(pressure, *(PchipInterpolator(deltas, each)(at) for each in ends))
-    return pressure, found
-
-
-def _curve(arguments: Values, value: Values, low: Values, high: Values) -> Curve:
-    slope = _slope(arguments, value) if arguments.size > 1 else np.zeros(1)
-    return Curve(value, low, high, slope)
-
-
-def pressures_from(text: str) -> Values:
-    """Nominal pressures from "1:100:20" [MPa]."""
-    advice = "give pressures of 0 MPa or more, as 0:100:20"
-    values = numbers_from(text, "--pressure", advice)
-    if not (values >= 0).all():
-        raise InputError(f"--pressure {text!r}: {advice}")
-    return values

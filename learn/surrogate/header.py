@@ -1,8 +1,15 @@
-"""A contact law as one small C header: tables, linear interpolation, consistent tangents."""
+"""A contact law as one small C header: tables, linear interpolation, consistent tangents.
+
+All names come from the file's name, so that one program can include several laws.
+"""
 
 from __future__ import annotations
 
+import re
+import textwrap
+import zlib
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,8 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen import output
+from gen.provenance import git_commit, versions
 
 if TYPE_CHECKING:
+    from learn.surrogate.curves import Curves
     from learn.surrogate.law import Law
 
 SHORT = {
@@ -21,11 +30,15 @@ SHORT = {
     "pressure_MPa": "pressure",
     "delta_um": "delta",
 }
+ARGUMENTS = {"delta_um": ("delta", ""), "pressure_MPa": ("pressure", "_at_pressure")}
+"""Name of the argument, and what a function's name ends with, for each table."""
+
 PER_LINE = 5
+WIDTH = 96
 
 FUNCTIONS = """
 /* Piecewise linear; beyond the ends of the table, the value there. */
-static inline double asperity_interpolate(const double *x, const double *y, int n, double at)
+static inline double NAME_interpolate(const double *x, const double *y, int n, double at)
 {
     int low = 0, high = n - 1;
     if (!(at > x[0])) return y[0];
@@ -38,10 +51,10 @@ static inline double asperity_interpolate(const double *x, const double *y, int 
 }
 
 /* Slope of the same piecewise linear function: the consistent tangent; 0 beyond the ends. */
-static inline double asperity_slope(const double *x, const double *y, int n, double at)
+static inline double NAME_slope(const double *x, const double *y, int n, double at)
 {
     int low = 0, high = n - 1;
-    if (at < x[0] || at > x[n - 1]) return 0.0;
+    if (n < 2 || at < x[0] || at > x[n - 1]) return 0.0;
     while (high - low > 1) {
         int middle = (low + high) / 2;
         if (x[middle] <= at) low = middle; else high = middle;
@@ -59,54 +72,127 @@ def write(path: Path, law: Law) -> None:
     InputError
         If it cannot be written.
     """
-    output.write(path, "\n".join(_lines(law)) + "\n")
+    output.write(path, "\n".join(_lines(law, _name(path))) + "\n")
 
 
-def _lines(law: Law) -> Iterator[str]:
-    yield f"/* Contact law of a rough surface, E* = {law.e_star:.17g} MPa."
-    for note in law.notes:
-        yield f" * {_comment(note)}"
-    yield f" * Band (low, high): {_comment(law.band)}."
-    yield " * Delta and mean gap in um, nominal pressure in MPa, area in %, force in uN."
+def _name(path: Path) -> str:
+    """What all names begin with: steel-2.h makes asperity_steel_2."""
+    own = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_")
+    return f"asperity_{own or 'law'}"
+
+
+def _lines(law: Law, name: str) -> Iterator[str]:
+    """The whole header; a second law of the same name in one program is an error, not ignored."""
+    body = list(_body(law, name))
+    checksum = f"0x{zlib.crc32(chr(10).join(body).encode()):08x}u"
+    guard = f"{name.upper()}_H"
+    yield "/*"
+    for paragraph in _description(law, name):
+        yield from textwrap.wrap(
+            _comment(paragraph),
+            WIDTH,
+            initial_indent=" * ",
+            subsequent_indent=" *   ",
+            break_on_hyphens=False,
+        )
     yield " */"
-    yield "#ifndef ASPERITY_LAW_H"
-    yield "#define ASPERITY_LAW_H"
-    yield ""
-    yield f"#define ASPERITY_DELTAS {law.delta.size}"
-    yield f"#define ASPERITY_PRESSURES {law.pressure.size}"
-    yield ""
-    yield from _array("delta", "DELTAS", law.delta)
-    for name, curve in law.by_delta.items():
-        yield from _array(SHORT[name], "DELTAS", curve.value)
-        yield from _array(f"{SHORT[name]}_low", "DELTAS", curve.low)
-        yield from _array(f"{SHORT[name]}_high", "DELTAS", curve.high)
-    yield from _array("at_pressure", "PRESSURES", law.pressure)
-    for name, curve in law.by_pressure.items():
-        yield from _array(f"{SHORT[name]}_at_pressure", "PRESSURES", curve.value)
-    yield FUNCTIONS
-    for name in law.by_delta:
-        yield from _functions(f"asperity_{SHORT[name]}", SHORT[name], "delta", "DELTAS", "delta")
-    for name in law.by_pressure:
-        own = f"{SHORT[name]}_at_pressure"
-        yield from _functions(f"asperity_{own}", own, "at_pressure", "PRESSURES", "pressure")
+    yield f"#ifdef {guard}"
+    yield f"#if {guard} != {checksum}"
+    yield f'#error "two laws are named {name}: give one of the headers another file name"'
+    yield "#endif"
+    yield "#else"
+    yield f"#define {guard} {checksum}"
+    yield from body
     yield "#endif"
 
 
+def _description(law: Law, name: str) -> Iterator[str]:
+    """What a reader of the header has to know, a paragraph each."""
+    version = versions(["asperity"]).get("asperity", "")
+    commit = git_commit()[:12]
+    yield f"Contact law of rough surfaces, E* = {law.e_star:.17g} MPa."
+    yield f"Surface: {'; '.join(law.origins)}"
+    if law.order.command:
+        yield f"Command: {law.order.command}"
+    yield f"Made: {datetime.now(UTC).isoformat(timespec='seconds')}, asperity {version} {commit}"
+    for note in law.notes:
+        yield f"How: {note}"
+    if law.over_delta.banded or law.over_pressure.banded:
+        yield f"Band (the functions _low and _high): {law.band}. NAN where no band holds."
+    else:
+        yield f"No functions _low and _high. Band: {law.band}."
+    yield "Delta and mean gap in um, nominal pressure in MPa, area in %, force in uN."
+    yield (
+        f"{name}_area(delta), {name}_delta_at_pressure(pressure) and the like interpolate linearly;"
+        " _tangent is the slope of that. Beyond the ends of the tables, values are constant, those"
+        " at the end, and tangents 0: below 0 as at first touch, and up to"
+        f" {law.over_delta.at[-1]:.6g} um and {law.over_pressure.at[-1]:.6g} MPa."
+    )
+
+
+def _body(law: Law, name: str) -> Iterator[str]:
+    """Tables and functions."""
+    yield "#include <math.h>"
+    yield FUNCTIONS.replace("NAME", name)
+    for curves in (law.over_delta, law.over_pressure):
+        argument, suffix = ARGUMENTS[curves.against]
+        at, columns = _columns(law, curves, suffix)
+        size, over = f"{name.upper()}_{argument.upper()}S", f"{name}_{argument}s_table"
+        yield f"#define {size} {at.size}"
+        yield from _array(over, size, at)
+        for column, values in columns.items():
+            own = f"{name}_{column}"
+            yield from _array(f"{own}_table", size, values)
+            tangent = not column.endswith(("_low", "_high"))
+            yield from _functions(name, own, over, size, argument, tangent=tangent)
+
+
+def _columns(
+    law: Law, curves: Curves, suffix: str
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+    """Arguments of a table and its columns by the name of their function, from first touch on."""
+    at, columns = curves.at, {}
+    for name, curve in curves.curves.items():
+        own = f"{SHORT[name]}{suffix}"
+        columns[own] = curve.value
+        if curves.banded:
+            columns |= {f"{own}_low": curve.low, f"{own}_high": curve.high}
+    if at[0] > 0:
+        at = np.append(0.0, at)
+        for own, values in columns.items():
+            rest = law.gap_at_rest if own.startswith("mean_gap") else 0.0
+            columns[own] = np.append(rest, values)
+    return at, columns
+
+
 def _array(name: str, size: str, values: NDArray[np.float64]) -> Iterator[str]:
-    yield f"static const double asperity_{name}_table[ASPERITY_{size}] = {{"
-    texts = [f"{value:.17g}" for value in values]
+    yield f"static const double {name}[{size}] = {{"
+    texts = [_number(value) for value in values.tolist()]
     for start in range(0, len(texts), PER_LINE):
         yield "    " + ", ".join(texts[start : start + PER_LINE]) + ","
     yield "};"
 
 
-def _functions(name: str, table: str, over: str, size: str, argument: str) -> Iterator[str]:
-    tables = f"asperity_{over}_table, asperity_{table}_table, ASPERITY_{size}, {argument}"
-    for suffix, function in (("", "interpolate"), ("_tangent", "slope")):
-        yield f"static inline double {name}{suffix}(double {argument})"
-        yield f"{{ return asperity_{function}({tables}); }}"
+def _number(value: float) -> str:
+    """A constant of C99."""
+    if np.isnan(value):
+        return "NAN"
+    return f"{value:.17g}" if np.isfinite(value) else "HUGE_VAL"
+
+
+def _functions(
+    name: str, own: str, over: str, size: str, argument: str, *, tangent: bool
+) -> Iterator[str]:
+    tables = f"{over}, {own}_table, {size}, {argument}"
+    for suffix, function in (("", "interpolate"), ("_tangent", "slope"))[: 1 + tangent]:
+        yield f"static inline double {own}{suffix}(double {argument})"
+        yield f"{{ return {name}_{function}({tables}); }}"
 
 
 def _comment(text: str) -> str:
-    """Nothing in a file's name may end the comment, or be other than ASCII."""
-    return text.replace("*/", "* /").encode("ascii", "backslashreplace").decode()
+    """Keep what can neither end a comment, nor splice lines, nor make a compiler warn.
+
+    Names of files and folders are anybody's: backslashes, question marks (of trigraphs), asterisks
+    beside a slash and all that is not printable ASCII become underscores.
+    """
+    return re.sub(r"[^ -~]|[\\?]|\*(?=/)|(?<=/)\*", "_", text)

@@ -1,12 +1,24 @@
 """A contact law as a table: printed, and written as CSV."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from gen.console import wide_console
 from gen.table import Row, write_csv
 from learn.surrogate import header
-from learn.surrogate.curves import QUANTITIES, Curve
+from learn.surrogate.curves import COLUMNS, Curve, Curves
 from learn.surrogate.law import Law
+from learn.surrogate.ranges import brief
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+ENDS = ("", "_low", "_high", "_slope")
 
 
 def write(law: Law, table: Path | None, c_header: Path | None) -> list[Path]:
@@ -22,52 +34,62 @@ def write(law: Law, table: Path | None, c_header: Path | None) -> list[Path]:
 
 
 def show(law: Law) -> None:
-    """Print the law against Delta."""
-    from rich.table import Table
-
-    from gen.console import wide_console
-
-    console = wide_console(120)
+    """Print the law against what was asked for: Delta, nominal pressure, or both."""
+    console = wide_console(140)
     for note in law.notes:
         console.print(note, highlight=False, markup=False, soft_wrap=True)
-    table = Table(title=f"E* = {law.e_star:g} MPa; band: {law.band}")
-    table.add_column("delta_um", justify="right")
-    for name in QUANTITIES:
+    title = f"E* = {law.e_star:g} MPa; band: {law.band}"
+    if law.order.delta or not law.order.pressure:
+        console.print(_printed(law.over_delta, title))
+    if law.order.pressure:
+        console.print(_printed(law.over_pressure, title))
+
+
+def _printed(curves: Curves, title: str) -> Table:
+    """One table; dim without a band, and with the reason, where the ground is unknown."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=title)
+    for name in (curves.against, *COLUMNS[curves.against]):
         table.add_column(name, justify="right")
-    for place, delta in enumerate(law.delta):
-        cells = [f"{delta:.5g}"]
-        for name in QUANTITIES:
-            curve = law.by_delta[name]
-            low, high = curve.low[place], curve.high[place]
-            ends = f" ({low:.4g} to {high:.4g})" if low < high else ""
-            cells.append(f"{curve.value[place]:.4g}{ends}")
-        table.add_row(*cells)
-    console.print(table)
+    reasons = any(curves.reasons)
+    if reasons:
+        table.add_column("reason")
+    for place, argument in enumerate(curves.at):
+        cells = [f"{argument:.5g}"]
+        cells += [_shown(curves.curves[name], place, curves) for name in COLUMNS[curves.against]]
+        if reasons:
+            cells.append(escape(brief(curves.reasons[place])))
+        table.add_row(*cells, style="dim" if curves.withheld(place) else "")
+    return table
+
+
+def _shown(curve: Curve, place: int, curves: Curves) -> str:
+    """A value with its band, with `-` in place of one that is withheld, or alone."""
+    value, low, high = curve.value[place], curve.low[place], curve.high[place]
+    if low < high:
+        return f"{value:.4g} ({low:.4g} to {high:.4g})"
+    return f"{value:.4g} (-)" if curves.withheld(place) else f"{value:.4g}"
 
 
 def _rows(law: Law) -> Iterator[Row]:
-    """Rows of the CSV: the table against Delta with what is outside, the table against pressure."""
-    for against, arguments, curves in (
-        ("delta_um", law.delta, law.by_delta),
-        ("pressure_MPa", law.pressure, law.by_pressure),
-    ):
-        for place, argument in enumerate(arguments):
-            row: Row = {"against": against, "outside": ""}
-            if against == "delta_um":
-                row["outside"] = float(law.outside[place])
-            for name in ("delta_um", *QUANTITIES):
-                row |= {f"{name}{end}": "" for end in ("", "_low", "_high", "_slope")}
-                if name == against:
+    """Rows of the CSV: the table against Delta, then the one against pressure."""
+    names = "delta_um", *COLUMNS["delta_um"]
+    for curves in (law.over_delta, law.over_pressure):
+        for place, argument in enumerate(curves.at):
+            row: Row = {"against": curves.against, "outside": float(curves.outside[place])}
+            for name in names:
+                row |= {f"{name}{end}": "" for end in ENDS}
+                if name == curves.against:
                     row[name] = float(argument)
-                elif name in curves:
-                    row |= _cells(name, curves[name], place)
-            yield row
+                elif name in curves.curves:
+                    row |= _cells(name, curves.curves[name], place)
+            yield {**row, "reason": curves.reasons[place]}
 
 
 def _cells(name: str, curve: Curve, place: int) -> Row:
-    return {
-        name: float(curve.value[place]),
-        f"{name}_low": float(curve.low[place]),
-        f"{name}_high": float(curve.high[place]),
-        f"{name}_slope": float(curve.slope[place]),
-    }
+    """Value, band and slope; a band that is not there leaves its cells empty."""
+    parts = curve.value, curve.low, curve.high, curve.slope
+    found = zip(ENDS, (float(part[place]) for part in parts), strict=True)
+    return {f"{name}{end}": "" if np.isnan(number) else number for end, number in found}

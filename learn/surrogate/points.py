@@ -1,4 +1,7 @@
-"""Points of one surface's contact law: predicted, or solved contact by contact."""
+"""Points of one surface's contact law: predicted, or solved at the loads that were asked for."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,63 +9,126 @@ from numpy.typing import NDArray
 from gen.single import solve_loads
 from gen.topography import Topography
 from learn.surrogate.model import OnSurface
+from learn.surrogate.subjects import Subject
 
 Values = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Contacts of one surface under k loads, ascending.
+
+    Attributes
+    ----------
+    values : (k,) by name: delta_um, area_percent, force_uN, mean_gap_um, pressure_MPa
+    low, high : (k,) ends of the intervals by name; a name without intervals is left out
+    reasons : k texts: why a load is unknown ground, "" where it is not
+    endless : k texts: why an interval's ends are not known although the ground is, or none at all
+    """
+
+    values: dict[str, Values]
+    low: dict[str, Values] = field(default_factory=dict)
+    high: dict[str, Values] = field(default_factory=dict)
+    reasons: tuple[str, ...] = ()
+    endless: tuple[str, ...] = ()
+
+    def chosen(self, places: NDArray[np.bool_] | NDArray[np.int64]) -> "Points":
+        """Some of the loads."""
+
+        def some(part: dict[str, Values]) -> dict[str, Values]:
+            return {name: each[places] for name, each in part.items()}
+
+        reasons = tuple(np.array(self.reasons, dtype=object)[places])
+        return Points(some(self.values), some(self.low), some(self.high), reasons)
+
+    def joined(self, more: "Points") -> "Points":
+        """These loads, then others."""
+
+        def both(one: dict[str, Values], other: dict[str, Values]) -> dict[str, Values]:
+            return {name: np.concatenate([each, other[name]]) for name, each in one.items()}
+
+        return Points(
+            both(self.values, more.values),
+            both(self.low, more.low),
+            both(self.high, more.high),
+            self.reasons + more.reasons,
+        )
+
+    def from_rest(self, subject: Subject) -> "Points":
+        """First touch at Delta = 0, where all is known, then these loads."""
+        rest = {name: np.zeros(1) for name in self.values}
+        rest["mean_gap_um"] = np.array([subject.gap_at_rest])
+        ends = {name: rest[name] for name in self.low}
+        return Points(rest, ends, ends, ("",)).joined(self)
 
 
 def predicted(
-    pressed: OnSurface, deltas: Values, level: float, e_star: float
-) -> tuple[dict[str, Values], Flags]:
-    """One surface's law from the surrogate, and where that is outside its training ranges."""
+    pressed: OnSurface, subject: Subject, deltas: Values, level: float, e_star: float
+) -> Points:
+    """One surface's law from the surrogate.
+
+    Parameters
+    ----------
+    pressed : the surrogate on the surface
+    subject : the surface
+    deltas : (k,) ascending, above 0 [um]
+    level : coverage of the intervals
+    e_star : E* [MPa]
+    """
     answer = pressed.predict(deltas, e_star=e_star, level=level)
-    area = np.stack([answer.area, answer.low["area"], answer.high["area"]])
-    force = np.stack([answer.force, answer.low["force"], answer.high["force"]])
-    if "mean_gap" in answer.values:
-        ends = answer.low["mean_gap"], answer.high["mean_gap"]
-        gap = np.stack([answer.values["mean_gap"], *ends])
-    else:
-        gap = _mean_gap(pressed, deltas, force[[0, 2, 1]] / e_star)[[0, 2, 1]]
-        gap = np.sort(gap, axis=0)[[1, 0, 2]]
-    found = {
-        "area_percent": area,
-        "force_uN": force,
-        "mean_gap_um": gap,
-        "pressure_MPa": force / _nominal(pressed),
-    }
-    return found, ~answer.inside
+    parts: list[dict[str, Values]] = []
+    for ends in (answer.values, answer.low, answer.high):
+        gap = ends.get("mean_gap")
+        if gap is None:  # which rises with the force
+            gap = _mean_gap(pressed, deltas, ends["force"] / e_star)
+        parts.append(
+            {
+                "area_percent": ends["area"],
+                "force_uN": ends["force"],
+                "mean_gap_um": gap,
+                "pressure_MPa": ends["force"] / subject.nominal,
+            }
+        )
+    values, low, high = parts
+    return Points({"delta_um": deltas, **values}, low, high, answer.reasons)
 
 
-def solved(
-    pressed: OnSurface, deltas: Values, level: float, e_star: float
-) -> tuple[dict[str, Values], Flags]:
-    """One surface's law from the solver, which has no band and is nowhere outside."""
-    surface = pressed.surface
-    topography = Topography(surface.name, surface.heights, surface.sides)
-    contacts = [
-        contact for contact, _ in solve_loads(topography, "delta", list(deltas), modulus=e_star)
+def solved(subject: Subject, load: str, loads: Sequence[float], e_star: float) -> Points:
+    """One surface's law from the solver, at the loads themselves; without intervals.
+
+    Parameters
+    ----------
+    subject : the surface
+    load : "delta" [um] or "pressure" [MPa]
+    loads : ascending, 0 or more
+    e_star : E* [MPa]
+
+    Raises
+    ------
+    InputError
+        If a load has no solution, or the solver does not arrive at one.
+    """
+    topography = Topography(subject.name, subject.heights, subject.sides)
+    settings = {"modulus": e_star, **subject.settings}
+    rows = [
+        (
+            contact.delta,
+            contact.area_percent,
+            contact.force,
+            contact.mean_gap,
+            contact.force / subject.nominal,
+        )
+        for contact, _ in solve_loads(topography, load, loads, **settings)
     ]
-    force = np.array([contact.force for contact in contacts])
-    found = {
-        "area_percent": np.array([contact.area_percent for contact in contacts]),
-        "force_uN": force,
-        "mean_gap_um": np.array([contact.mean_gap for contact in contacts]),
-        "pressure_MPa": force / _nominal(pressed),
-    }
-    inside = np.zeros(deltas.size, dtype=np.bool_)
-    return {name: np.stack([values] * 3) for name, values in found.items()}, inside
+    names = "delta_um", "area_percent", "force_uN", "mean_gap_um", "pressure_MPa"
+    columns = np.array(rows, dtype=np.float64).reshape(-1, len(names)).T
+    return Points(dict(zip(names, columns, strict=True)), reasons=("",) * len(rows))
 
 
 def _mean_gap(pressed: OnSurface, deltas: Values, force: Values) -> Values:
-    """Mean gap from forces over E*, (3, k) as they are [um]."""
+    """(k,) mean gap from forces over E* [um]."""
     surface = pressed.surface
     heights = surface.heights
     rest = float(heights.max()) - float(heights.mean())
     compliance = np.array([surface.compliance(float(delta)) for delta in deltas])
     return np.maximum(rest - deltas + compliance * force / surface.length, 0.0)
-
-
-def _nominal(pressed: OnSurface) -> float:
-    """Area of the cells of all nodes, over which the nominal pressure is a mean [um2]."""
-    steps, shape = pressed.surface.steps, pressed.surface.heights.shape
-    return float(steps[0] * steps[1] * shape[0] * shape[1])

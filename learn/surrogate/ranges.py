@@ -65,3 +65,9 @@ def grid_note(
         if not np.isclose(spacing, own, rtol=0.02):
             said.append(f"spacing {spacing:.4g} um, trained on {own:.4g} um")
     return "; ".join(said)
+
+
+def brief(reasons: str) -> str:
+    """The first reason, and how many there are besides: for a narrow column."""
+    first, _, others = reasons.partition("; ")
+    return f"{first}; and {others.count('; ') + 1} more" if others else first

@@ -78,6 +78,21 @@ def deltas_from(text: str) -> Values:
     return values
 
 
+def pressures_from(text: str) -> Values:
+    """Nominal pressures from "1:100:20" [MPa].
+
+    Raises
+    ------
+    InputError
+        If they are no numbers of 0 or more.
+    """
+    advice = "give pressures of 0 MPa or more, as 0:100:20"
+    values = numbers_from(text, "--pressure", advice)
+    if not all(value == 0 or magnitude(value) for value in values):
+        raise InputError(f"--pressure {shown(text)}: {advice}")
+    return values
+
+
 def numbers_from(text: str, option: str, advice: str) -> Values:
     """Finite numbers from "2", "1,2,5" or "5:45:9".
 

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from gen import cli
+from gen.surface import generate
+from learn import cli as learn_cli
 
 SCENE = "samples = 90\n[surface]\nnodes = 33\n"
 
@@ -18,6 +20,45 @@ def solved(tmp_path_factory):
     (folder / "scene.toml").write_text(SCENE)
     assert cli.main(["run", str(folder / "scene.toml"), "-o", str(folder / "solved.h5")]) == 0
     return folder / "solved.h5"
+
+
+@pytest.fixture(scope="session")
+def made(solved, tmp_path_factory):
+    """A folder with a database, surrogates of it, surfaces and a table of statistics."""
+    folder = tmp_path_factory.mktemp("made")
+    shutil.copy(solved, folder / "database.h5")
+    (folder / "many").mkdir()
+    for seed in range(3):
+        heights = generate("diamond-square", 33, 0.7, 12.0, np.random.default_rng(seed))
+        np.save(folder / f"many/s{seed}.npy", heights)
+    (folder / "many/notes.md").write_text("no surface")
+    for features in ("hybrid", "dimensionless", "paper"):
+        arguments = ["fit", folder / "database.h5", "--features", features]
+        arguments += ["-o", folder / f"{features}.surrogate"]
+        assert learn_cli.main([str(argument) for argument in arguments]) == 0
+    whole = np.load(folder / "many/s0.npy")
+    (folder / "bare").mkdir()
+    (folder / "empty.h5").touch()
+    np.save(folder / "complex.npy", whole + 1j)
+    np.save(folder / "cube.npy", np.zeros((3, 4, 5)))
+    np.save(folder / "single.npy", whole.astype(np.float32))
+    np.save(folder / "oblong.npy", whole[:, :20])
+    whole[3:5, 4] = np.nan
+    np.save(folder / "holes.npy", whole)
+    shutil.copy(solved, folder / "unfinished.h5")
+    with h5py.File(folder / "unfinished.h5", "r+") as file:
+        file["status"][5:] = 0
+    described = ["describe", str(folder / "many/s0.npy"), "--side", "1000"]
+    assert cli.main([*described, "--csv", str(folder / "table.csv")]) == 0
+    return folder
+
+
+@pytest.fixture
+def work(made, monkeypatch, tmp_path):
+    for path in made.iterdir():
+        (tmp_path / path.name).symlink_to(path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
 @pytest.fixture

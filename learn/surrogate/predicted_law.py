@@ -1,0 +1,127 @@
+"""Laws from a surrogate: predicted over Delta, and read the other way round at given pressures."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.errors import InputError
+from gen.progress import RunProgress
+from learn.surrogate import inversion
+from learn.surrogate.curves import Curves, continued, monotone, tabulated
+from learn.surrogate.model import OnSurface, Surrogate
+from learn.surrogate.points import Points, predicted
+from learn.surrogate.subjects import Subject
+
+Values = NDArray[np.float64]
+
+BEYOND = (1.15, 1.4, 2.0, 3.0)
+"""Deltas over the last one asked for that are predicted too: surfaces reach a pressure late."""
+
+CORRECTED = 0.01
+"""Correction for monotone curves that is worth a warning, over the largest value."""
+
+
+def tables(
+    surrogate: Surrogate,
+    surfaces: Sequence[Subject],
+    deltas: Values,
+    pressures: Values | None,
+    level: float,
+    e_star: float,
+) -> tuple[Curves, Curves, list[str]]:
+    """Predict all surfaces; tabulate against Delta and against pressure.
+
+    Parameters
+    ----------
+    surrogate : of area and force
+    surfaces : one or more
+    deltas : (k,) ascending, above 0 [um]
+    pressures : (m,) ascending, 0 or more; None for those at the displacements [MPa]
+    level : coverage of the band
+    e_star : E* [MPa]
+
+    Returns
+    -------
+    Both tables, and what to beware of, a line each
+
+    Raises
+    ------
+    InputError
+        For a pressure that the law does not reach.
+    """
+    parts, whole, corrections = [], [], []
+    with RunProgress(len(surfaces), "surfaces") as progress:
+        for surface in surfaces:
+            pressed = OnSurface(surrogate, surface.features())
+            raw = predicted(pressed, surface, deltas, level, e_star).from_rest(surface)
+            smooth, correction = monotone(raw)
+            parts.append(smooth)
+            whole.append(_extended(smooth, pressed, surface, level, e_star))
+            corrections.append(correction)
+            progress.advance(1, 0)
+    over_delta = tabulated("delta_um", np.append(0.0, deltas), parts, level)
+    notes = [*_unknown(over_delta), *_corrected(over_delta, corrections)]
+    chosen, late = _pressures(over_delta, whole, pressures)
+    inverted = [inversion.at_pressures(each, chosen) for each in whole]
+    return over_delta, tabulated("pressure_MPa", chosen, inverted, level), [*notes, *late]
+
+
+def _extended(
+    points: Points, pressed: OnSurface, surface: Subject, level: float, e_star: float
+) -> Points:
+    """The same law, and some larger displacements, where they can be predicted."""
+    further = points.values["delta_um"][-1] * np.array(BEYOND)
+    try:
+        return continued(points, predicted(pressed, surface, further, level, e_star))
+    except InputError:
+        return points
+
+
+def _unknown(over_delta: Curves) -> list[str]:
+    """Say how much of the law is unknown ground."""
+    beyond = sum(share > 0 for share in over_delta.outside)
+    if not beyond:
+        return []
+    many = f"{beyond} of {over_delta.at.size - 1} displacements"
+    return [f"warning: {many} are outside the training ranges for one surface or more"]
+
+
+def _corrected(over_delta: Curves, corrections: Sequence[Points]) -> list[str]:
+    """Say by how much curves were not monotone."""
+    worst = 0.0
+    for name, curve in over_delta.curves.items():
+        change = np.mean([each.values[name] for each in corrections], axis=0)
+        worst = max(worst, float(np.abs(change).max()) / (float(np.abs(curve.value).max()) or 1.0))
+    if worst <= CORRECTED:
+        return []
+    return [f"warning: made monotone by up to {100 * worst:.2g} % of the largest value"]
+
+
+def _pressures(
+    over_delta: Curves, whole: Sequence[Points], asked: Values | None
+) -> tuple[Values, list[str]]:
+    """The pressures to tabulate, and a note where the usual ones end early [MPa]."""
+    mean = over_delta.curves["pressure_MPa"].value
+    last = f"Delta = {over_delta.at[-1]:.4g} um"
+    if not mean[-1] > 0:
+        raise InputError("the law has no force at all: nothing to tabulate against pressure")
+    reach = min(inversion.reached(each) for each in whole)
+    if asked is None:
+        usual = np.unique(mean)  # as close as Delta's where it is small
+        if usual[-1] <= reach:
+            return usual, []
+        kept = np.append(usual[usual < reach], reach)
+        text = f"the table against pressure ends at {reach:.4g} MPa: not all surfaces reach more"
+        return kept, [text]
+    if asked[-1] > mean[-1]:
+        raise InputError(
+            f"--pressure {asked[-1]:.6g}: the law ends at {mean[-1]:.6g} MPa, {last}: give a larger"
+            " --delta"
+        )
+    if asked[-1] > reach:
+        raise InputError(
+            f"--pressure {asked[-1]:.6g}: a surface reaches {reach:.6g} MPa only near {last}: give"
+            " a larger --delta, or smaller pressures"
+        )
+    return asked, []

@@ -1,0 +1,87 @@
+"""Laws from the solver: every value is that of a contact solved under the load asked for."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.progress import RunProgress
+from learn.surrogate.curves import Curves, monotone, tabulated
+from learn.surrogate.points import Points, solved
+from learn.surrogate.subjects import Subject
+
+Values = NDArray[np.float64]
+Load = Literal["delta", "pressure"]
+
+ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}
+
+
+def tables(
+    surfaces: Sequence[Subject],
+    deltas: Values | None,
+    pressures: Values | None,
+    level: float,
+    e_star: float,
+) -> tuple[Curves, Curves]:
+    """Solve all surfaces under the loads asked for; tabulate against Delta and against pressure.
+
+    Where one kind of load was asked for, the other table of one surface has the same contacts. That
+    of a population has contacts solved for it, at the means over the surfaces of what the first
+    kind of load led to.
+
+    Parameters
+    ----------
+    surfaces : one or more
+    deltas : (k,) ascending, above 0, or None [um]
+    pressures : (m,) ascending, 0 or more, or None; not both are None [MPa]
+    level : coverage of a population's band
+    e_star : E* [MPa]
+
+    Raises
+    ------
+    InputError
+        If a load has no solution, or the solver does not arrive at one.
+    """
+    asked: dict[Load, Values | None] = {"delta": deltas, "pressure": pressures}
+    found = {
+        load: _each(surfaces, load, loads, e_star)
+        for load, loads in asked.items()
+        if loads is not None
+    }
+    made: dict[Load, Curves] = {}
+    both: tuple[tuple[Load, Load], ...] = ("delta", "pressure"), ("pressure", "delta")
+    for load, other in both:
+        loads, argument = asked[load], ARGUMENTS[load]
+        parts = found.get(load, found.get(other, []))
+        if loads is None and len(surfaces) > 1:
+            loads = _means(parts, argument)
+            parts = _each(surfaces, load, loads, e_star)
+        if loads is None or load == "delta":  # from first touch on, unless pressures were given
+            parts = [_from_touch(*each, argument) for each in zip(parts, surfaces, strict=True)]
+            loads = parts[0].values[argument] if loads is None else np.append(0.0, loads)
+        smooth = [monotone(part)[0] for part in parts]
+        made[load] = tabulated(argument, loads, smooth, level)
+    return made["delta"], made["pressure"]
+
+
+def _each(surfaces: Sequence[Subject], load: Load, loads: Values, e_star: float) -> list[Points]:
+    """Solve every surface under the same loads."""
+    found = []
+    with RunProgress(len(surfaces), "surfaces") as progress:
+        for surface in surfaces:
+            found.append(solved(surface, load, loads.tolist(), e_star))
+            progress.advance(1, 0)
+    return found
+
+
+def _means(parts: Sequence[Points], argument: str) -> Values:
+    """(k,) means over the surfaces of what loads led to, above 0 and ascending."""
+    means = np.unique(np.mean([part.values[argument] for part in parts], axis=0))
+    return means[means > 0]
+
+
+def _from_touch(part: Points, surface: Subject, argument: str) -> Points:
+    """First touch, and the contacts under load with the argument ascending."""
+    values, places = np.unique(part.values[argument], return_index=True)
+    return part.chosen(places[values > 0]).from_rest(surface)

@@ -1,0 +1,168 @@
+"""Surfaces that a contact law is about: from files and folders, or a scene's population."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.errors import InputError
+from gen.scene import Scene, preset_names
+from learn.dataset import modulus
+from learn.features import SurfaceFeatures
+from learn.surrogate.sources import Options, files_in, is_table, read_surface
+
+Values = NDArray[np.float64]
+Sides = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A surface to be pressed.
+
+    Attributes
+    ----------
+    name : what messages call it
+    heights : (nx, ny) [um]
+    sides : scan lengths along x and y [um]
+    spacing : of the nodes along x and y [um]
+    settings : of the solver where a scene states them: kernel, far_field, rtol, max_iterations
+    """
+
+    name: str
+    heights: Values
+    sides: Sides
+    spacing: Sides
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def nominal(self) -> float:
+        """Area of the cells of all nodes, over which the nominal pressure is a mean [um2]."""
+        return float(self.spacing[0] * self.spacing[1] * self.heights.size)
+
+    @property
+    def gap_at_rest(self) -> float:
+        """Mean gap at first touch, Delta = 0 [um]."""
+        return float(self.heights.max()) - float(self.heights.mean())
+
+    def features(self) -> SurfaceFeatures:
+        """The same surface, ready to be asked for features."""
+        return SurfaceFeatures(self.heights, self.sides, self.spacing, self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Subjects:
+    """All surfaces of a law.
+
+    Attributes
+    ----------
+    surfaces : one or more
+    scenes : those that surfaces were generated from
+    origins : what the surfaces are, a line for each input
+    """
+
+    surfaces: Sequence[Subject]
+    scenes: Sequence[Scene]
+    origins: Sequence[str]
+
+    @property
+    def only_scenes(self) -> bool:
+        """True if every surface comes from a scene."""
+        return len(self.scenes) == len(self.origins)
+
+    def modulus(self) -> float | None:
+        """E* that all scenes agree on, None if a surface comes from a file [MPa].
+
+        Raises
+        ------
+        InputError
+            If the scenes have different ones.
+        """
+        found = {modulus(scene) for scene in self.scenes}
+        if not self.only_scenes or not found:
+            return None
+        if len(found) > 1:
+            said = " and ".join(f"{each:g}" for each in sorted(found))
+            raise InputError(f"the scenes have E* = {said} MPa: give one with --e-star")
+        return found.pop()
+
+    def displacements(self) -> Sides | None:
+        """Range of Delta of all scenes, None if a surface comes from a file [um]."""
+        if not self.only_scenes:
+            return None
+        ranges = [piece.range for scene in self.scenes for piece in scene.delta.pieces]
+        return min(low for low, _ in ranges), max(high for _, high in ranges)
+
+
+def found_in(
+    inputs: Sequence[str], surfaces: int, options: Options, say: Callable[[str], None]
+) -> Subjects:
+    """Read or generate all surfaces.
+
+    Parameters
+    ----------
+    inputs : surfaces, folders of them, databases, scenes
+    surfaces : number of each scene's or database's population
+    options : how files are read
+    say : called with what was done to each file, and what to know about it
+
+    Raises
+    ------
+    InputError
+        For the first input that cannot be used.
+    """
+    found: list[Subject] = []
+    scenes: list[Scene] = []
+    origins: list[str] = []
+    for text in inputs:
+        path = Path(text)
+        if text in preset_names() or path.suffix.lower() in {".toml", ".h5"}:
+            scenes.append(_scene(text))
+            found += _population(scenes[-1], text, surfaces)
+            origins.append(f"{text}: its first {surfaces} surfaces")
+            continue
+        for file in files_in([path])[0]:
+            found.append(_from_file(file, options, say))
+        origins.append(text)
+    return Subjects(found, scenes, origins)
+
+
+def _from_file(file: Path, options: Options, say: Callable[[str], None]) -> Subject:
+    """Read one surface."""
+    if is_table(file):
+        raise InputError(f"{file}: a law needs surfaces, not their statistics")
+    topography, warnings = read_surface(file, options)
+    say(f"{file}: {'; '.join(topography.steps)}")
+    for line in warnings:
+        say(f"  warning: {line}")
+    return Subject(str(file), topography.heights, topography.sides, topography.spacing)
+
+
+def _scene(text: str) -> Scene:
+    """The scene of that name or file, or of a database."""
+    from gen.scene import load
+
+    if not text.lower().endswith(".h5"):
+        return load(text)
+    from gen.database import Reader
+
+    with Reader(Path(text)) as reader:
+        return reader.scene
+
+
+def _population(scene: Scene, text: str, number: int) -> Iterator[Subject]:
+    """The first surfaces of a scene, generated anew, and how it solves their contacts."""
+    from gen.plan import parameters
+    from gen.sample import surface_of
+
+    contact = scene.contact
+    names = "kernel", "far_field", "rtol", "max_iterations"
+    settings = {"spacing": scene.spacing, **{name: getattr(contact, name) for name in names}}
+    step = scene.samples_per_surface
+    plan = parameters(scene, 0, step * number)
+    sides, spacing = (scene.surface.side,) * 2, (scene.spacing,) * 2
+    for surface in range(number):
+        heights = surface_of(scene, plan, step * surface)
+        yield Subject(f"{text}, surface {surface}", heights, sides, spacing, settings)
