@@ -199,7 +199,8 @@ def contact(
     load, values = single.chosen_load({"delta": delta, "force": force, "pressure": pressure})
     check_outputs([Output(table, "--csv"), Output(picture, "--plot", "picture")], [surface])
     if picture is not None:
-        from gen.picture import draw_contacts, new_figure
+        from gen.contact_picture import Subject, draw_contacts
+        from gen.picture import new_figure
 
         figure = new_figure(picture)
     settings: dict[str, Any] = {
@@ -217,18 +218,20 @@ def contact(
         fill=fill,
         fill_most=fill_most,
     )
+    material = bool(young or e_star)
     contacts, warnings = display.followed(
         topography,
         warnings_about(topography),
         single.solve_loads(topography, load, values, **settings),
         len(values),
-        material=bool(young or e_star),
+        material=material,
     )
     if table is not None:
         rows = [single.contact_row(topography, contact, warnings) for contact in contacts]
         write_csv(table, rows)
     if picture is not None:
-        draw_contacts(figure, contacts, load, picture)
+        subject = Subject(topography.name, load, material, warnings)
+        draw_contacts(figure, contacts, subject, picture)
 
 
 @app.command()

@@ -1,8 +1,9 @@
-"""Draw what a database holds; the home of matplotlib in this package."""
+"""Figures and maps, and what a database holds; the home of matplotlib in this package."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import textwrap
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,13 @@ from gen.schema import Status
 
 if TYPE_CHECKING:
     from bem import Contact
+
+Values = NDArray[np.float64]
+
+LETTERS = 110
+"""Of a title that fits into a line."""
+MOST = 99
+"""Percentile at which a colour scale ends where few values would take most of it."""
 
 
 def draw_database(file: Path, picture: Path) -> None:
@@ -50,10 +58,11 @@ def draw_database(file: Path, picture: Path) -> None:
         scene = reader.scene
     typical = int(np.argsort(columns["area_percent"])[done.size // 2])
     axes = figure.subplots(2, 2)
-    _draw_sample(figure, axes[0], scene, int(done[typical]))
+    figure.suptitle(shortened(str(file)), fontsize=11, parse_math=False)
+    _draw_sample(axes[0], scene, int(done[typical]))
     _draw_areas(figure, axes[1][0], columns)
     _draw_times(axes[1][1], columns)
-    _save(figure, picture)
+    save(figure, picture)
 
 
 def new_figure(picture: Path) -> Any:
@@ -70,109 +79,116 @@ def new_figure(picture: Path) -> Any:
         raise InputError("drawing needs matplotlib: install the extra 'plot'") from None
     if picture.suffix.lower() not in {".png", ".svg", ".pdf"}:
         raise InputError(f"{picture}: give the name of a picture, ending in .png, .svg or .pdf")
-    return Figure(figsize=(11, 8.2), layout="constrained")
+    return Figure(figsize=(11, 8.2), dpi=110, layout="constrained")
 
 
-def draw_contacts(figure: Any, contacts: Sequence[Contact], load: str, picture: Path) -> None:
-    """Draw a surface, its contact spots and a section under the last load; of several, the law.
-
-    Parameters
-    ----------
-    figure : from `new_figure`
-    contacts : of one surface, one or more
-    load : "delta", "force" or "pressure", what was given
-    picture : the image to write
-    """
-    rows = [["heights", "spots"], ["section", "section"]]
-    if len(contacts) > 1:
-        rows.append(["area", "other"])
-    axes = figure.subplot_mosaic(rows)
-    last = contacts[-1]
-    _draw_fields(figure, (axes["heights"], axes["spots"]), last)
-    _draw_section(axes["section"], last)
-    if len(contacts) > 1:
-        _draw_law(axes["area"], axes["other"], contacts, load)
-    _save(figure, picture)
+def shortened(name: str) -> str:
+    """A file's name that fits into a line."""
+    return name if len(name) <= LETTERS else f"{name[: LETTERS // 3]} ... {name[-LETTERS // 2 :]}"
 
 
-def _save(figure: Any, picture: Path) -> None:
+def save(figure: Any, picture: Path) -> None:
     """Draw in memory, then write the picture whole."""
     drawn = BytesIO()
-    figure.savefig(drawn, dpi=110, format=picture.suffix[1:].lower())
+    figure.savefig(drawn, format=picture.suffix[1:].lower())
     write(picture, drawn.getvalue(), "picture")
 
 
-def _draw_fields(figure: Any, axes: Sequence[Any], contact: Contact) -> None:
-    """Heights and contact pressure, side by side."""
+@dataclass(frozen=True, eq=False)
+class Map:
+    """A field over a surface, as it is to be drawn.
+
+    Attributes
+    ----------
+    field : (nx, ny), masked where there is nothing to draw
+    spacing : along x and y [um]
+    title : of the map
+    quantity, unit : that the field holds
+    colours : name of a colour map
+    """
+
+    field: Values
+    spacing: tuple[float, float]
+    title: str
+    quantity: str
+    unit: str
+    colours: str
+
+
+def maps_of(contact: Contact, heights: str, spots: str) -> tuple[Map, Map]:
+    """Heights and contact pressure of a contact, under these titles."""
     problem = contact.problem
-    nx, ny = contact.pressure.shape
-    extent = (0.0, problem.spacing[0] * (nx - 1), 0.0, problem.spacing[1] * (ny - 1))
     pressure = np.ma.masked_equal(contact.pressure, 0)
-    area = f"contact at Δ = {contact.delta:.4g} µm: {contact.area_percent:.3g} % of the nodes"
-    for axis, field, title, unit, colours in (
-        (axes[0], problem.heights, "heights", "height [µm]", "viridis"),
-        (axes[1], pressure, area, "pressure [MPa]", "inferno_r"),
-    ):
-        image = axis.imshow(field.T, origin="lower", extent=extent, cmap=colours)
-        figure.colorbar(image, ax=axis, label=unit)
-        axis.set(title=title, xlabel="x [µm]", ylabel="y [µm]")
+    return (
+        Map(problem.heights, problem.spacing, heights, "height", "µm", "viridis"),
+        Map(pressure, problem.spacing, spots, "pressure", "MPa", "inferno_r"),
+    )
 
 
-def _draw_section(axis: Any, contact: Contact) -> None:
-    """Both bodies along x, through the node under the largest pressure."""
-    problem = contact.problem
-    column = int(np.unravel_index(int(contact.pressure.argmax()), contact.pressure.shape)[1])
-    x = problem.spacing[0] * np.arange(contact.pressure.shape[0])
-    # The half-space's surface rests at 0, the rough body comes down from above.
-    deformed = -contact.displacement[:, column]
-    rough = deformed + contact.gap[:, column]
-    axis.fill_between(x, rough, rough.max(), color="0.8", label="rough body")
-    axis.fill_between(x, deformed.min(), deformed, color="tab:blue", alpha=0.4, label="half-space")
-    touching = np.ma.masked_where(contact.pressure[:, column] == 0, deformed)
-    axis.plot(x, touching, ".", ms=3, color="tab:red", label="in contact")
-    axis.axhline(0, color="k", lw=0.6, ls=":")
-    title = f"section at y = {problem.spacing[1] * column:.4g} µm, heights stretched"
-    axis.set(title=title, xlabel="x [µm]", ylabel="z [µm]", xlim=(x[0], x[-1]))
-    axis.legend(loc="upper right", fontsize="small")
+def draw_map(axis: Any, drawn: Map, letters: int) -> None:
+    """Draw a field with colours that a few outliers do not set.
+
+    Parameters
+    ----------
+    axis : to draw into
+    drawn : the field, its title and colours
+    letters : that fit into a line of the title
+    """
+    nx, ny = drawn.field.shape
+    width, length = drawn.spacing[0] * (nx - 1), drawn.spacing[1] * (ny - 1)
+    (low, high), extend, said = _scale(np.ma.compressed(drawn.field), drawn.unit)
+    image = axis.imshow(
+        drawn.field.T,
+        origin="lower",
+        extent=(0.0, width, 0.0, length),
+        cmap=drawn.colours,
+        vmin=low,
+        vmax=high,
+    )
+    axis.set_facecolor("0.93")
+    # As high as the map, and about as wide for tall and oblong ones.
+    thickness = 0.045 * min(max(np.sqrt(length / width), 1 / 3), 3.0)
+    beside = axis.inset_axes((1 + thickness, 0.0, thickness, 1.0))
+    label = f"{drawn.quantity} [{drawn.unit}]"
+    axis.figure.colorbar(image, cax=beside, label=label, extend=extend)
+    lines = [*textwrap.wrap(drawn.title, letters), *textwrap.wrap(said, letters)]
+    axis.set_title("\n".join(lines), loc="left", fontsize=10, parse_math=False)
+    axis.set(xlabel="x [µm]", ylabel="y [µm]")
 
 
-def _draw_law(area: Any, other: Any, contacts: Sequence[Contact], load: str) -> None:
-    """Area, and force or displacement, against the load that was given."""
-    cells = contacts[0].pressure.size * np.prod(contacts[0].problem.spacing)
-    quantities = {
-        "delta": ([contact.delta for contact in contacts], "displacement Δ [µm]"),
-        "force": ([contact.force for contact in contacts], "normal force [µN]"),
-        "pressure": ([contact.force / cells for contact in contacts], "mean pressure [MPa]"),
-    }
-    given, answer = quantities[load], quantities["force" if load == "delta" else "delta"]
-    area.plot(given[0], [contact.area_percent for contact in contacts], ".-")
-    area.set(xlabel=given[1], ylabel="contact area [%]")
-    other.plot(given[0], answer[0], ".-", color="tab:orange")
-    other.set(xlabel=given[1], ylabel=answer[1])
-    for axis in (area, other):
-        axis.set_ylim(bottom=0)
-        axis.grid(alpha=0.3)
+def _scale(values: Values, unit: str) -> tuple[tuple[float, float], str, str]:
+    """Limits of a colour scale, its open ends, and what to say about them.
+
+    The scale takes in all values, unless those beyond a percentile would take more than half of
+    the room that the others have.
+    """
+    if not values.size:
+        return (0.0, 1.0), "neither", ""
+    low, high = float(values.min()), float(values.max())
+    first, last = (float(each) for each in np.percentile(values, [100 - MOST, MOST]))
+    room = 0.5 * (last - first)
+    below, above = low < first - room, high > last + room
+    extend = ("both" if above else "min") if below else ("max" if above else "neither")
+    said = []
+    if below:
+        said.append(f"from the {100 - MOST}st percentile (smallest {low:.4g} {unit})")
+    if above:
+        said.append(f"to the {MOST}th percentile (largest {high:.4g} {unit})")
+    limits = first if below else low, last if above else high
+    return limits, extend, f"colours {' '.join(said)}" if said else ""
 
 
-def _draw_sample(figure: Any, axes: NDArray[Any], scene: Scene, row: int) -> None:
+def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
     """Heights and contact pressure of one row, side by side."""
     plan = parameters(scene, row, row + 1)
-    heights = surface_of(scene, plan, 0)
-    contact = solve_contact(scene, heights, float(plan.delta[0]))
-    pressure = np.ma.masked_equal(contact.pressure, 0)
-    texts = (
-        f"surface of row {row}: H = {plan.hurst[0]:.2f}, σ₀ = {plan.sigma0[0]:.1f} µm",
-        f"contact at Δ = {plan.delta[0]:.1f} µm: {contact.area_percent:.1f} % of the nodes",
+    contact = solve_contact(scene, surface_of(scene, plan, 0), float(plan.delta[0]))
+    surface = f"surface of row {row}: H = {plan.hurst[0]:.2f}, σ₀ = {plan.sigma0[0]:.1f} µm"
+    spots = (
+        f"contact at Δ = {plan.delta[0]:.1f} µm, E* = {contact.problem.modulus:g} MPa:"
+        f" {contact.area_percent:.3g} % of {contact.pressure.size} nodes, the median of rows done"
     )
-    modulus = contact.problem.modulus
-    units = ("height [µm]", f"pressure [MPa], E* = {modulus:g} MPa")
-    extent = (0.0, scene.surface.side, 0.0, scene.surface.side)
-    for axis, field, text, unit, colours in zip(
-        axes, (heights, pressure), texts, units, ("viridis", "inferno_r"), strict=True
-    ):
-        image = axis.imshow(field.T, origin="lower", extent=extent, cmap=colours)
-        figure.colorbar(image, ax=axis, label=unit)
-        axis.set(title=text, xlabel="x [µm]", ylabel="y [µm]")
+    for axis, drawn in zip(axes, maps_of(contact, surface, spots), strict=True):
+        draw_map(axis, drawn, letters=50)
 
 
 def _draw_areas(figure: Any, axis: Any, columns: dict[str, NDArray[Any]]) -> None:

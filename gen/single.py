@@ -106,10 +106,11 @@ def warnings_about(
     over = [contact for contact in contacts if contact.largest_pressure > limit]
     if over and material:
         largest = max(contact.largest_pressure for contact in over)
+        begun = f"from Delta = {min(contact.delta for contact in over):.4g} um on, "
         notes.append(
-            f"from Delta = {min(contact.delta for contact in over):.4g} um on pressures are above"
-            f" E*/{YIELDING:g} = {limit:.4g} MPa (the largest is {largest:.4g} MPa), where most"
-            " materials yield, so that the true contact area is larger than this elastic one"
+            f"{begun if len(contacts) > 1 else ''}the largest pressure ({largest:.4g} MPa) is above"
+            f" E*/{YIELDING:g} = {limit:.4g} MPa, where most materials yield: the true contact area"
+            " is larger than this elastic one"
         )
     return notes
 

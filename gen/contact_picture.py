@@ -1,0 +1,244 @@
+"""Draw contacts of one surface: heights, contact spots, a section through the contact, the law."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.picture import draw_map, maps_of, save, shortened
+
+if TYPE_CHECKING:
+    from bem import Contact
+
+# Longer over wider side from which on both maps stand side by side, or one below the other.
+OBLONG = 1.8
+# Beyond it a map to scale is a sliver: its shorter side is stretched, and the title says so.
+SLIVER = 9.0
+# Largest over smallest load from which on a law has logarithmic axes.
+DECADES = 99.0
+# Share of the lines at either border that a section avoids: pressures pile up along them.
+BORDER = 0.1
+WIDTH = 11.0
+"""Of a picture with its section below the maps [inches]."""
+SECTION = 6.0
+"""Width of a section beside the maps [inches]."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What a picture of contacts is about.
+
+    Attributes
+    ----------
+    name : of the surface
+    load : "delta", "force" or "pressure", what was given
+    material : whether the modulus is that of a material
+    warnings : what to know before trusting the contacts, a line each
+    """
+
+    name: str
+    load: str
+    material: bool
+    warnings: Sequence[str]
+
+
+def draw_contacts(
+    figure: Any, contacts: Sequence[Contact], subject: Subject, picture: Path
+) -> None:
+    """Draw a surface, its contact spots and a section under the last load; of several, the law.
+
+    Parameters
+    ----------
+    figure : from `gen.picture.new_figure`
+    contacts : of one surface, one or more
+    subject : their surface, load and material
+    picture : the image to write
+    """
+    last = contacts[-1]
+    axes, letters = _panels(figure, _sides(last), law=len(contacts) > 1)
+    figure.suptitle(_title(contacts, subject), fontsize=11, parse_math=False)
+    if subject.warnings:
+        lines = [textwrap.fill(f"warning: {each}", 160) for each in subject.warnings]
+        figure.supxlabel("\n".join(lines), fontsize=8, color="tab:red", parse_math=False)
+    spots = f"contact: {last.area_percent:.3g} % of {last.pressure.size} nodes"
+    for name, drawn in zip(("heights", "spots"), maps_of(last, "heights", spots), strict=True):
+        draw_map(axes[name], drawn, letters)
+    _stretch(axes, _sides(last))
+    _draw_section(axes["section"], last)
+    if len(contacts) > 1:
+        _draw_law([axes[name] for name in ("area", "answer", "gap")], contacts, subject.load)
+    save(figure, picture)
+
+
+def _sides(contact: Contact) -> tuple[float, float]:
+    """Lengths along x and y [um]."""
+    (nx, ny), (dx, dy) = contact.pressure.shape, contact.problem.spacing
+    return dx * (nx - 1), dy * (ny - 1)
+
+
+def _panels(figure: Any, sides: tuple[float, float], *, law: bool) -> tuple[dict[str, Any], int]:
+    """Place the panels as the shape of the surface asks for.
+
+    Returns
+    -------
+    The axes by name, and how many letters a line of a map's title holds.
+    """
+    ratio = min(max(sides[1] / sides[0], 1 / SLIVER), SLIVER)
+    if ratio > OBLONG:
+        height = 9.5 if law else 6.0
+        column = 0.75 * height / ratio + 2.0  # the latter for the colours and their label
+        figure.set_size_inches(2 * column + SECTION, height)
+        left, right = figure.subfigures(1, 2, width_ratios=[2 * column, SECTION])
+        maps = left.subplots(1, 2)
+        others = np.atleast_1d(right.subplots(4 if law else 1, 1))
+        letters = int(10 * column)
+    else:
+        wide = ratio < 1 / OBLONG
+        map_height = (0.82 if wide else 0.34) * WIDTH * ratio + 1.1
+        heights = [2 * map_height if wide else map_height, 2.6, *([2.8] if law else [])]
+        figure.set_size_inches(WIDTH, sum(heights) + 0.8)
+        top, middle, *bottom = figure.subfigures(len(heights), 1, height_ratios=heights)
+        maps = top.subplots(2, 1) if wide else top.subplots(1, 2)
+        others = np.array([middle.subplots(), *(bottom[0].subplots(1, 3) if law else [])])
+        letters = 120 if wide else 56
+    names = ("heights", "spots", "section", "area", "answer", "gap")
+    return dict(zip(names, [*maps, *others], strict=False)), letters
+
+
+def _stretch(axes: dict[str, Any], sides: tuple[float, float]) -> None:
+    """Fill the panels with maps that would be slivers to scale."""
+    if max(sides) < SLIVER * min(sides):
+        return
+    for name in ("heights", "spots"):
+        axes[name].set_aspect("auto")
+        axes[name].set_title(
+            f"{axes[name].get_title(loc='left')}\nnot to scale", loc="left", fontsize=10
+        )
+
+
+def _title(contacts: Sequence[Contact], subject: Subject) -> str:
+    """File, load and material, in lines that fit."""
+    last = contacts[-1]
+    cells = last.pressure.size * math.prod(last.problem.spacing)
+    load = (
+        f"Δ = {last.delta:.4g} µm, force {_si(1e-6 * last.force, 'N')},"
+        f" mean pressure {_si(1e6 * last.force / cells, 'Pa')}"
+    )
+    if len(contacts) > 1:
+        load = f"last of {len(contacts)} loads: {load}"
+    material = f"E* = {_si(1e6 * last.problem.modulus, 'Pa')}"
+    if not subject.material:
+        material += ", no material given"
+    return f"{shortened(subject.name)}\n{load}; {material}"
+
+
+def _si(value: float, unit: str) -> str:
+    """Four digits of a number with the prefix that suits it."""
+    power = 0 if value == 0 else min(max(math.floor(math.log10(abs(value)) / 3), -4), 4)
+    prefix = ("p", "n", "µ", "m", "", "k", "M", "G", "T")[power + 4]
+    return f"{value / 1000.0**power:.4g} {prefix}{unit}"
+
+
+def section_line(contact: Contact) -> tuple[int, int]:
+    """Choose the line of nodes along which to draw a section.
+
+    It is the line that carries most force among those along the longer side, or if these have no
+    contact off the border, along the shorter one.
+
+    Returns
+    -------
+    The axis along which the line runs, and its index on the other axis.
+    """
+    sides = _sides(contact)
+    longer = 0 if sides[0] >= sides[1] else 1
+    for along in (longer, 1 - longer):
+        forces = contact.pressure.sum(axis=along)
+        margin = max(int(BORDER * forces.size), 1)
+        inner = forces[margin : forces.size - margin]
+        if inner.max(initial=0.0) > 0:
+            return along, margin + int(inner.argmax())
+    return longer, int(contact.pressure.sum(axis=longer).argmax())
+
+
+def _draw_section(axis: Any, contact: Contact) -> None:
+    """Both bodies along a line through the contact."""
+    along, place = section_line(contact)
+    line: tuple[Any, ...] = (slice(None), place) if along == 0 else (place, slice(None))
+    spacing = contact.problem.spacing
+    position = spacing[along] * np.arange(contact.pressure.shape[along])
+    # The half-space's surface rests at 0, the rough body comes down from above.
+    deformed = -contact.displacement[line]
+    rough = deformed + contact.gap[line]
+    margin = 0.08 * float(np.ptp([deformed.min(), deformed.max(), rough.max(), 0.0]))
+    top = max(float(rough.max()), 0.0) + margin
+    bottom = float(deformed.min()) - margin
+    axis.fill_between(position, rough, top, color="0.8", label="rough body")
+    axis.fill_between(position, bottom, deformed, color="tab:blue", alpha=0.4, label="half-space")
+    touching = np.ma.masked_where(contact.pressure[line] == 0, deformed)
+    axis.plot(position, touching, ".", ms=4, color="tab:red", label="in contact")
+    axis.axhline(0, color="k", lw=0.6, ls=":")
+    names = "xy"
+    where = f"section at {names[1 - along]} = {spacing[1 - along] * place:.4g} µm"
+    axis.set_title(where, loc="left", fontsize=10)
+    axis.set(xlabel=f"{names[along]} [µm]", ylabel="z [µm], stretched")
+    axis.set(xlim=(position[0], position[-1]), ylim=(bottom, top))
+    axis.legend(
+        loc="lower right",
+        bbox_to_anchor=(1, 1),
+        ncols=3,
+        fontsize="small",
+        frameon=False,
+        borderaxespad=0.1,
+        columnspacing=1.0,
+        handlelength=1.2,
+    )
+
+
+def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> None:
+    """Area, force or displacement, and mean gap against the load that was given."""
+    cells = contacts[0].pressure.size * math.prod(contacts[0].problem.spacing)
+    quantities = {
+        "delta": ([contact.delta for contact in contacts], "displacement Δ [µm]"),
+        "force": ([contact.force for contact in contacts], "normal force [µN]"),
+        "pressure": ([contact.force / cells for contact in contacts], "mean pressure [MPa]"),
+    }
+    given, label = quantities[load]
+    order = np.argsort(given)
+    loads = np.array(given)[order]
+    decades = bool(loads[0] > 0 and loads[-1] >= DECADES * loads[0])
+    answers = (
+        ([contact.area_percent for contact in contacts], "contact area [%]"),
+        quantities["force" if load == "delta" else "delta"],
+        ([contact.mean_gap for contact in contacts], "mean gap [µm]"),
+    )
+    for axis, (numbers, name), colour in zip(
+        axes, answers, ("tab:blue", "tab:orange", "tab:green"), strict=True
+    ):
+        _draw_curve(axis, loads, np.array(numbers)[order], decades=decades, color=colour)
+        axis.set(xlabel=label, ylabel=name)
+
+
+def _draw_curve(
+    axis: Any,
+    loads: NDArray[np.float64],
+    answers: NDArray[np.float64],
+    *,
+    decades: bool,
+    color: str,
+) -> None:
+    """Draw one quantity over the loads, from 0 on or over decades."""
+    axis.plot(loads, answers, ".-", color=color)
+    axis.grid(alpha=0.3)
+    if decades:
+        axis.set_xscale("log")
+    if decades and answers.min() > 0 and answers.max() >= 10 * answers.min():
+        axis.set_yscale("log")
+    else:
+        axis.set_ylim(0, 1.06 * float(answers.max()) or 1.0)
