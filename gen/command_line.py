@@ -22,7 +22,6 @@ EXTRAS = {
     "matplotlib": "plot",
     "pytest": "bench",
     "sklearn": "learn",
-    "skops": "learn",
     "SurfaceTopography": "instruments",
     "xgboost": "learn",
 }

@@ -36,6 +36,18 @@ TEXT = bytes({7, 8, 9, 10, 12, 13, 27} | set(range(32, 256)))
 """Bytes that texts are made of; nearly all other files have one of the rest at their beginning."""
 
 
+SURROGATE = b"asperity surrogate\n"
+"""How the files of surrogates begin; before format 3 they were zip archives."""
+
+SIGNATURES = {
+    b"\x89PNG\r\n": "picture",
+    b"%PDF-": "picture",
+    b"\x89HDF\r\n": "database",
+    SURROGATE: "surrogate",
+}
+"""How the files of other kinds begin, where all of a kind do."""
+
+
 class Output(NamedTuple):
     """A file that a command is going to write.
 
@@ -235,10 +247,11 @@ def kind_of(path: Path) -> str:
     """What a file holds, as far as its beginning tells; "" if it is empty."""
     with path.open("rb") as file:
         start = file.read(BEGINNING)
-    if start.startswith((b"\x89PNG\r\n", b"%PDF-")) or b"<svg" in start:
+    for signature, kind in SIGNATURES.items():
+        if start.startswith(signature):
+            return kind
+    if b"<svg" in start:
         return "picture"
-    if start.startswith(b"\x89HDF\r\n"):
-        return "database"
     if start.startswith(b"PK"):
         with suppress(OSError, zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
             names = archive.namelist()

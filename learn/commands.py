@@ -164,8 +164,6 @@ def predict(
 
     check_outputs([Output(output, "--output")], [file, *inputs])
     surrogate = Surrogate.load(file)
-    for remark in surrogate.remarks:
-        _say(f"warning: {remark}")
     question = Question(
         deltas=deltas_from(delta) if delta else None,
         e_star=modulus_from(young, poisson, e_star),

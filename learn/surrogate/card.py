@@ -9,6 +9,7 @@ import numpy as np
 
 from gen.errors import InputError
 from gen.scene import Scene
+from gen.terminal import printable
 from learn.comparison.folder import versions
 from learn.dataset import Dataset, Indices, modulus
 from learn.features import chosen
@@ -17,7 +18,6 @@ from learn.models import MODELS
 from learn.request import Request
 from learn.surrogate.conformal import coverage
 from learn.surrogate.learnt import Learnt
-from learn.surrogate.storage import printable
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -28,7 +28,7 @@ LEVELS = (0.5, 0.9, 0.95)
 """Intervals whose coverage is reported."""
 
 LICENCE = "BSD-3-Clause"
-LIBRARIES = ("asperity", "skops", "mapie")
+LIBRARIES = ("asperity", "mapie")
 
 
 def make(
@@ -141,7 +141,7 @@ def show(surrogate: "Surrogate") -> None:
     from gen.console import wide_console
 
     try:
-        texts = [*lines(surrogate), *(f"warning: {remark}" for remark in surrogate.remarks)]
+        texts = list(lines(surrogate))
         tables = [_scores(surrogate), _intervals(surrogate), _ranges(surrogate)]
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         fault = printable(f"{type(error).__name__}: {error}")

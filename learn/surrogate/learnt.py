@@ -1,5 +1,6 @@
 """One target's model: scaling, estimator, intervals; fast where scikit-learn is slow."""
 
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -7,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gen.errors import InputError
+from learn import memory
 from learn.models import STEP
-from learn.surrogate import storage
 from learn.surrogate.conformal import Calibration
 
 Values = NDArray[np.float64]
@@ -39,8 +41,9 @@ class Learnt:
 
     def raw(self, inputs: Values) -> Values:
         """Predict the target over its scale."""
-        found = [self._predict(part) for part in _parts(inputs)]
-        return self.mean + self.deviation * np.concatenate(found)
+        with np.errstate(over="ignore", invalid="ignore"):  # said by `predict_rows`, row by row
+            found = [self._predict(part) for part in _parts(inputs)]
+            return self.mean + self.deviation * np.concatenate(found)
 
     def _predict(self, inputs: Values) -> Values:
         """Predict some rows, kernel ridge without scikit-learn's checks of its training rows."""
@@ -72,9 +75,36 @@ class Learnt:
         if not hasattr(process, "log_marginal_likelihood"):
             return None
         if process.L_ is None:
-            process.L_ = storage.factor(process)
-        found = [self.pipeline.predict(part, return_std=True)[1] for part in _parts(inputs)]
+            process.L_ = _factor(process)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # variances below 0 by rounding become 0
+            found = [self.pipeline.predict(part, return_std=True)[1] for part in _parts(inputs)]
         return np.concatenate(found).reshape(-1) * self.deviation
+
+
+def _factor(process: Any) -> Values:
+    """Cholesky factor of a Gaussian process's kernel matrix, as its fit makes it.
+
+    Raises
+    ------
+    InputError
+        If it takes more memory than this machine has, or the matrix has none.
+    """
+    from scipy.linalg import LinAlgError, cholesky
+
+    rows = len(process.X_train_)
+    need, limit = 3 * 8 * rows**2, memory.available()  # distances, kernel, factor
+    if need > limit:
+        raise InputError(
+            f"deviations of a Gaussian process with {rows} rows need {need / 2**30:.1f} GiB, this"
+            f" machine has {limit / 2**30:.1f} to give"
+        )
+    kernel = process.kernel_(process.X_train_)
+    kernel[np.diag_indices_from(kernel)] += process.alpha
+    try:
+        return np.asarray(cholesky(kernel, lower=True, check_finite=False))
+    except LinAlgError as error:
+        raise InputError(f"the surrogate's Gaussian process is none: {error}") from None
 
 
 def _parts(inputs: Values) -> list[Values]:

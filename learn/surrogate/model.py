@@ -1,7 +1,7 @@
 """A surrogate: what was learnt, and what it says about a surface."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gen.errors import InputError
+from gen.terminal import printable
 from learn.features import FeatureSet, SurfaceFeatures, chosen
 from learn.features.sets import build, target_scale
 from learn.surrogate import packing, ranges, storage
@@ -33,37 +34,43 @@ class Surrogate:
     card : what it was made of and how good it is (`learn.surrogate.card`)
     learnt : models by the short name of their target
     low, high : (d,) training ranges of the features
-    remarks : what the libraries say about the file that it was loaded from
     """
 
     card: dict[str, Any]
     learnt: Mapping[str, Learnt]
     low: Values
     high: Values
-    remarks: tuple[str, ...] = ()
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
-        """Read a surrogate's file; nothing in it is run.
+        """Read a surrogate's file; nothing in it is run, and nothing is used unchecked.
 
         Raises
         ------
         InputError
-            If it is no surrogate.
+            If it is no surrogate, damaged, or not one that `learn fit` can have made.
         """
-        content, remarks = storage.load(Path(path))
+        card, parts = storage.load(Path(path))
         try:
-            card, learnt, low, high = packing.unpacked(content)
+            with np.errstate(all="ignore"):  # what is not finite then is refused
+                learnt, low, high = packing.unpacked(card, parts)
         except Exception as error:  # parts of any type stand where others belong
-            fault = storage.printable(" ".join(str(error).split())[:100])
-            raise InputError(f"{path}: is not whole ({type(error).__name__}: {fault})") from None
-        return cls(card, learnt, low, high, tuple(remarks))
+            fault = printable(" ".join(str(error).split())[:100])
+            raise InputError(f"{path}: is not whole ({fault}): fit it anew") from None
+        return cls(card, learnt, low, high)
 
     def save(self, path: Path | str) -> None:
-        """Write the one file that `load` reads; an older one is replaced by a whole one."""
-        with packing.lightened(self.learnt):
-            content = packing.packed(self.card, self.learnt, self.low, self.high)
-            storage.save(Path(path), content)
+        """Write the one file that `load` reads; an older one is replaced by a whole one.
+
+        Raises
+        ------
+        InputError
+            If it cannot be written.
+        ValueError
+            If a model has settings that `learn fit` never gives.
+        """
+        parts = packing.packed(self.card, self.learnt, self.low, self.high)
+        storage.save(Path(path), self.card, parts)
 
     @property
     def features(self) -> FeatureSet:
@@ -170,14 +177,14 @@ class Surrogate:
         rows : from `of_statistics` or `OnSurface.rows`
         e_star, level : see `predict`
         std : True for the standard deviations of Gaussian processes
-        reasons : False to leave out what lies outside the training ranges
+        reasons : False to leave out what lies outside the training ranges; a prediction that is not
+            finite always has a reason
         """
         if e_star is not None and not 0 < e_star < np.inf:
             raise InputError(f"E* {e_star:g}: give a modulus above 0 MPa")
         ratio = 1.0 if e_star is None else e_star / self.modulus
-        found = Prediction(
-            rows.delta, {}, reasons=self.reasons(rows) if reasons else ("",) * len(rows.delta)
-        )
+        said = self.reasons(rows) if reasons else ("",) * len(rows.delta)
+        found = Prediction(rows.delta, {})
         for name, learnt in self.learnt.items():
             scale = target_scale(
                 self.features, learnt.column, rows.statistics, rows.delta, rows.length, self.modulus
@@ -186,6 +193,7 @@ class Surrogate:
                 scale = scale * ratio
             ceiling = CEILING.get(learnt.column, np.inf)
             raw = learnt.raw(rows.inputs)
+            said = ranges.with_undefined(said, name, raw * scale)
             found.values[name] = np.clip(raw * scale, 0.0, ceiling)
             if level is not None:
                 half = learnt.calibration.half_width(raw, level)
@@ -194,7 +202,7 @@ class Surrogate:
             spread = learnt.spread(rows.inputs) if std else None
             if spread is not None:
                 found.std[name] = spread * scale
-        return found
+        return replace(found, reasons=said)
 
     def reasons(self, rows: Rows) -> tuple[str, ...]:
         """Say for each row what lies outside the training, "" if nothing does."""

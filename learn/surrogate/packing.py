@@ -1,37 +1,36 @@
-"""A surrogate as what its file holds: numbers, texts, arrays, pipelines; checked on return."""
+"""A surrogate as what its file holds: a card and numbers; all of them checked on return."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.features import chosen
-from learn.models import STEP
-from learn.surrogate import storage
+from learn.surrogate import agreement
 from learn.surrogate.conformal import Calibration
+from learn.surrogate.estimators import put_together, taken_apart
 from learn.surrogate.learnt import Learnt
+from learn.surrogate.parts import Part, mapping, number, numbers, positive, sequence
 
 Values = NDArray[np.float64]
-
-CARD_NUMBERS = ("nodes", "side", "spacing", "modulus")
-"""Of the card, what predictions need."""
 
 
 def packed(
     card: Mapping[str, Any], learnt: Mapping[str, Learnt], low: Values, high: Values
 ) -> dict[str, Any]:
-    """Take a surrogate apart."""
+    """Take a surrogate's models apart.
+
+    Raises
+    ------
+    ValueError
+        If a model is of another kind than the card says, or has settings that are not kept.
+    """
     return {
-        "card": card,
         "low": low,
         "high": high,
         "targets": {
             name: {
-                "column": each.column,
-                "unit": each.unit,
-                "pipeline": each.pipeline,
+                **taken_apart(card["model"], each.pipeline),
                 "mean": each.mean,
                 "deviation": each.deviation,
                 "borders": each.calibration.borders,
@@ -42,57 +41,41 @@ def packed(
     }
 
 
-@contextmanager
-def lightened(learnt: Mapping[str, Learnt]) -> Iterator[None]:
-    """Leave out of Gaussian processes what can be computed again, as long as they are written."""
-    factors = {}
-    for name, each in learnt.items():
-        process = each.pipeline.named_steps[STEP]
-        if hasattr(process, "L_"):
-            factors[name] = storage.without_factor(process)
-    try:
-        yield
-    finally:
-        for name, kept in factors.items():
-            learnt[name].pipeline.named_steps[STEP].L_ = kept
-
-
-def unpacked(
-    content: Mapping[str, Any],
-) -> tuple[dict[str, Any], dict[str, Learnt], Values, Values]:
-    """Put a surrogate's parts together: card, models, lowest and highest features.
+def unpacked(card: dict[str, Any], parts: Part) -> tuple[dict[str, Learnt], Values, Values]:
+    """Put a surrogate's parts together: models, lowest and highest features.
 
     Raises
     ------
-    Exception
-        Nearly any, where the parts are not what `packed` makes or do not belong together.
+    ValueError
+        If card or parts are not what `packed` makes, or do not belong together.
     """
-    card, low, high = content["card"], content["low"], content["high"]
-    learnt = {
-        str(name): Learnt(
-            column=str(each["column"]),
-            unit=str(each["unit"]),
-            pipeline=each["pipeline"],
-            mean=float(each["mean"]),
-            deviation=float(each["deviation"]),
-            calibration=Calibration(each["borders"], tuple(each["scores"])),
-        )
-        for name, each in content["targets"].items()
-    }
-    _check(card, learnt, low, high)
-    return card, learnt, low, high
+    features = agreement.check_card(card)
+    width = len(features.columns)
+    low, high = numbers(parts, "low", width), numbers(parts, "high", width)
+    targets = mapping(parts, "targets")
+    if (low > high).any() or targets.keys() != card["targets"].keys():
+        raise ValueError("card and models do not belong together")
+    learnt = {name: _learnt(card, name, mapping(targets, name), width) for name in targets}
+    agreement.check_models(card, learnt, low, high)
+    return learnt, low, high
 
 
-def _check(card: Mapping[str, Any], learnt: Mapping[str, Learnt], low: Any, high: Any) -> None:
-    """Refuse parts that do not belong together."""
-    width = len(chosen(str(card["features"])).columns)
-    if low.shape != (width,) or high.shape != (width,):
-        raise ValueError(f"{width} features have ranges of {low.shape}")
-    for each in learnt.values():
-        if int(each.pipeline.named_steps[STEP].n_features_in_) != width:
-            raise ValueError(f"the model of {each.column} has other inputs")
-    if not learnt:
-        raise ValueError("no target")
-    for name in CARD_NUMBERS:
-        if not 0 < float(card[name]) < np.inf:
-            raise ValueError(f"{name} is {card[name]}")
+def _learnt(card: Mapping[str, Any], name: str, part: Part, width: int) -> Learnt:
+    """One target's model."""
+    about = card["targets"][name]
+    borders = numbers(part, "borders", None)
+    scores = [
+        numbers({"scores": each}, "scores", None)
+        for each in sequence(part, "scores", borders.size + 1)
+    ]
+    rising = [borders, *scores]
+    if any((np.diff(each) < 0).any() for each in rising) or any((s < 0).any() for s in scores):
+        raise ValueError("the intervals' scores are not in order")
+    return Learnt(
+        column=about["column"],
+        unit=about["unit"],
+        pipeline=put_together(card["model"], card["normalisation"], part, width),
+        mean=number(part, "mean"),
+        deviation=positive(part, "deviation"),
+        calibration=Calibration(borders, tuple(scores)),
+    )

@@ -37,6 +37,25 @@ def reasons(columns: tuple[str, ...], low: Values, high: Values, rows: Rows) -> 
     return tuple(found)
 
 
+def with_undefined(reasons: tuple[str, ...], target: str, values: Values) -> tuple[str, ...]:
+    """Add to the reasons of rows whose prediction is not finite that it is none.
+
+    Parameters
+    ----------
+    reasons : n texts
+    target : its name
+    values : (n,) predictions
+    """
+    undefined = ~np.isfinite(values)
+    if not undefined.any():
+        return reasons
+    said = f"the surrogate has no finite {target}"
+    return tuple(
+        "; ".join(filter(None, (said, reason))) if bad else reason
+        for reason, bad in zip(reasons, undefined, strict=True)
+    )
+
+
 def grid_note(
     card: Mapping[str, Any],
     features: FeatureSet,

@@ -1,138 +1,166 @@
-"""One file per surrogate, loaded without running code from it.
+"""One file per surrogate: a checksum, one text, and numbers; nothing in it names code or types.
 
-skops writes a zip archive of JSON and arrays; what it names is built only if its type is on a list:
-skops' own of safe types, and the one below, reviewed by hand. A file that names anything else is
-refused before anything of it is built.
+    asperity surrogate
+    format 3
+    sha256 of all that follows, in hexadecimal digits
+    length of the text, 8 bytes, little endian
+    text: JSON with the card, the parts of the models, type and shape of every array
+    arrays, in their order, each from a multiple of 8 bytes on
+
+The checksum finds damage. It is no protection against somebody who writes such a file on purpose:
+what the parts are is checked by `learn.surrogate.packing`. No part is larger in memory than in the
+file.
 """
 
-import warnings
+import hashlib
+import json
+import math
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gen.errors import InputError
 from gen.input_file import require_file
-from gen.output import whole
+from gen.output import SURROGATE, whole
+from gen.terminal import printable
 
-FORMAT = 2
-KIND = "asperity surrogate"
+FORMAT = 3
+HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")
+OLDER = b"PK"
+"""How the files of formats 1 and 2 begin: zip archives."""
 
-REVIEWED = (
-    # Ours: arrays and numbers, fit and predict.
-    "learn.kernel_ridge.SafeKernelRidge",
-    # Node arrays of trees, checked by scikit-learn's __setstate__.
-    "sklearn.tree._tree.Tree",
-    # Kernels are numbers and bounds; the operators hold two kernels.
-    "sklearn.gaussian_process.kernels.RBF",
-    "sklearn.gaussian_process.kernels.ConstantKernel",
-    "sklearn.gaussian_process.kernels.WhiteKernel",
-    "sklearn.gaussian_process.kernels.Product",
-    "sklearn.gaussian_process.kernels.Sum",
-    "sklearn.gaussian_process.kernels.DotProduct",
-    # The optimiser's state that a perceptron keeps: arrays and numbers.
-    "sklearn.neural_network._stochastic_optimizers.AdamOptimizer",
-    "sklearn.neural_network._stochastic_optimizers.SGDOptimizer",
-    # XGBoost's model, in its own format, read by its own reader.
-    "xgboost.core.Booster",
-    "xgboost.sklearn.XGBRegressor",
-)
-"""Types beyond skops' own that a surrogate may hold: none of them runs anything while it loads."""
+KINDS = ("<f8", "<f4", "<i4")
+"""Types of the arrays: double and single precision, whole numbers."""
+
+STEP = 8
+"""Arrays begin at multiples of this many bytes."""
+
+LONGEST_TEXT = 2**24
+"""Bytes of the text at most: a card has some thousands."""
+
+ARRAY = "array"
+"""Key of what stands in the text for an array: its number."""
 
 
-def save(path: Path, content: dict[str, Any]) -> None:
-    """Write a surrogate's content beside its place, then rename.
+def save(path: Path, card: dict[str, Any], parts: dict[str, Any]) -> None:
+    """Write a surrogate, whole or not at all.
+
+    Parameters
+    ----------
+    path : an older file is replaced by a whole one
+    card : texts, numbers, lists and dictionaries
+    parts : the same, and arrays of the types of `KINDS`
 
     Raises
     ------
     InputError
         If it cannot be written.
     """
-    io = _skops()
+    arrays: list[NDArray[Any]] = []
+    content = {"card": card, "parts": _without_arrays(parts, arrays)}
+    text = json.dumps(content | {"arrays": [(each.dtype.str, each.shape) for each in arrays]})
+    encoded = _padded(text.encode(), b" ")
+    body = len(encoded).to_bytes(8, "little") + encoded
+    body += b"".join(_padded(each.tobytes(), b"\0") for each in arrays)
+    digest = hashlib.sha256(body).hexdigest()
     with whole(path, "surrogate") as file:
-        io.dump({"kind": KIND, "format": FORMAT, **content}, file)
+        file.write(SURROGATE + f"format {FORMAT}\nsha256 {digest}\n".encode())
+        file.write(body)
 
 
-def load(path: Path) -> tuple[dict[str, Any], list[str]]:
-    """Read a surrogate's content.
+def _padded(data: bytes, filler: bytes) -> bytes:
+    return data + filler * (-len(data) % STEP)
 
-    Returns
-    -------
-    The content, and what its libraries say about it, a line each
+
+def _without_arrays(part: Any, arrays: list[NDArray[Any]]) -> Any:
+    """Replace the arrays of a part by their numbers, and collect them."""
+    if isinstance(part, dict):
+        return {name: _without_arrays(each, arrays) for name, each in part.items()}
+    if isinstance(part, list):
+        return [_without_arrays(each, arrays) for each in part]
+    if not isinstance(part, np.ndarray):
+        return part
+    kind = part.dtype.newbyteorder("<")
+    if kind.str not in KINDS:
+        raise TypeError(f"arrays of {part.dtype} are not kept")
+    arrays.append(part.astype(kind, copy=False))
+    return {ARRAY: len(arrays) - 1}
+
+
+def load(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Read a surrogate's card and parts; what they hold is not looked at.
 
     Raises
     ------
     InputError
-        If it is no surrogate, of another format, damaged, or names types that are not on the lists.
+        If it is no surrogate, of another format, or damaged.
     """
-    io = _skops()
     try:
         data = require_file(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        try:
-            _check_types(path, io.get_untrusted_types(data=data))
-            content = io.loads(data, trusted=list(REVIEWED))
-        except InputError:
-            raise
-        except Exception as error:  # a damaged file makes its readers raise nearly anything
-            fault = printable(" ".join(str(error).split())[:100])
-            from gen.database import is_database
-
-            if is_database(path):
-                fault = "it is a database: python -m learn fit makes a surrogate of it"
-                raise InputError(f"{path}: is no surrogate; {fault}") from None
-            raise InputError(
-                f"{path}: is no surrogate that could be read ({type(error).__name__}: {fault})"
-            ) from None
-    if not isinstance(content, dict) or content.get("kind") != KIND:
-        raise InputError(f"{path}: is no surrogate: make one with python -m learn fit")
-    if content.get("format") != FORMAT:
+    head = HEAD.match(data)
+    if head is None or int(head[1]) != FORMAT:
+        raise InputError(f"{path}: {_stranger(path, data, head)}")
+    body = memoryview(data)[head.end() :]
+    if hashlib.sha256(body).hexdigest() != head[2].decode():
         raise InputError(
-            f"{path}: has format {content.get('format')!r}, this version reads {FORMAT}: fit it"
-            " anew"
+            f"{path}: is damaged: its checksum is not that of its content; restore it from a copy"
+            " or fit it anew"
         )
-    said = dict.fromkeys(printable(" ".join(str(each.message).split())) for each in caught)
-    return content, list(said)
-
-
-def _check_types(path: Path, named: list[str]) -> None:
-    """Refuse a file that names a type that is on no list."""
-    foreign = sorted(set(named) - set(REVIEWED))
-    if foreign:
-        shown = ", ".join(foreign[:3]) + (" ..." if len(foreign) > 3 else "")
-        raise InputError(
-            f"{path}: holds {printable(shown)}, which no surrogate needs: refused, nothing of it"
-            " was loaded"
-        )
-
-
-def without_factor(process: Any) -> Any:
-    """Take the Cholesky factor out of a Gaussian process: n^2 numbers that `factor` makes again."""
-    kept = process.L_
-    process.L_ = None
-    return kept
-
-
-def factor(process: Any) -> Any:
-    """Cholesky factor of a Gaussian process's kernel matrix, as its fit makes it."""
-    from scipy.linalg import cholesky
-
-    kernel = process.kernel_(process.X_train_)
-    kernel[np.diag_indices_from(kernel)] += process.alpha
-    return cholesky(kernel, lower=True, check_finite=False)
-
-
-def _skops() -> Any:
     try:
-        import skops.io
-    except ImportError:
-        raise InputError("skops is not installed: pip install 'asperity[learn]'") from None
-    return skops.io
+        return _read(body)
+    except (ValueError, TypeError, KeyError, IndexError, RecursionError, MemoryError) as error:
+        fault = printable(f"{type(error).__name__}: {error}"[:100])
+        raise InputError(f"{path}: is no surrogate that could be read ({fault})") from None
 
 
-def printable(text: str) -> str:
-    """Nothing in a file may drive a terminal."""
-    return "".join(character if character.isprintable() else "?" for character in text)
+def _stranger(path: Path, data: bytes, head: re.Match[bytes] | None) -> str:
+    """Say what a file is that is no surrogate of this format."""
+    from gen.database import is_database
+
+    if head is not None:
+        return f"has format {int(head[1])}, this version reads {FORMAT}: fit it anew"
+    if data.startswith(OLDER):
+        return f"is no surrogate of format {FORMAT}, which this version reads: fit it anew"
+    if is_database(path):
+        return "is no surrogate; it is a database: python -m learn fit makes a surrogate of it"
+    return "is no surrogate: make one with python -m learn fit"
+
+
+def _read(body: memoryview) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Take what follows the checksum apart; anything may be raised where it is not whole."""
+    length = int.from_bytes(body[:8], "little")
+    if length > min(LONGEST_TEXT, len(body) - 8):
+        raise ValueError(f"a text of {length} bytes")
+    text = json.loads(bytes(body[8 : 8 + length]))
+    arrays, start = [], 8 + length
+    for kind, shape in text["arrays"]:
+        if kind not in KINDS or not all(type(size) is int and size >= 0 for size in shape):
+            raise ValueError(f"an array of type {kind} and shape {shape}")
+        stop = start + math.prod(shape) * np.dtype(kind).itemsize
+        if stop > len(body):
+            raise ValueError(f"an array of shape {shape} in {len(body) - start} bytes")
+        flat = np.frombuffer(body[start:stop], dtype=kind)
+        arrays.append(flat.reshape(shape).astype(np.dtype(kind).newbyteorder("=")))
+        start = stop + -stop % STEP
+    if start != len(body):
+        raise ValueError(f"{len(body) - start} bytes too many")
+    card, parts = text["card"], _with_arrays(text["parts"], arrays)
+    if not isinstance(card, dict) or not isinstance(parts, dict):
+        raise TypeError("no card or no models")
+    return card, parts
+
+
+def _with_arrays(part: Any, arrays: list[NDArray[Any]]) -> Any:
+    """Put the arrays of a part back to their places."""
+    if isinstance(part, dict):
+        if part.keys() == {ARRAY}:
+            return arrays[part[ARRAY]]
+        return {name: _with_arrays(each, arrays) for name, each in part.items()}
+    if isinstance(part, list):
+        return [_with_arrays(each, arrays) for each in part]
+    return part

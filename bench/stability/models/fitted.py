@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from bench.stability.models.samples import CALIBRATING, NODES, SEEN, Values, scene
 from learn.comparison.spaces import baseline, untuned
-from learn.dataset import Dataset, remarks
+from learn.dataset import Dataset, remarks, short_name
+from learn.features import chosen
 from learn.models import STEP
 from learn.request import Request
-from learn.surrogate import Surrogate
+from learn.surrogate import Surrogate, card
 from learn.surrogate.fitting import Fit, fit_target
 from learn.surrogate.prediction import Rows
 from learn.surrogate.settings import Settings
@@ -124,15 +125,15 @@ def fitted(
         Path("out"),
         models=(name,),
         features=rows.features,
-        normalisation="standard" if rows.features != "paper" else "l2",
+        normalisation=chosen(rows.features).normalisation,
     )
     values = baseline(name, rows.features)
     if way == "tuned":
         values = untuned(name, rows.features)[1] | FEWER.get(name, {})
-    chosen = Settings({**values, **(settings or {})}, way == "tuned", way)
+    wanted = Settings({**values, **(settings or {})}, way == "tuned", way)
     folds = np.zeros(train.size, np.int8)
-    fit = fit_target(request, train, calibration, folds, settings=chosen)
-    card = {
+    fit = fit_target(request, train, calibration, folds, settings=wanted)
+    known = {
         "features": rows.features,
         "nodes": NODES,
         "side": scene().surface.side,
@@ -140,7 +141,7 @@ def fitted(
         "modulus": 1.0,
     }
     low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
-    surrogate = Surrogate(card, {"target": fit.learnt}, low, high)
+    surrogate = Surrogate(known, {"target": fit.learnt}, low, high)
     return Asked(name, way, fit, surrogate, train, test)
 
 
@@ -151,11 +152,30 @@ def rows_of(rows: Dataset) -> Rows:
 
 
 def loaded(asked: Asked) -> Surrogate:
-    """The surrogate after it was written and read."""
+    """The surrogate after it was written, with the card of a whole one, and read."""
+    name, learnt = short_name(asked.train.target_name), asked.fit.learnt
+    request = Request(
+        Path("rows.h5"),
+        Path("out"),
+        targets=(name,),
+        models=(asked.name,),
+        features=asked.train.features,
+        normalisation=chosen(asked.train.features).normalisation,
+    )
+    calibrated = sum(scores.size for scores in learnt.calibration.scores)
+    parts = np.arange(asked.train.rows.size), np.arange(calibrated), np.arange(0)
+    judged = card.judge(learnt, asked.test, np.arange(asked.test.rows.size)) | {
+        "settings": {},
+        "settings_from": asked.way,
+        "remarks": list(asked.remarks),
+    }
+    whole = card.make(request, asked.train, parts, {name: judged})
+    own = asked.surrogate
     with TemporaryDirectory() as folder, warnings.catch_warnings():
         path = Path(folder) / "model.surrogate"
-        asked.surrogate.save(path)
-        return Surrogate.load(path)
+        Surrogate(whole, {name: learnt}, own.low, own.high).save(path)
+        read = Surrogate.load(path)
+    return replace(read, learnt={"target": read.learnt[name]})
 
 
 def unlike(first: NDArray[Any], second: NDArray[Any]) -> int:

@@ -76,7 +76,11 @@ def ordinary(features: str = "paper", target: str = "area_percent") -> Dataset:
         target_name=target,
         unit="%" if target == "area_percent" else "uN",
         dropped={},
-        source={"database": "the cases' rows", "scene": scene().text()},
+        source={
+            "database": "the cases' rows",
+            "database_sha256": "",
+            "scene": scene().text(),
+        },
         described=described,
         scale=scale,
         features=features,

@@ -1,0 +1,171 @@
+"""Whether a surrogate's card is whole, and says of its models what they are.
+
+Somebody who writes a file on purpose can make card and models agree on a lie.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.scene import Scene
+from gen.schema import COLUMNS
+from learn.dataset import TARGETS, modulus
+from learn.features import FeatureSet, chosen
+from learn.models import MODELS, NORMALISATIONS, STEP
+from learn.surrogate.learnt import Learnt
+from learn.surrogate.parts import (
+    Part,
+    count,
+    mapping,
+    number,
+    positive,
+    sequence,
+    text,
+)
+
+Values = NDArray[np.float64]
+
+ROUNDING = 1e-6
+"""By which numbers may differ that are computed from the same rows."""
+
+TEXTS = ("title", "database", "database_sha256", "licence", "made")
+SCORES = ("nmse", "nmae", "nmaxe", "r2")
+UNITS = {column.name: column.unit for column in COLUMNS}
+
+
+def check_card(card: Part) -> FeatureSet:
+    """Refuse a card that lacks something, or contradicts itself or its scene.
+
+    Returns
+    -------
+    The feature set that it names
+
+    Raises
+    ------
+    ValueError
+        It names what is wrong.
+    """
+    for name in TEXTS:
+        text(card, name)
+    text(card, "model", MODELS)
+    text(card, "normalisation", NORMALISATIONS)
+    features = chosen(text(card, "features"))
+    columns = [list(pair) for pair in zip(features.columns, features.units, strict=True)]
+    if card.get("columns") != columns:
+        raise ValueError(f"columns are not those of {features.name} features")
+    _check_scene(card)
+    low, high = (number({"delta": end}, "delta") for end in sequence(card, "delta", 2))
+    if not 0 < low <= high:
+        raise ValueError(f"delta is {low} to {high}")
+    if card.get("area_max") is not None:
+        number(card, "area_max", 0.0, 100.0)
+    count(card, "seed")
+    rows = mapping(card, "rows")
+    for name in ("train", "calibration", "test"):
+        count(rows, name)
+    for name in mapping(rows, "left_out"):
+        count(rows["left_out"], name)
+    for name in mapping(card, "versions"):
+        text(card["versions"], name)
+    targets = mapping(card, "targets")
+    if not targets:
+        raise ValueError("there is no target")
+    for name in targets:
+        _check_target(name, mapping(targets, name))
+    return features
+
+
+def _check_scene(card: Part) -> None:
+    """Compare what predictions take from the card with the scene that it stands for."""
+    scene = Scene.from_text(text(card, "scene"), "the card's scene")
+    own = {
+        "nodes": scene.surface.nodes,
+        "side": scene.surface.side,
+        "spacing": scene.spacing,
+        "modulus": modulus(scene),
+    }
+    for name, wanted in own.items():
+        if not np.isclose(positive(card, name), wanted, rtol=1e-12, atol=0):
+            raise ValueError(f"{name} is {card[name]}, {wanted} in the scene")
+
+
+def _check_target(name: str, target: Part) -> None:
+    column = TARGETS.get(name, name)
+    if column not in UNITS or (target.get("column"), target.get("unit")) != (column, UNITS[column]):
+        raise ValueError(f"{name} is no target, or of another column or unit")
+    low, high = (number({"range": end}, "range") for end in sequence(target, "range", 2))
+    if low > high:
+        raise ValueError(f"range is {low} to {high}")
+    for score in SCORES:
+        _any_number(mapping(target, "scores"), score)
+    for interval in sequence(target, "intervals"):
+        number(interval, "level", 0.0, 1.0)
+        number(interval, "coverage", 0.0, 1.0)
+        _any_number(interval, "mean_width")
+    count(target, "ranges_of_prediction", 1)
+    text(target, "settings_from")
+    for setting in mapping(target, "settings"):
+        text(target["settings"], setting)
+    for remark in sequence(target, "remarks"):
+        text({"remarks": remark}, "remarks")
+
+
+def _any_number(part: Part, name: str) -> None:
+    """A number that is shown and not used: infinite intervals have infinite widths."""
+    if not isinstance(part, dict) or type(part.get(name)) not in {int, float}:
+        raise ValueError(f"{name} is no number")
+
+
+def check_models(
+    card: Mapping[str, Any], learnt: Mapping[str, Learnt], low: Values, high: Values
+) -> None:
+    """Refuse models that were not fitted and calibrated to the rows that the card counts.
+
+    Parameters
+    ----------
+    card : from `check_card`
+    learnt : models by target
+    low, high : (d,) training ranges of the features
+
+    Raises
+    ------
+    ValueError
+        It names what is wrong.
+    """
+    rows = card["rows"]
+    for name, each in learnt.items():
+        scored = sum(scores.size for scores in each.calibration.scores)
+        ranges = len(each.calibration.scores)
+        if (scored, ranges) != (rows["calibration"], card["targets"][name]["ranges_of_prediction"]):
+            raise ValueError(f"{name} has intervals from {scored} rows in {ranges} ranges")
+        estimator = each.pipeline.named_steps[STEP]
+        kept = getattr(estimator, "X_fit_", getattr(estimator, "X_train_", None))
+        if kept is not None and len(kept) != rows["train"]:
+            raise ValueError(f"{name} has a model of {len(kept)} rows")
+        if len(getattr(estimator, "support_", ())) > rows["train"]:
+            raise ValueError(f"{name} has more support vectors than rows")
+        _check_scaling(each.pipeline.steps[0][1], rows["train"], low, high)
+
+
+def _check_scaling(scaling: Any, rows: int, low: Values, high: Values) -> None:
+    """Refuse scalings that rows between these ends cannot have."""
+    size = np.maximum(np.abs(low), np.abs(high))
+    constant = high - low <= ROUNDING * size  # scikit-learn then divides by 1
+    if hasattr(scaling, "mean_"):
+        inside = (scaling.mean_ >= low - ROUNDING * size) & (
+            scaling.mean_ <= high + ROUNDING * size
+        )
+        spread = (high - low) * (1 + ROUNDING)
+        least = (high - low) * (1 - ROUNDING) / np.sqrt(2 * max(rows, 1))
+        fits = (scaling.scale_ <= spread) & (scaling.scale_ >= least)
+        fits |= constant & (scaling.scale_ <= np.maximum(1.0, ROUNDING * size))
+        if not (inside & fits).all():
+            raise ValueError("the scaling is not that of the training ranges")
+    elif hasattr(scaling, "min_"):
+        first, last = (end * scaling.scale_ + scaling.min_ for end in (low, high))
+        near = ROUNDING * (1 + np.abs(scaling.min_))
+        fits = (np.abs(first) <= near) & (np.abs(last - 1) <= near)
+        if not (fits | constant).all():
+            raise ValueError("the scaling is not that of the training ranges")

@@ -1,0 +1,128 @@
+"""Parts of a surrogate's file, each refused unless it is what it has to be.
+
+Nothing reaches a library before it went through here: compiled code trusts sizes and indices.
+"""
+
+import math
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Part = Mapping[str, Any]
+Values = NDArray[np.float64]
+Whole = NDArray[np.int32]
+
+
+def _of(part: Any, name: str) -> Any:
+    """What a part holds by this name, None if it is no part at all."""
+    return part.get(name) if isinstance(part, dict) else None
+
+
+def array(part: Part, name: str, kind: str, *shape: int | None) -> NDArray[Any]:
+    """An array of a type and shape, finite.
+
+    Parameters
+    ----------
+    part : with the array
+    name : its name
+    kind : its type, as numpy writes it
+    shape : its sizes, None for any
+
+    Raises
+    ------
+    ValueError
+        If it is missing or another; it names the array.
+    """
+    found = _of(part, name)
+    if not isinstance(found, np.ndarray) or found.dtype != np.dtype(kind):
+        raise ValueError(f"{name} is no array of {kind}")
+    same = [wanted in {None, size} for wanted, size in zip(shape, found.shape, strict=False)]
+    if len(shape) != found.ndim or not all(same):
+        raise ValueError(f"{name} has the shape {found.shape}")
+    if not np.isfinite(found).all():
+        raise ValueError(f"{name} is not finite")
+    return found
+
+
+def numbers(part: Part, name: str, *shape: int | None) -> Values:
+    """An array of finite numbers of double precision; see `array`."""
+    return array(part, name, "f8", *shape)
+
+
+def whole(part: Part, name: str, *shape: int | None) -> Whole:
+    """An array of whole numbers; see `array`."""
+    return array(part, name, "i4", *shape)
+
+
+def number(part: Part, name: str, low: float = -math.inf, high: float = math.inf) -> float:
+    """A finite number within bounds.
+
+    Raises
+    ------
+    ValueError
+        If it is missing or another.
+    """
+    found = _of(part, name)
+    if type(found) not in {int, float} or not math.isfinite(found) or not low <= found <= high:
+        raise ValueError(f"{name} is {str(found)[:40]}")
+    return float(found)
+
+
+def count(part: Part, name: str, low: int = 0, high: int = 2**53) -> int:
+    """A whole number within bounds; see `number`."""
+    found = number(part, name, low, high)
+    if type(part[name]) is not int:
+        raise ValueError(f"{name} is {found}")
+    return int(part[name])
+
+
+def positive(part: Part, name: str) -> float:
+    """A finite number above 0; see `number`."""
+    found = number(part, name, 0.0)
+    if not found:
+        raise ValueError(f"{name} is 0")
+    return found
+
+
+def text(part: Part, name: str, allowed: Collection[str] | None = None) -> str:
+    """A text, one of those that are allowed.
+
+    Raises
+    ------
+    ValueError
+        If it is missing or another.
+    """
+    found = _of(part, name)
+    if not isinstance(found, str) or (allowed is not None and found not in allowed):
+        raise ValueError(f"{name} is {str(found)[:40]!r}")
+    return found
+
+
+def mapping(part: Part, name: str) -> Part:
+    """A dictionary.
+
+    Raises
+    ------
+    ValueError
+        If it is missing or no dictionary.
+    """
+    found = _of(part, name)
+    if isinstance(found, dict):
+        return found
+    raise ValueError(f"{name} is missing")
+
+
+def sequence(part: Part, name: str, size: int | None = None) -> list[Any]:
+    """A list, perhaps of a size.
+
+    Raises
+    ------
+    ValueError
+        If it is missing, no list, or of another size.
+    """
+    found = _of(part, name)
+    if not isinstance(found, list) or size not in {None, len(found)}:
+        raise ValueError(f"{name} is no list of {'any' if size is None else size} entries")
+    return found
