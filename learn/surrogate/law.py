@@ -106,10 +106,10 @@ def make(surrogate: Surrogate | None, order: Order, say: Callable[[str], None]) 
     if deltas is None and (pressures is None or not order.solver):
         deltas = _usual_deltas(surrogate, subjects)
     if order.solver:
-        over_delta, over_pressure = solved_law.tables(
-            subjects.surfaces, deltas, pressures, order.level, e_star
+        material = order.e_star is not None
+        over_delta, over_pressure, notes = solved_law.tables(
+            subjects.surfaces, deltas, pressures, order.level, e_star, material=material
         )
-        notes: list[str] = []
         how = "solved contact by contact"
     else:
         assert surrogate is not None

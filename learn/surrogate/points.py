@@ -1,15 +1,21 @@
 """Points of one surface's contact law: predicted, or solved at the loads that were asked for."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.single import solve_loads
+from gen.single import solve_loads, warnings_about
 from gen.topography import Topography
 from learn.surrogate.model import OnSurface
 from learn.surrogate.subjects import Subject
+
+if TYPE_CHECKING:
+    from bem import Contact
 
 Values = NDArray[np.float64]
 
@@ -24,6 +30,7 @@ class Points:
     low, high : (k,) ends of the intervals by name; a name without intervals is left out
     reasons : k texts: why a load is unknown ground, "" where it is not
     endless : k texts: why an interval's ends are not known although the ground is, or none at all
+    warnings : what to know before trusting solved contacts of this surface
     """
 
     values: dict[str, Values]
@@ -31,8 +38,9 @@ class Points:
     high: dict[str, Values] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
     endless: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
-    def chosen(self, places: NDArray[np.bool_] | NDArray[np.int64]) -> "Points":
+    def chosen(self, places: NDArray[np.bool_] | NDArray[np.int64]) -> Points:
         """Some of the loads."""
 
         def some(part: dict[str, Values]) -> dict[str, Values]:
@@ -41,7 +49,7 @@ class Points:
         reasons = tuple(np.array(self.reasons, dtype=object)[places])
         return Points(some(self.values), some(self.low), some(self.high), reasons)
 
-    def joined(self, more: "Points") -> "Points":
+    def joined(self, more: Points) -> Points:
         """These loads, then others."""
 
         def both(one: dict[str, Values], other: dict[str, Values]) -> dict[str, Values]:
@@ -54,7 +62,7 @@ class Points:
             self.reasons + more.reasons,
         )
 
-    def from_rest(self, subject: Subject) -> "Points":
+    def from_rest(self, subject: Subject) -> Points:
         """First touch at Delta = 0, where all is known, then these loads."""
         rest = {name: np.zeros(1) for name in self.values}
         rest["mean_gap_um"] = np.array([subject.gap_at_rest])
@@ -93,7 +101,9 @@ def predicted(
     return Points({"delta_um": deltas, **values}, low, high, answer.reasons)
 
 
-def solved(subject: Subject, load: str, loads: Sequence[float], e_star: float) -> Points:
+def solved(
+    subject: Subject, load: str, loads: Sequence[float], e_star: float, *, material: bool
+) -> Points:
     """One surface's law from the solver, at the loads themselves; without intervals.
 
     Parameters
@@ -102,6 +112,7 @@ def solved(subject: Subject, load: str, loads: Sequence[float], e_star: float) -
     load : "delta" [um] or "pressure" [MPa]
     loads : ascending, 0 or more
     e_star : E* [MPa]
+    material : whether that is a material's, so that pressures mean something
 
     Raises
     ------
@@ -110,19 +121,19 @@ def solved(subject: Subject, load: str, loads: Sequence[float], e_star: float) -
     """
     topography = Topography(subject.name, subject.heights, subject.sides)
     settings = {"modulus": e_star, **subject.settings}
-    rows = [
-        (
-            contact.delta,
-            contact.area_percent,
-            contact.force,
-            contact.mean_gap,
-            contact.force / subject.nominal,
-        )
-        for contact, _ in solve_loads(topography, load, loads, **settings)
-    ]
+    rows = []
+    notable: dict[int, Contact] = {}  # the first with each number of warnings, which only rises
+    for contact, _ in solve_loads(topography, load, loads, **settings):
+        pressure = contact.force / subject.nominal
+        area, gap = contact.area_percent, contact.mean_gap
+        rows.append((contact.delta, area, contact.force, gap, pressure))
+        notes = warnings_about(topography, [contact], material=material)
+        notable.setdefault(len(notes), contact)
+    said = warnings_about(topography, [*notable.values(), contact], material=material)
     names = "delta_um", "area_percent", "force_uN", "mean_gap_um", "pressure_MPa"
     columns = np.array(rows, dtype=np.float64).reshape(-1, len(names)).T
-    return Points(dict(zip(names, columns, strict=True)), reasons=("",) * len(rows))
+    values = dict(zip(names, columns, strict=True))
+    return Points(values, reasons=("",) * len(rows), warnings=tuple(said))
 
 
 def _mean_gap(pressed: OnSurface, deltas: Values, force: Values) -> Values:

@@ -36,7 +36,8 @@ class Prediction:
     ----------
     delta : (n,) far-field displacement [um]
     values : (n,) predictions by target: "area" [%], "force" [uN], "mean_gap" [um] ...
-    low, high : (n,) ends of the intervals by target; empty if none were asked for
+    low, high : (n,) ends of the intervals by target; empty if none were asked for. They hold where
+        a row is inside the training only: tables leave them out elsewhere
     std : (n,) standard deviations by target, of Gaussian processes, if asked for
     reasons : n texts: what lies outside the training, "" if nothing does
     """

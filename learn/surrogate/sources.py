@@ -84,11 +84,11 @@ def pressures_from(text: str) -> Values:
     Raises
     ------
     InputError
-        If they are no numbers of 0 or more.
+        If they are no numbers of 0 or more, or all 0.
     """
-    advice = "give pressures of 0 MPa or more, as 0:100:20"
+    advice = "give pressures of 0 MPa or more, not all 0, as 0:100:20"
     values = numbers_from(text, "--pressure", advice)
-    if not all(value == 0 or magnitude(value) for value in values):
+    if not values.any() or not all(value == 0 or magnitude(value) for value in values):
         raise InputError(f"--pressure {shown(text)}: {advice}")
     return values
 

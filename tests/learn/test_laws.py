@@ -64,6 +64,8 @@ def test_the_solver_solves_at_the_pressures_asked_for(work, capsys):
             column(over_delta, "force_uN"), column(contacts, "force_uN"), rtol=1e-6
         )
         assert f"{float(found[1]['delta_um']):.4g}" in said, "the pressures asked for are printed"
+        assert "warning: from Delta" in said
+        assert "where most materials yield" in said
 
 
 def test_a_solved_population_has_bands_at_given_delta_and_pressure(work):
@@ -198,6 +200,7 @@ ONE = ["hybrid.surrogate", "many/s0.npy", "--side", "1000"]
         (["many/s0.npy", "--side", "1000", "--solver"], "give --delta or --pressure"),
         (["many/s0.npy", "--solver", "--delta", "1"], "--side"),
         (["a.toml", "b.toml", "--solver", "--surfaces", "2"], "E* = 1 and 2 MPa: give one with"),
+        ([*ONE, "--solver", "--pressure", "0"], "--pressure '0': give pressures of 0 MPa or more"),
         ([], "Missing argument '[SURROGATE] INPUT...'"),
         ([*ONE, "--delta", "5,9", "--pressure", "9"], "give a larger --delta"),
     ],
