@@ -37,8 +37,8 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:
     """
     with Reader(path) as reader:
         finished = []
-        for start in range(0, reader.scene.samples, CHUNK_ROWS):
-            stop = min(start + CHUNK_ROWS, reader.scene.samples)
+        for start in reader.rows[::CHUNK_ROWS]:
+            stop = min(start + CHUNK_ROWS, reader.rows.stop)
             status = reader.column("status", start, stop)
             yield from _row_faults(status > Status.FAILED, start, "status is not a known one")
             some = np.flatnonzero(np.isin(status, (Status.DONE, Status.FAILED)))

@@ -65,7 +65,10 @@ def print_database(reader: Reader) -> None:
     counts = reader.counts()
     attributes = reader.attributes
     console.print(f"{reader.path}: {attributes['title']}")
-    console.print(f"  size      {size(reader.size_bytes)}, {sum(counts)} rows")
+    part = ""
+    if len(reader.rows) < reader.scene.samples:
+        part = f": {reader.rows.start} to {reader.rows.stop - 1} of {reader.scene.samples}, a part"
+    console.print(f"  size      {size(reader.size_bytes)}, {sum(counts)} rows{part}")
     console.print(
         f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending"
     )

@@ -55,11 +55,11 @@ def draw_database(file: Path, picture: Path) -> None:
             name: reader.column(name)[done]
             for name in ("delta", "area_percent", "hurst", "solve_seconds")
         }
-        scene = reader.scene
+        scene, first = reader.scene, reader.rows.start
     typical = int(np.argsort(columns["area_percent"])[done.size // 2])
     axes = figure.subplots(2, 2)
     figure.suptitle(shortened(str(file)), fontsize=11, parse_math=False)
-    _draw_sample(axes[0], scene, int(done[typical]))
+    _draw_sample(axes[0], scene, first + int(done[typical]))
     _draw_areas(figure, axes[1][0], columns)
     _draw_times(axes[1][1], columns)
     save(figure, picture)

@@ -129,7 +129,9 @@ class _Job:
                 )
             parallel = in_parallel(request.writer, request.path, world)
             stack.enter_context(database.lock(request.path))
-            self.opened = database.open_or_create(request.path, asked_for, force=request.force)
+            self.opened = database.open_or_create(
+                request.path, asked_for, range(first, last), force=request.force
+            )
             with database.Writer(request.path, asked_for, force=request.force) as writer:
                 scene = writer.scene
                 self.retried = writer.retry_failed(first, last) if request.retry_failed else 0

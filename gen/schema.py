@@ -12,6 +12,10 @@ from typing import Literal
 SCHEMA = 1
 """Number of the layout: a file of another layout is refused."""
 
+PART = 2
+"""Number of the layout of parts, which hold some rows of their scene: `first_row` and `rows` more,
+attributes that say which. Versions that know whole databases only refuse them."""
+
 PHYSICS = 4
 """Number of the results: raised whenever a change of the code changes what a scene gives."""
 

@@ -124,7 +124,7 @@ def read(
         raise InputError(f"--area-max {area_max:g}: give a percentage above 0")
     with Reader(path) as reader:
         column = _target_column(reader, target)
-        scene = reader.scene
+        scene, first = reader.scene, reader.rows.start
         status, reason = reader.column("status"), reader.column("reason")
         inputs = np.stack([reader.column(name) for name in INPUTS], axis=1)
         values = np.asarray(reader.column(column.name), dtype=np.float64)
@@ -157,7 +157,7 @@ def read(
     return Dataset(
         inputs=made[kept],
         target=values[kept] / scale,
-        rows=kept,
+        rows=first + kept,
         groups=_surfaces(described),
         names=wanted.columns,
         target_name=column.name,

@@ -82,6 +82,9 @@ def of_the_paper(
     with Reader(given) as reader:
         preset = load(PAPER).model_copy(update={"store": reader.scene.store})
         different = differences(reader.scene, preset)
+        whole = reader.rows == range(reader.scene.samples)
+    if not whole:
+        raise InputError(f"--database {given}: is a part; python -m gen merge makes it whole")
     if different:
         raise InputError(f"--database {given}: give one of the paper preset ({different[0]})")
     return given

@@ -47,7 +47,7 @@ def check_attributes(file: h5py.File) -> None:
             raise ValueError(f"attribute {name!r} is not one {what}")
 
 
-def check_columns(file: h5py.File, path: Path, scene: Scene) -> None:
+def check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
     """Refuse columns that gen cannot have laid out, before one of them is read.
 
     Takes constant time and memory, whatever number of rows the file declares.
@@ -56,6 +56,7 @@ def check_columns(file: h5py.File, path: Path, scene: Scene) -> None:
     ----------
     file, path : the database, open, and its name
     scene : its scene, which decides columns and shapes
+    rows : number of rows that it holds
 
     Raises
     ------
@@ -66,14 +67,14 @@ def check_columns(file: h5py.File, path: Path, scene: Scene) -> None:
     places = []
     for column in columns_for(scene.store):
         dataset = _dataset(file, path, column)
-        shape = column.shape(scene.samples, scene.surface.nodes)
+        shape = column.shape(rows, scene.surface.nodes)
         _check_kind(dataset, path, column, shape)
         if fault := _foreign(dataset):
             raise _refusal(path, column, fault)
-        first, length = dataset.get_offset(), scene.samples * column.row_bytes(scene.surface.nodes)
+        first, length = dataset.get_offset(), rows * column.row_bytes(scene.surface.nodes)
         if first is None or first + length > size:
             raise InputError(
-                f"{path} is damaged: {scene.samples} rows of column {column.path!r} do not fit"
+                f"{path} is damaged: {rows} rows of column {column.path!r} do not fit"
                 f" into its {size} bytes; restore it from a copy or remove it"
             )
         places.append((first, first + length, column))

@@ -14,6 +14,7 @@ from gen.database.inspection import check_attributes
 from gen.provenance import git_commit, versions
 from gen.scene import Scene
 from gen.schema import (
+    PART,
     PHYSICS,
     REASON,
     REASONS,
@@ -25,6 +26,9 @@ from gen.schema import (
     columns_for,
 )
 
+PART_NUMBERS = ("first_row", "rows")
+"""Attributes of a part: its first row in the scene's plan, and how many rows it holds."""
+
 FLAGS: dict[Column, dict[int, str]] = {
     STATUS: {status: status.name.lower() for status in Status},
     REASON: REASONS,
@@ -32,8 +36,8 @@ FLAGS: dict[Column, dict[int, str]] = {
 """Meanings of the columns that hold codes."""
 
 
-def lay_out(path: Path, scene: Scene, attributes: Mapping[str, str | int]) -> None:
-    """Write dimensions, attributes and empty columns.
+def lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str | int]) -> None:
+    """Write dimensions, attributes and empty columns for some rows of a scene, or all.
 
     HDF5 allocates the columns but does not fill them: when the disk runs full inside HDF5's own
     filling, it can neither close the file nor leave without a crash. `fill` does it instead.
@@ -42,15 +46,42 @@ def lay_out(path: Path, scene: Scene, attributes: Mapping[str, str | int]) -> No
     # A superblock of version 2: the next one marks files as open and a killed writer would leave
     # the mark. Creation order is kept: readers then list the columns in the schema's order.
     with h5py.File(path, "w", libver=("v108", "v110"), track_order=True, locking=False) as file:
-        for name, value in attributes.items():
+        for name, value in _with_rows(attributes, scene, rows).items():
             _set(file, name, value)
-        axes = {"sample": scene.samples}
+        axes = {"sample": len(rows)}
         if any(column.shape_of for column in columns):
             axes |= dict(zip("xy", scene.shape, strict=True))
         dimensions = [_dimension(file, name, size) for name, size in axes.items()]
         file.create_group(RUNTIME, track_order=True)
         for column in columns:
-            _add(file, column, column.shape(scene.samples, scene.surface.nodes), dimensions)
+            _add(file, column, column.shape(len(rows), scene.surface.nodes), dimensions)
+
+
+def _with_rows(
+    attributes: Mapping[str, str | int], scene: Scene, rows: range
+) -> dict[str, str | int]:
+    """Attributes that say which rows a file holds; a whole database says nothing about that."""
+    own = {name: value for name, value in attributes.items() if name not in PART_NUMBERS}
+    if rows == range(scene.samples):
+        return own | {"schema": SCHEMA}
+    return own | {"schema": PART} | dict(zip(PART_NUMBERS, (rows.start, len(rows)), strict=True))
+
+
+def rows_of(attributes: Mapping[str, str | int]) -> range:
+    """Rows of the scene that a file holds, by its attributes: the plan's numbers.
+
+    Raises
+    ------
+    ValueError
+        If they are not rows of its scene.
+    """
+    samples = int(attributes["samples"])
+    if attributes["schema"] != PART:
+        return range(samples)
+    first, count = (int(attributes[name]) for name in PART_NUMBERS)
+    if not (0 <= first < samples and 1 <= count <= samples - first):
+        raise ValueError(f"it is said to hold {count} rows from row {first} on, of {samples}")
+    return range(first, first + count)
 
 
 def _dimension(file: h5py.File, name: str, size: int) -> h5py.Dataset:
@@ -80,11 +111,11 @@ def _add(
         _set(dataset, "flag_meanings", " ".join(_word(text) for text in flags.values()))
 
 
-def fill(file: h5py.File, scene: Scene, first: int) -> None:
-    """Write NaN, 0 and empty texts from row `first` on, which also takes the disk space."""
+def fill(file: h5py.File, scene: Scene, first: int, last: int) -> None:
+    """Write NaN, 0 and empty texts into a file's rows first..last, which takes the disk space."""
     for column in columns_for(scene.store):
         dataset = file[column.path]
-        for start, stop in chunks(scene.samples, column.row_bytes(scene.surface.nodes), first):
+        for start, stop in chunks(last, column.row_bytes(scene.surface.nodes), first):
             shape = column.shape(stop - start, scene.surface.nodes)
             write_rows(dataset, start, np.full(shape, column.fill, dtype=column.dtype))
 

@@ -22,7 +22,9 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
 @contextmanager
-def new_file(path: Path, scene: Scene, *, replaced: HeldFile | None = None) -> Iterator[Path]:
+def new_file(
+    path: Path, scene: Scene, rows: range, *, replaced: HeldFile | None = None
+) -> Iterator[Path]:
     """Make an empty file beside a database, which takes its place when the block has succeeded.
 
     Its name, `X.h5.0123456789abcdef.part`, is drawn at random and nobody else's. What is left of a
@@ -31,7 +33,7 @@ def new_file(path: Path, scene: Scene, *, replaced: HeldFile | None = None) -> I
     Parameters
     ----------
     path : the database
-    scene : what it is going to hold
+    scene, rows : what it is going to hold
     replaced : the file of this name that is to be replaced, None if there may be none
 
     Yields
@@ -52,7 +54,7 @@ def new_file(path: Path, scene: Scene, *, replaced: HeldFile | None = None) -> I
     unfinished = real.with_name(f"{real.name}.{secrets.token_hex(8)}.part")
     try:
         _remove_leftovers(real)
-        _require_room(path, scene)
+        _require_room(path, scene, len(rows))
         _make(unfinished, path, replaced)
         yield unfinished
         with unfinished.open("rb") as file:
@@ -100,13 +102,13 @@ def _remove_leftovers(real: Path) -> None:
                     each.unlink()
 
 
-def _require_room(path: Path, scene: Scene) -> None:
+def _require_room(path: Path, scene: Scene, rows: int) -> None:
     """Refuse a file that cannot fit before it fills the disk; quotas show only on writing."""
-    needed = scene.samples * row_bytes(scene.store, scene.surface.nodes)
+    needed = rows * row_bytes(scene.store, scene.surface.nodes)
     free = shutil.disk_usage(path.resolve().parent).free
     if needed > free:
         raise InputError(
-            f"{path}: {scene.samples} samples need {size(needed)}, {size(free)} are free; make"
+            f"{path}: {rows} samples need {size(needed)}, {size(free)} are free; make"
             " room, or ask for less"
         )
 

@@ -10,20 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.database.disk import chunks, write_rows
-from gen.database.layout import lay_out, read_attributes
+from gen.database.layout import fill, lay_out, read_attributes, rows_of
 from gen.database.making import new_file
 from gen.database.opening import Counts, checked, counts, open_file
 from gen.errors import InputError
 from gen.lock import lock
 from gen.scene import Scene, differences
-from gen.schema import STATUS, Status, columns_for
+from gen.schema import STATUS, Column, Status, columns_for
 
 
 def merge(target: Path, sources: Sequence[Path]) -> Counts:
     """Join databases of one scene whose rows were computed in different places.
 
-    A row that is done anywhere is done in the new file, else failed if it failed anywhere. The
-    largest number of samples counts; attributes are those of the first file that has it.
+    Parts say which rows they hold; the new file holds all rows of the scene. A row that is done
+    anywhere is done in it, else failed if it failed anywhere. The largest number of samples counts;
+    attributes are those of the first file that has it.
 
     Parameters
     ----------
@@ -52,14 +53,24 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         scene = scenes[largest]
         forced = max(int(file.attrs["physics_forced"]) for file in files.values())
         attributes = read_attributes(files[largest]) | {"physics_forced": forced}
-        with new_file(target, scene) as temporary:
-            lay_out(temporary, scene, attributes)
+        rows = range(scene.samples)
+        with new_file(target, scene, rows) as temporary:
+            lay_out(temporary, scene, rows, attributes)
             with open_file(temporary, writing=True) as file:
                 widest = max(
                     column.row_bytes(scene.surface.nodes) for column in columns_for(scene.store)
                 )
+                held = {path: rows_of(read_attributes(each)) for path, each in files.items()}
                 for start, stop in chunks(scene.samples, widest):
-                    _merge_rows(file, files, scene, start, stop)
+                    here = {
+                        path: (files[path], own)
+                        for path, own in held.items()
+                        if own.start < stop and start < own.stop
+                    }
+                    if here:
+                        _merge_rows(file, here, scene, start, stop)
+                    else:
+                        fill(file, scene, start, stop)
                 return counts(file[STATUS.path])
 
 
@@ -79,25 +90,34 @@ def _refuse_unequal(files: Mapping[Path, h5py.File], scenes: Mapping[Path, Scene
 
 
 def _merge_rows(
-    target: h5py.File, sources: Mapping[Path, h5py.File], scene: Scene, start: int, stop: int
+    target: h5py.File,
+    sources: Mapping[Path, tuple[h5py.File, range]],
+    scene: Scene,
+    start: int,
+    stop: int,
 ) -> None:
-    """Write the rows start..stop of the target, each from the first source that has it best."""
+    """Write the rows start..stop of the target, each from the first source that has it best.
+
+    Parameters
+    ----------
+    target : the file to write
+    sources : open files with some of these rows, and the rows that each holds
+    scene : of all of them
+    start, stop : first row, and one past the last
+    """
     paths = list(sources)
-    status = np.zeros((len(paths), stop - start), dtype=STATUS.dtype)
-    for found, file in zip(status, sources.values(), strict=True):
-        part = file[STATUS.path][start:stop]  # a shorter file has fewer rows, or none
-        found[: len(part)] = part
+    nodes = scene.surface.nodes
+    status = np.stack([_stored(STATUS, *source, start, stop, nodes) for source in sources.values()])
     done = status == Status.DONE
     merit = 2 * done + (status == Status.FAILED)
     owner = merit.argmax(axis=0)
     for column in columns_for(scene.store):
-        shape = column.shape(stop - start, scene.surface.nodes)
-        merged = np.full(shape, column.fill, dtype=column.dtype)
+        merged = np.full(column.shape(stop - start, nodes), column.fill, dtype=column.dtype)
         for index, path in enumerate(paths):
             known = np.flatnonzero(merit[index])
             if not known.size:
                 continue
-            values = sources[path][column.path][start:stop]
+            values = _stored(column, *sources[path], start, stop, nodes)
             own = known[owner[known] == index]
             merged[own] = values[own]
             # An owner comes before all other files in which the row is done: it is in place.
@@ -111,6 +131,16 @@ def _merge_rows(
                         f"{path}, which other code or another machine must have made: not merged"
                     )
         write_rows(target[column.path], start, merged)
+
+
+def _stored(
+    column: Column, file: h5py.File, own: range, start: int, stop: int, nodes: int
+) -> NDArray[Any]:
+    """Rows start..stop of a column; filled as pending rows are where the file has none of them."""
+    values = np.full(column.shape(stop - start, nodes), column.fill, dtype=column.dtype)
+    first, last = max(start, own.start), min(stop, own.stop)
+    values[first - start : last - start] = file[column.path][first - own.start : last - own.start]
+    return values
 
 
 def _unequal_rows(left: NDArray[Any], right: NDArray[Any]) -> NDArray[np.bool_]:

@@ -11,12 +11,12 @@ import numpy as np
 
 from gen.database.disk import chunks, first_line
 from gen.database.inspection import NUMBERS, TEXTS, check_columns
-from gen.database.layout import read_attributes
+from gen.database.layout import read_attributes, rows_of
 from gen.errors import InputError
 from gen.input_file import require_file
 from gen.output import require_writable
 from gen.scene import Scene, differences
-from gen.schema import PHYSICS, SCHEMA, STATUS, Column, Status, columns_for
+from gen.schema import PART, PHYSICS, SCHEMA, STATUS, Column, Status, columns_for
 
 
 class Counts(NamedTuple):
@@ -28,12 +28,22 @@ class Counts(NamedTuple):
 
 
 class OpenDatabase:
-    """What readers and writers share: the open file, its scene, its status."""
+    """What readers and writers share: the open file, its scene, its rows, their status.
+
+    Rows have the numbers of the scene's plan everywhere, also in a part that holds only some.
+    """
 
     def __init__(self, path: Path, scene: Scene, file: h5py.File) -> None:
         self.path = path
         self.scene = scene
+        self.rows = rows_of(read_attributes(file))
         self._file = file
+
+    def _places(self, first: int, last: int | None) -> tuple[int, int]:
+        """Where the rows first..last stand in the columns, as far as this file has them."""
+        start, stop = self.rows.start, self.rows.stop
+        last = stop if last is None else min(max(last, start), stop)
+        return min(max(first, start), last) - start, last - start
 
     def __enter__(self) -> Self:
         """Leave the block to close the file."""
@@ -125,7 +135,7 @@ def _scene_of(file: h5py.File, path: Path) -> Scene:
         raise InputError(f"{path} is HDF5 but not a database of Asperity; give another name")
     attributes = read_attributes(file)
     schema = attributes["schema"]
-    if schema != SCHEMA:
+    if schema not in {SCHEMA, PART}:
         raise InputError(
             f"{path} has layout {schema}, this version reads layout {SCHEMA}; "
             f"use the version that made it ({attributes.get('versions', 'unknown')})"
@@ -138,7 +148,7 @@ def _scene_of(file: h5py.File, path: Path) -> Scene:
         raise InputError(f"{path} is damaged: its scene is not the one that it was made with")
     if not isinstance(json.loads(str(attributes["versions"])), dict):
         raise InputError(f"{path} is damaged: its attribute 'versions' names no versions")
-    check_columns(file, path, scene)
+    check_columns(file, path, scene, len(rows_of(attributes)))
     return scene
 
 

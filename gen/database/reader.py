@@ -40,6 +40,7 @@ class Reader(OpenDatabase):
     ----------
     path : the database
     scene : the scene it was made with
+    rows : those of the scene that it holds: all of them, or a part
 
     Raises
     ------
@@ -69,7 +70,7 @@ class Reader(OpenDatabase):
         Parameters
         ----------
         name : name of the column
-        start, stop : first row, and one past the last (None: to the end)
+        start, stop : first row, and one past the last (None: to the end); what a part has of them
 
         Returns
         -------
@@ -83,7 +84,7 @@ class Reader(OpenDatabase):
         """
         for column in self.columns():
             if column.name == name:
-                values: NDArray[Any] = self._file[column.path][start:stop]
+                values: NDArray[Any] = self._file[column.path][slice(*self._places(start, stop))]
                 return values
         names = ", ".join(column.name for column in self.columns())
         raise InputError(f"{self.path} has no column {name!r}; it has {names}")
@@ -91,7 +92,7 @@ class Reader(OpenDatabase):
     def reasons(self) -> dict[int, int]:
         """Count the failed rows by the code of their reason (see `gen.schema.REASONS`)."""
         total = np.zeros(256, dtype=np.int64)
-        for start, stop in chunks(self.scene.samples, 1):
+        for start, stop in chunks(len(self.rows), 1):
             failed = self._file[STATUS.path][start:stop] == Status.FAILED
             if failed.any():
                 codes = self._file[REASON.path][start:stop][failed]
@@ -111,7 +112,7 @@ class Reader(OpenDatabase):
             if not column.shape_of and column.dtype[0] != "S" and column not in FLAGS
         ]
         ranges = {column.name: (math.nan, math.nan) for column in wanted}
-        for start, stop in chunks(self.scene.samples, 8):
+        for start, stop in chunks(len(self.rows), 8):
             done = self._file[STATUS.path][start:stop] == Status.DONE
             if not done.any():
                 continue

@@ -37,6 +37,7 @@ class Writer(OpenDatabase):
     ----------
     path : the database
     scene : the file's scene, which may have more samples than the one asked for
+    rows : those of the scene that the file holds
 
     Raises
     ------
@@ -105,10 +106,11 @@ class Writer(OpenDatabase):
         self.confirm()
         status = arrays.pop(STATUS.name)
         try:
+            place = start - self.rows.start
             for name, values in arrays.items():
-                write_rows(self._datasets[name], start, values)
+                write_rows(self._datasets[name], place, values)
             self._flush()
-            write_rows(self._status, start, status)
+            write_rows(self._status, place, status)
             self._flush()
         except (OSError, RuntimeError, ValueError) as error:
             trouble = disk_trouble(error)
@@ -123,8 +125,8 @@ class Writer(OpenDatabase):
         self, start: int, stop: int, columns: Mapping[str, ArrayLike]
     ) -> dict[str, NDArray[Any]]:
         """Arrays of a block, of the right names, shapes and kinds."""
-        if not 0 <= start < stop <= self.scene.samples:
-            raise ValueError(f"rows {start} to {stop} of {self.scene.samples}")
+        if not self.rows.start <= start < stop <= self.rows.stop:
+            raise ValueError(f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}")
         if wrong := columns.keys() ^ self._datasets.keys():
             raise ValueError(f"columns missing or unknown: {', '.join(sorted(wrong))}")
         arrays = {}
@@ -156,13 +158,13 @@ class Writer(OpenDatabase):
         -------
         (start, stop) of every run of pending rows, in order, as long as possible
         """
-        rows = self.scene.samples
-        last = rows if last is None else min(last, rows)
+        begin, end = self._places(first, last)
         runs: list[tuple[int, int]] = []
-        for start, stop in chunks(last, 1, first):
+        for start, stop in chunks(end, 1, begin):
             chunk = self._status[start:stop]
             finished = (chunk == Status.DONE) | (chunk == Status.FAILED)
-            edges = start + np.flatnonzero(np.diff(finished, prepend=True, append=True))
+            edges = np.flatnonzero(np.diff(finished, prepend=True, append=True))
+            edges += self.rows.start + start
             found = list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
             if runs and found and runs[-1][1] == found[0][0]:
                 found[0] = (runs.pop()[0], found[0][1])
@@ -173,8 +175,8 @@ class Writer(OpenDatabase):
         """Make the failed rows first..last pending again, and return how many they were."""
         self.confirm()
         retried = 0
-        rows = self.scene.samples
-        for start, stop in chunks(rows if last is None else min(last, rows), 1, first):
+        begin, end = self._places(first, last)
+        for start, stop in chunks(end, 1, begin):
             chunk = self._status[start:stop]
             failed = chunk == Status.FAILED
             if failed.any():

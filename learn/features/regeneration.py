@@ -143,7 +143,7 @@ class _Job:
 
     def __init__(self, path: Path) -> None:
         with Reader(path) as reader:
-            self.scene = reader.scene
+            self.scene, self.first = reader.scene, reader.rows.start
             done = reader.column("status") == Status.DONE
             names = ("delta", *STATISTICS)
             self.inputs = np.stack([reader.column(name) for name in names], axis=1)
@@ -158,7 +158,8 @@ class _Job:
         self.values = self._kept()
         self.last_save = time.monotonic()
         usable = done & np.isfinite(self.inputs).all(axis=1)
-        self.left = set(np.flatnonzero(usable & ~np.isfinite(self.values).all(axis=1)).tolist())
+        lacking = np.flatnonzero(usable & ~np.isfinite(self.values).all(axis=1))
+        self.left = set((self.first + lacking).tolist())
         self.blocks = list(_blocks(self.left, self.scene.samples_per_surface))
 
     def keep(self, block: Block, inputs: Values, values: Values) -> str:
@@ -167,13 +168,13 @@ class _Job:
         for row in range(start, stop):
             if row not in self.left:
                 continue
-            own, again = self.inputs[row], inputs[row - start]
+            own, again = self.inputs[row - self.first], inputs[row - start]
             if not np.allclose(own, again, rtol=AGREEMENT, atol=AGREEMENT * 1e-3):
                 return (
                     f"{self.path}: row {row}, generated anew from its scene, is another surface:"
                     " use --features paper or dimensionless"
                 )
-            self.values[row] = values[row - start]
+            self.values[row - self.first] = values[row - start]
             self.left.discard(row)
         if time.monotonic() > self.last_save + SAVE_SECONDS:
             self.save()

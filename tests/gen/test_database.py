@@ -690,7 +690,7 @@ def test_creation_without_room_leaves_nothing(path):
 
 
 def test_creation_that_cannot_fit_does_not_start(path):
-    with pytest.raises(InputError, match=r"need [\d,.]+ GB, [\d,.]+ GB are free"):
+    with pytest.raises(InputError, match=r"need [\d,.]+ TB, [\d,.]+ [GT]B are free"):
         create(path, Scene(samples=10**9, store=Store(heights=True)))
     assert list(path.parent.iterdir()) == []
 
