@@ -2,9 +2,9 @@
 
 One contiguous dataset per column of `gen.schema`, allocated and filled when the file is created,
 so that writing rows changes no metadata: whatever the moment at which a writer is killed, the
-file opens again, and a row whose status says done is whole. A part has the same columns for some
-rows of its scene only, and two more attributes that say which. (The order of writes that guarantees
-it holds for killed processes, not for a machine that loses power.) HDF5's own file locks are not
+file opens again, and a row whose status says done is whole. (The order of writes that guarantees
+it holds for killed processes, not for a machine that loses power.) A part has the same columns for
+some rows of its scene only, and two more attributes that say which. HDF5's own file locks are not
 used: they fail on network file systems and would shut out readers; `lock` keeps writers apart by
 name, `HeldFile` by device and inode. What a run writes is the file that it has opened: one that is
 replaced, moved or overwritten meanwhile ends the run, and is left as it is.
