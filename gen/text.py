@@ -29,12 +29,14 @@ LABELS: Mapping[str, str] = MappingProxyType(
         "height": "height|y-length|y amplitude|výška|höhe|altura|hauteur|altezza|高さ|높이|высота",
         "value unit": "value units|z-unit|unit data|jednotky hodnot|einheiten|unités|unità valore"
         "|unidades de valor|値の単位|값 단위|единицы измерения",
-        "unit": "x-unit|y-unit|unit x|unit y|lateral units",
+        "x unit": "x-unit|unit x|lateral units",
+        "y unit": "y-unit|unit y",
         "columns": "x-pixels|nx",
         "lines": "y-pixels|ny",
         "x spacing": "scale x",
         "y spacing": "scale y",
         "nm per value": "bit2nm",
+        "to be scaled": "datascaleneeded",
         "format": "file format",
     }
 )
@@ -81,18 +83,25 @@ class Matrix:
         return 1.0, _unit(self.entries.get("value unit", ""))
 
     @property
-    def widths(self) -> tuple[tuple[float, float], str] | None:
-        """Lengths along lines and across, pixels in full, and their unit; None if not stated."""
+    def widths(self) -> tuple[tuple[float, str], tuple[float, str]] | None:
+        """Lengths along the lines and across, pixels in full, each with its unit ("" if unknown).
+
+        None where the header does not state both.
+        """
         lines, columns = self.numbers.shape
         spaced = "x spacing" in self.entries
         names = ("x spacing", "y spacing") if spaced else ("width", "height")
-        (width, unit), (height, _) = (_quantity(self.entries.get(name, "")) for name in names)
+        (width, x_unit), (height, y_unit) = (
+            _quantity(self.entries.get(each, "")) for each in names
+        )
         if not (0 < width < math.inf and 0 < height < math.inf):
             return None
-        unit = unit or _unit(self.entries.get("unit", ""))
-        if not unit and "format" in self.entries:
-            unit = "nm"  # SPIP's lengths, which have no unit of their own
-        return ((width * columns, height * lines) if spaced else (width, height)), unit
+        if spaced:
+            width, height = width * columns, height * lines
+        usual = "nm" if "format" in self.entries else ""  # of SPIP, which states no unit of lengths
+        x_unit = x_unit or _unit(self.entries.get("x unit", "")) or usual
+        y_unit = y_unit or _unit(self.entries.get("y unit", "")) or x_unit
+        return (width, x_unit), (height, y_unit)
 
 
 def matrices(content: bytes, path: Path) -> list[Matrix]:
@@ -146,18 +155,27 @@ def _matrix(
     path: Path, rows: list[list[float]], entries: dict[str, str], remarks: list[str]
 ) -> Matrix:
     """Numbers under a header; refused if there are others than it states."""
-    numbers = np.array(rows, dtype=np.float64)
-    stated = [_quantity(entries.get(name, ""))[0] for name in ("lines", "columns")]
-    for count, there, what in zip(stated, numbers.shape, ("lines", "columns"), strict=False):
-        if rows and count > 0 and count != there:
-            raise InputError(
-                f"{path}: its header states {count:g} {what} of numbers, it holds {there}; give"
-                " the whole file"
-            )
-    matrix = Matrix(numbers, entries)
-    if rows and matrix.widths is None:  # one of two lengths, say
+    matrix = Matrix(np.array(rows, dtype=np.float64), entries)
+    if not rows:
+        return matrix
+    if matrix.widths is None:  # one of two lengths, say
         halves = [f"{name}: {entries[name]}" for name in ("width", "height") if name in entries]
         remarks = halves + remarks
+    there = matrix.numbers.shape
+    stated = tuple(_quantity(entries.get(name, ""))[0] or None for name in ("lines", "columns"))
+    # Without lengths these may be anybody's words, for whom x runs down the columns, as for us.
+    allowed = [there] if matrix.widths else [there, there[::-1]]
+    if not any(all(a in {None, b} for a, b in zip(stated, each, strict=True)) for each in allowed):
+        lines, columns = ("?" if each is None else f"{each:g}" for each in stated)
+        raise InputError(
+            f"{path}: its header states {lines} lines of {columns} numbers, it holds"
+            f" {' of '.join(str(length) for length in there)}; give the whole file"
+        )
+    if entries.get("to be scaled", "").lower() in {"yes", "1", "true"}:
+        raise InputError(
+            f"{path}: its header says that its numbers are to be scaled (DataScaleNeeded), which is"
+            " not read; give heights in units of length"
+        )
     return replace(matrix, remarks=tuple(remarks[:3]))
 
 

@@ -118,7 +118,12 @@ def read(
     overruled: list[str] = []
     named = _agreed_unit(path, scan, unit, overruled if override_scale else None)
     sides = _agreed_sides(path, scan, named, side, overruled if override_scale else None)
-    heights = scan.heights * _factor(named or "um", "--unit")
+    with np.errstate(over="ignore"):
+        heights = scan.heights * _factor(named or "um", "--unit")
+    if np.isinf(heights).any() or not all(0 < length < np.inf for length in sides):
+        raise InputError(
+            f"{path}: its heights or lengths are beyond what numbers hold; give others"
+        )
     steps = [_account(path, scan, heights, named)]
     steps += [f"OVERRULED by --override-scale: {each}" for each in overruled]
     notes = [f"the file's own scale is overruled: {each}" for each in overruled]
@@ -233,14 +238,17 @@ def _own_scan(path: Path, wanted: str) -> _Scan:
     ]
     taken = chosen(path, channels, wanted).index
     matrix, (factor, unit) = matrices[taken], units[taken]
-    heights = surface.checked(matrix.numbers, path, holes=True)
+    with np.errstate(over="ignore"):  # refused by `read`
+        heights = factor * surface.checked(matrix.numbers, path, holes=True)
     widths, remarks = matrix.widths, matrix.remarks
     origin = named(channels, taken)
     if widths is None:
         _refuse_points(path, heights)
-        return _Scan(factor * heights, unit=unit or None, origin=origin, remarks=remarks)
-    (width, length), length_unit = widths
-    heights = np.ascontiguousarray(factor * heights.T)
+        return _Scan(heights, unit=unit or None, origin=origin, remarks=remarks)
+    (width, length_unit), (length, other_unit) = widths
+    if other_unit != length_unit:
+        length *= _factor(other_unit, f"{path}: unit") / _factor(length_unit, f"{path}: unit")
+    heights = np.ascontiguousarray(heights.T)
     nx, ny = heights.shape
     return _Scan(
         heights=heights,
@@ -258,15 +266,21 @@ def _refuse_points(path: Path, heights: Heights) -> None:
         points, axes = columns.shape
         if axes > 3 or points < 3:
             continue
-        steps = np.diff(columns[:, 0])
-        rising = bool((steps > 0).all() or (steps < 0).all())
-        rising &= points >= CHANCE or np.allclose(steps, steps[0], rtol=1e-3, atol=0)
+        rising = _is_axis(columns[:, 0])
         what = "a profile, x and z," if axes == 2 else "a list of points, x, y and z,"
         if (points > axes and (rising or (axes == 3 and _is_grid(columns)))) or points >= STRIP:
             raise InputError(
                 f"{path}: holds {points} x {axes} numbers in {how}: looks like {what} not a map"
                 f" of heights; {text.POINTS}"
             )
+
+
+def _is_axis(values: Heights) -> bool:
+    """Whether numbers rise or fall as coordinates do: many of them, or in even steps."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.diff(values)
+        even = np.allclose(steps, steps[0], rtol=1e-3, atol=0)
+    return bool((steps > 0).all() or (steps < 0).all()) and (even or values.size >= CHANCE)
 
 
 def _is_grid(columns: Heights) -> bool:

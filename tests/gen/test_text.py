@@ -19,6 +19,11 @@ NOVA = "File Format = ASCII\nCreated by Nova\nNX = 4\nNY = 3\nScale X = 2.5\nSca
 WSXM = "WSxM file copyright UAM\nWSxM ASCII Matrix file\nX Amplitude: 10 µm\nY Amplitude: 6 µm\n"
 HEADERS = {
     "Gwyddion": (GWYDDION, 1e6),
+    "two units": (GWYDDION.replace("6.00 µm", "6000 nm"), 1e6),
+    "two units, Attocube": (
+        "# x-length: 10\n# y-length: 6000\n# x-unit: um\n# y-unit: nm\n# z-unit: nm\n",
+        1e-3,
+    ),
     "German": ("# Kanal: Topo\n# Breite: 10,00 µm\n# Höhe: 6,00 µm\n# Einheiten: m\n", 1e6),
     "French": (
         "# Canal : Topo\n# Largeur : 10.0 µm\n# Hauteur : 6 µm\n# Unités : nm\n",
@@ -100,7 +105,8 @@ def test_concatenated_exports_are_channels(tmp_path: Path) -> None:
         (GWYDDION.replace("µm", "ft"), "unit 'ft': give one of m, mm"),
         (GWYDDION.replace("# Value units: m\n", ""), "names no unit; give --unit"),
         (WSXM + "Z Amplitude: 2 nm\n", "names no unit; give --unit"),
-        (SPIP.replace("= 4", "= 5"), "its header states 5 columns of numbers, it holds 4"),
+        (SPIP.replace("= 4", "= 5"), "its header states . lines of 5 numbers, it holds 3 of 4"),
+        (NOVA + "Unit X = um\nDataScaleNeeded = Yes\n", "numbers are to be scaled"),
         ("# scan 10 x 6 µm, 16 bit\n", "give --side, .* .it says 'scan 10 x 6 µm, 16 bit'"),
         ("# Width: 10 µm\n", "give --side, .* .it says 'width: 10 µm'"),
     ],
@@ -113,6 +119,8 @@ def test_what_a_header_lacks_is_asked_for(tmp_path: Path, header: str, message: 
 def test_remarks_that_are_not_read_are_told(tmp_path: Path) -> None:
     [warning] = read(written(tmp_path, "# heights in nm\n" + NUMBERS), "9").warnings
     assert "the file says 'heights in nm', which is not read" in warning
+    transposed = written(tmp_path, "# nx = 3\n# ny: 4\n# NX, NY: a grid\n" + NUMBERS)
+    assert read(transposed, "9").heights.shape == (3, 4)
     assert not read(written(tmp_path, "# from a profilometer\n" + NUMBERS), "9").warnings
 
 

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -145,3 +146,35 @@ def test_a_scale_can_be_overruled(tmp_path: Path) -> None:
     assert np.nanmax(unit.heights) == pytest.approx(HIGHEST)
     assert unit.warnings == ("the file's own scale is overruled: unit m, taken as um",)
     assert not read(scan, unit="m", override_scale=True).warnings
+
+
+def test_channels_without_heights_are_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = SurfaceTopography.open_topography(str(written(tmp_path / "scan.x3p", "um", 1.0)))
+    kinds = [("Phase", "deg"), ("Height", "um"), ("Error", "V"), ("Height", "um")]
+    channels = [
+        SimpleNamespace(
+            index=index,
+            name=name,
+            dim=2,
+            data_unit=unit,
+            nb_grid_pts=(7, 5),
+            is_height_channel=name == "Height",
+            physical_sizes=whole.channels[0].physical_sizes,
+        )
+        for index, (name, unit) in enumerate(kinds)
+    ]
+    scan = SimpleNamespace(
+        channels=channels, topography=lambda channel_index: whole.topography(channel_index=0)
+    )
+    monkeypatch.setattr(SurfaceTopography, "open_topography", lambda _: scan)
+    said = read(tmp_path / "scan.x3p").steps[0]
+    assert "channel 1 'Height' (not 0 'Phase' (in deg, no heights), 2 'Error' (in V, no" in said
+    for wanted, why in (("Phase", "holds no heights"), ("Height", "several channels have this")):
+        with pytest.raises(InputError, match=f"'{wanted}': {why}"):
+            read(tmp_path / "scan.x3p", channel=wanted)
+    assert "channel 3" in read(tmp_path / "scan.x3p", channel="3").steps[0]
+    del channels[3], channels[1]
+    with pytest.raises(InputError, match="holds no heights; its channels are 0 'Phase'"):
+        read(tmp_path / "scan.x3p")
