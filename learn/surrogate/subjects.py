@@ -123,21 +123,27 @@ def found_in(
             found += _population(scenes[-1], text, surfaces)
             origins.append(f"{text}: its first {surfaces} surfaces")
             continue
+        doubts: list[str] = []
         for file in files_in([path])[0]:
-            found.append(_from_file(file, options, say))
-        origins.append(text)
+            subject, doubtful = _from_file(file, options, say)
+            found.append(subject)
+            doubts += doubtful
+        origins.append(f"{text}: {'; '.join(dict.fromkeys(doubts))}" if doubts else text)
     return Subjects(found, scenes, origins)
 
 
-def _from_file(file: Path, options: Options, say: Callable[[str], None]) -> Subject:
-    """Read one surface."""
+def _from_file(
+    file: Path, options: Options, say: Callable[[str], None]
+) -> tuple[Subject, Sequence[str]]:
+    """Read one surface, and what is doubtful about its scale or its holes."""
     if is_table(file):
         raise InputError(f"{file}: a law needs surfaces, not their statistics")
     topography, warnings = read_surface(file, options)
     say(f"{file}: {'; '.join(topography.steps)}")
     for line in warnings:
         say(f"  warning: {line}")
-    return Subject(str(file), topography.heights, topography.sides, topography.spacing)
+    subject = Subject(str(file), topography.heights, topography.sides, topography.spacing)
+    return subject, topography.warnings
 
 
 def _scene(text: str) -> Scene:

@@ -417,5 +417,10 @@ def test_an_overruled_scale_is_told_beside_the_predictions(work, capsys):
     assert "warning: the file's own scale is overruled" in said.err
     (row,) = table("p.csv")
     assert "taken as 1000 x 1000 um" in row["warnings"]
+    law = ["law", "scan.txt", "--solver", "--side", 1000, "--override-scale", "--delta", "9"]
+    assert run(*law, "--header", "law.h") == 0
+    told = "the file's own scale is overruled"
+    assert told in capsys.readouterr().out
+    assert told in Path("law.h").read_text()
     assert run(*ask, "--channel", "Phase") == 2
     assert "holds 0 'Topo'" in capsys.readouterr().err
