@@ -22,16 +22,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gen import output
+from gen import documents, output
 from gen.errors import InputError
-from gen.input_file import require_file
 from gen.table import cell
+from learn.comparison import records
 from learn.dataset import Dataset
 from learn.features import chosen
 from learn.split import FOLDS, Split
 
 LIBRARIES = ("numpy", "scipy", "scikit-learn", "xgboost-cpu")
 KINDS = ("baseline", "tuned")
+
+LARGEST = 1e30
+"""Values of targets are below: those of a picture have to fit into its axes."""
 
 EARLIER = {"features": "paper", "target_scaling": "none"}
 """Conditions of folders that are older than the choice."""
@@ -129,36 +132,27 @@ class Folder:
 
     def record(self) -> dict[str, Any]:
         """Read what the folder rests on."""
-        record = self.read_json("comparison.json")
-        if record is None or "conditions" not in record:
+        record = documents.read(self.path / "comparison.json", records.Comparison)
+        if record is None:
             raise InputError(f"{self.path} is no comparison: run learn compare or learn tune first")
         return record
 
     def result(self, kind: str, model: str) -> dict[str, Any] | None:
         """Read the result of a model, None if there is none."""
-        return self.read_json(f"{kind}/{model}.json")
+        return documents.read(self.path / kind / f"{model}.json", *records.KINDS[kind])
 
     def prediction(self, kind: str, model: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Read truth and prediction of the test rows, (m,) each."""
-        path = require_file(self.path / kind / f"{model}.csv")
+        path = self.path / kind / f"{model}.csv"
         try:
-            table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
-            return table[:, 1], table[:, 2]
-        except (OSError, ValueError, IndexError) as error:
+            lines = documents.read_bytes(path).decode().splitlines()[1:]
+            table = np.array([[float(cell) for cell in line.split(",")] for line in lines])
+            truth, prediction = table[:, 1], table[:, 2]
+        except (FileNotFoundError, ValueError, IndexError) as error:
             raise InputError(f"{path} cannot be read: {error}") from None
-
-    def read_json(self, name: str) -> dict[str, Any] | None:
-        """Read a file of the folder, None if it is missing."""
-        path = require_file(self.path / name)
-        try:
-            found = json.loads(path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            return None
-        except (OSError, ValueError) as error:
-            raise InputError(f"{path} cannot be read: {error}") from None
-        if not isinstance(found, dict):
-            raise InputError(f"{path} is not what learn writes: move it away")
-        return found
+        if not (np.abs(table) < LARGEST).all():
+            raise InputError(f"{path}: holds values that are not finite: move it away")
+        return truth, prediction
 
     def write_json(self, name: str, content: dict[str, Any]) -> Path:
         """Write a file of the folder."""

@@ -11,9 +11,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Self
 
+from gen import documents
 from gen.errors import InputError
-from gen.input_file import require_file
 from gen.lock import lock
+from learn.comparison import records
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ class Trials:
     def _opened(self, conditions: dict[str, object]) -> IO[bytes]:
         """Read what is there, cut off a line that is not whole, and open for appending."""
         try:
-            content = require_file(self.path).read_bytes() if self.path.exists() else b""
+            content = documents.read_bytes(self.path) if self.path.exists() else b""
             whole = content[: content.rfind(b"\n") + 1]
             self._read(whole, conditions)
             file = self.path.open("r+b" if content else "wb")
@@ -121,21 +122,18 @@ class Trials:
         return file
 
     def _read(self, content: bytes, conditions: dict[str, object]) -> None:
-        lines = content.decode(errors="replace").splitlines()
-        try:
-            found = [json.loads(line) for line in lines]
-            trials = [Trial(**line) for line in found[1:]]
-        except (ValueError, TypeError):
-            raise InputError(f"{self.path} is damaged: move it away and tune again") from None
-        if found:
-            _compare(self.path, found[0], conditions)
-        self.finished.update((trial.place, trial) for trial in trials)
+        first, *lines = content.split(b"\n")[:-1] or [b""]
+        if first:
+            documents.check(self.path, first, documents.Document)
+            _compare(self.path, json.loads(first), conditions)
+        for number, line in enumerate(lines, start=2):
+            documents.check(f"{self.path}, line {number}", line, records.Trial)
+            trial = Trial(**json.loads(line))
+            self.finished[trial.place] = trial
 
 
-def _compare(path: Path, found: object, wanted: dict[str, object]) -> None:
+def _compare(path: Path, found: dict[str, object], wanted: dict[str, object]) -> None:
     """Refuse trials that were made under other conditions, naming the first that differs."""
-    if not isinstance(found, dict):
-        raise InputError(f"{path} holds no trials: move it away")
     expected = json.loads(json.dumps(wanted))
     for name in sorted(expected.keys() | found.keys()):
         if found.get(name) != expected.get(name):

@@ -1,0 +1,152 @@
+"""What the JSON files of a comparison folder hold: checked whenever one of them is read."""
+
+from typing import Annotated
+
+from pydantic import ConfigDict, Field, model_validator
+
+from gen.documents import Document
+from learn.split import FOLDS
+
+MOST = 2**53
+"""Numbers of rows, fits and candidates, and seeds of old folders, stay below."""
+
+Count = Annotated[int, Field(ge=0, le=MOST)]
+Seconds = Annotated[float, Field(ge=0, le=1e15)]
+Score = Annotated[float, Field(ge=-1e30, le=1e30)]
+Setting = bool | int | float | str | list[int] | None
+
+
+class Conditions(Document):
+    """What results rest on: see `learn.comparison.folder.conditions`."""
+
+    database_sha256: str
+    target: str
+    features: str = "paper"
+    inputs: list[str]
+    normalisation: str
+    target_scaling: str = "none"
+    seed: Annotated[int, Field(ge=0)]
+    folds: Count
+    train_rows: Count
+    test_rows: Count
+    versions: dict[str, str]
+    area_max: Annotated[float, Field(gt=0, le=100)] | None
+
+
+class Comparison(Document):
+    """comparison.json."""
+
+    conditions: Conditions
+    unit: str
+    threads: Count
+
+
+class Scored(Document):
+    """The four scores [%]; see `learn.metrics.Scores`."""
+
+    nmse: Score
+    nmae: Score
+    nmaxe: Score
+    r2: Score
+
+
+class Times(Document):
+    """Times of a fit and of its predictions [s]; NaN where the fit has failed."""
+
+    model_config = ConfigDict(allow_inf_nan=True)
+
+    fit: float
+    fits: Count
+    test: float
+    row: float
+    search: Seconds
+
+
+class Search(Document):
+    """How a winner was found."""
+
+    how: str
+    grid: str = "Table 2"
+    rows: Count
+    candidates: Count
+    candidates_differing: Count
+    candidates_scored: Count
+    fits_nominal: Count
+    fits: Count
+    r2_folds: list[Score]
+    failures: dict[str, Count]
+    remarks: dict[str, Count]
+
+
+class NoSearch(Document):
+    """What a baseline has in place of a search."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class Result(Document):
+    """baseline/MODEL.json and tuned/MODEL.json."""
+
+    model: str
+    settings: dict[str, Setting]
+    settings_key: str
+    refit: dict[str, Setting]
+    fitted: dict[str, str]
+    test: Scored | None
+    train: Scored | None
+    failure: str
+    remarks: list[str]
+    search: Search | NoSearch
+    times: Times
+
+    @model_validator(mode="after")
+    def _times_belong_to_scores(self) -> "Result":
+        times = self.times.fit, self.times.test, self.times.row
+        if self.test is not None and not all(0 <= each <= 1e15 for each in times):
+            raise ValueError("scores without times")
+        return self
+
+
+class Failure(Document):
+    """tuned/MODEL.json where no candidate could be fitted."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    model: str
+    failure: str
+    remarks: list[str]
+
+
+class WholeGrid(Document):
+    """whole-grid/MODEL.json: see `learn.comparison.whole_grid.Cost`."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    grid: str
+    seconds: Annotated[Seconds, Field(gt=0)]
+    error: Seconds | None
+    fits: Count
+    of: Count
+    rows: Count = 0
+
+
+class Trial(Document):
+    """A line of trials/MODEL.jsonl: see `learn.comparison.trials.Trial`."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    candidate: str
+    fold: Annotated[int, Field(ge=0, lt=FOLDS)]
+    rows: Count
+    r2: Score | None
+    failure: str = ""
+    remark: str = ""
+    seconds: Seconds = 0.0
+
+
+KINDS: dict[str, tuple[type[Document], ...]] = {
+    "baseline": (Result,),
+    "tuned": (Result, Failure),
+    "whole-grid": (WholeGrid,),
+}
+"""What the results in each folder may be."""
