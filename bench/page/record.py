@@ -2,16 +2,38 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from bench.circumstances import circumstances
 from bench.page.inputs import Inputs, typed
 from bench.page.part import Part
-from gen import output
-from gen.errors import InputError
+from gen import documents, output
 
 SAME = ("commit", "versions", "machine")
 """What has to be as it was for a part to stay."""
+
+
+class Machine(documents.Document):
+    """Where a part was made; see `bench.circumstances`."""
+
+    processor: str
+
+
+class Record(documents.Document):
+    """What a part's record has to hold: see `write`."""
+
+    command: str
+    code: Annotated[int, Field(ge=-64, le=255)]
+    finished: bool
+    seconds: Annotated[float, Field(ge=0, le=1e15)]
+    told: list[str]
+    inputs: dict[str, int]
+    created: str
+    commit: str
+    machine: Machine
+    versions: dict[str, str]
 
 
 def record(part: Part, inputs: Inputs) -> dict[str, Any] | None:
@@ -22,14 +44,7 @@ def record(part: Part, inputs: Inputs) -> dict[str, Any] | None:
     InputError
         If the record cannot be read.
     """
-    path = path_of(part, inputs)
-    try:
-        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); remove it") from None
-    return found
+    return documents.read(path_of(part, inputs), Record)
 
 
 def path_of(part: Part, inputs: Inputs) -> Path:

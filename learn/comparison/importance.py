@@ -21,6 +21,7 @@ from learn import dataset, features, memory, split
 from learn.comparison.folder import Folder, conditions
 from learn.comparison.pictures import new_figure, save
 from learn.comparison.spaces import untuned
+from learn.comparison.winner import settings_of
 from learn.metrics import Scores, scores
 from learn.models import chosen, pipeline
 from learn.request import Request, pressed_for
@@ -213,18 +214,12 @@ def _of_scaled_target(model: Any) -> Any:
 def _settings(folder: Folder, model: str, features: str) -> tuple[dict[str, Any], str]:
     """Settings of the tuned model, or what serves in their place."""
     result = folder.result("tuned", model)
-    if result and result.get("test"):
-        return _tuples(result["settings"]), "tuned here"
+    found = settings_of(folder, model)
+    if found and result and result["test"]:
+        return found[0], "tuned here"
     origin, settings = untuned(model, features)
     settings.pop("criterion", None)  # the default, by another name
     return settings, origin
-
-
-def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
-    """JSON knows no tuples: layers of a perceptron come back as a list."""
-    return {
-        name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()
-    }
 
 
 def _draw(worth: list[Worth], selections: list[Selection], title: str, path: Path) -> Path:

@@ -103,7 +103,7 @@ class Result(Document):
     def _times_belong_to_scores(self) -> "Result":
         times = self.times.fit, self.times.test, self.times.row
         if self.test is not None and not all(0 <= each <= 1e15 for each in times):
-            raise ValueError("scores without times")
+            raise ValueError("there are scores without times of fit and predictions")
         return self
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gen.errors import InputError
 from learn.comparison.folder import Folder
 from learn.comparison.spaces import OPTIMA
+from learn.comparison.winner import settings_of
 from learn.models import MODELS, NORMALISATIONS, STEP, pipeline
 from learn.request import Request
 
@@ -97,15 +98,13 @@ def tuned_conditions(folder: Folder, model: str) -> dict[str, Any]:
 
 
 def _tuned(folder: Folder, model: str) -> Settings:
-    result = folder.result("tuned", model)
-    if result is None or "settings" not in result:
+    found = settings_of(folder, model)
+    if found is None:
         raise InputError(
             f"--from: {folder.path} has no tuned {model}: python -m learn tune --model {model}"
         )
-    settings = {**result["settings"], **result.get("refit", {})}
-    if isinstance(settings.get("hidden_layer_sizes"), list):  # JSON has no tuples
-        settings["hidden_layer_sizes"] = tuple(settings["hidden_layer_sizes"])
-    return Settings(settings, True, f"tuned in {folder.path}")
+    settings, refit = found
+    return Settings(settings | refit, True, f"tuned in {folder.path}")
 
 
 def _candidates(name: str) -> list[dict[str, Any]]:

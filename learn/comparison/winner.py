@@ -1,0 +1,51 @@
+"""Settings of a search's winner, as a comparison folder holds them: only what was searched."""
+
+from typing import Any
+
+from gen.errors import InputError
+from learn.comparison import spaces
+from learn.comparison.folder import Folder
+from learn.models import MODELS
+
+
+def settings_of(folder: Folder, model: str) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """Read the settings that a search has found.
+
+    Somebody may have edited the file, and a library may do anything with settings that nobody has
+    searched: use up all memory, never end.
+
+    Parameters
+    ----------
+    folder : of a target
+    model : name of the model
+
+    Returns
+    -------
+    (settings, refit) : those of the winner, and those in which its last fit differed; None if the
+        folder has no winner
+
+    Raises
+    ------
+    InputError
+        If the settings are none of those that were searched.
+    """
+    result = folder.result("tuned", model)
+    if result is None or "settings" not in result:
+        return None
+    settings, refit = _with_tuples(result["settings"]), _with_tuples(result["refit"])
+    path = folder.path / "tuned" / f"{model}.json"
+    grid, space = spaces.of(model, folder.record()["conditions"].get("features", "paper"))
+    own = result["search"].get("grid", spaces.TABLE_2) == spaces.GIVEN  # searched by a program
+    for name, value in settings.items():
+        if not own and value not in space.get(name, []):
+            raise InputError(f"{path}: {name} = {value!r} is not in the grid {grid!r}")
+    if refit not in ({}, dict(MODELS[model].refit)):
+        raise InputError(f"{path}: its last fit is not as learn makes it: {refit!r}")
+    return settings, refit
+
+
+def _with_tuples(settings: dict[str, Any]) -> dict[str, Any]:
+    """JSON knows no tuples: layers of a perceptron come back as a list."""
+    return {
+        name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()
+    }

@@ -1,0 +1,132 @@
+"""Comparison folders that were edited, cut or sent by strangers: one line, never a traceback."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from gen import cli as gen_cli
+from learn import cli
+
+SCENE = "samples = 60\nsamples_per_surface = 2\n[surface]\nnodes = 9\n"
+RESULT = "area/tuned/decision-tree.json"
+RECORD = "area/comparison.json"
+TRIALS = "area/trials/decision-tree.jsonl"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "scene.toml").write_text(SCENE)
+    database = folder / "rows.h5"
+    assert gen_cli.main(["run", str(folder / "scene.toml"), "-o", str(database)]) == 0
+    arguments = [str(database), "-o", str(folder / "found"), "--model", "decision-tree"]
+    assert cli.main(["tune", *arguments, "--budget", "1s"]) == 0
+    return folder
+
+
+@pytest.fixture
+def folder(made, tmp_path, monkeypatch):
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "found"
+
+
+def refusal(capsys, *arguments: str) -> str:
+    """The one line with which a command refuses a damaged file."""
+    assert cli.main(list(arguments)) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("learn: ")]
+    assert len(lines) == 1
+    return lines[0]
+
+
+SHOW = ("show", "found", "--no-pictures")
+FIT = ("fit", "rows.h5", "--model", "decision-tree", "--from", "found", "--target", "area")
+FIT = (*FIT, "-o", "a.surrogate")
+TUNE = ("tune", "rows.h5", "-o", "found", "--model", "decision-tree", "--budget", "1s")
+
+DAMAGE = {
+    "no-object": (RECORD, b"[1, 2]", SHOW),
+    "not-json": (RECORD, b"{", SHOW),
+    "not-utf-8": (RESULT, b"\xff\xfe", SHOW),
+    "empty": (RESULT, b"", SHOW),
+    "nested": (RESULT, b"[" * 100_000, SHOW),
+    "digits": (RESULT, b'{"model": ' + b"9" * 5000 + b"}", SHOW),
+    "trials": (TRIALS, b"{}\n[]\n", TUNE),
+    "trials-digits": (TRIALS, b"9" * 5000 + b"\n", TUNE),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGE)
+def test_what_is_no_document_is_refused(name, folder, capsys):
+    file, content, command = DAMAGE[name]
+    (folder / file).write_bytes(content)
+    assert str(Path("found", file)) in refusal(capsys, *command)
+
+
+CHANGES = {
+    "missing": (RECORD, "unit", None, SHOW),
+    "target": (RECORD, "conditions.target", 3, SHOW),
+    "rows-text": (RECORD, "conditions.train_rows", "many", SHOW),
+    "rows-negative": (RECORD, "conditions.test_rows", -1, SHOW),
+    "area-nan": (RECORD, "conditions.area_max", float("nan"), SHOW),
+    "conditions-list": (RECORD, "conditions", [], FIT),
+    "seed-float": (RECORD, "conditions.seed", 1.5, FIT),
+    "normalisation": (RECORD, "conditions.normalisation", "x", FIT),
+    "features": (RECORD, "conditions.features", "x", FIT),
+    "score-nan": (RESULT, "test.r2", float("nan"), SHOW),
+    "score-huge": (RESULT, "test.r2", 10**400, SHOW),
+    "score-missing": (RESULT, "test.nmae", None, SHOW),
+    "times-nan": (RESULT, "times.fit", float("nan"), SHOW),
+    "times-list": (RESULT, "times", [], SHOW),
+    "search-text": (RESULT, "search.fits", "many", SHOW),
+    "settings-list": (RESULT, "settings", [1], FIT),
+    "setting-unknown": (RESULT, "settings.depth", 3, FIT),
+    "setting-huge": (RESULT, "settings.max_depth", 10**9, FIT),
+    "setting-nested": (RESULT, "settings.max_depth", {"a": 1}, FIT),
+    "refit": (RESULT, "refit.max_depth", 3, FIT),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_damaged_value_is_named(name, folder, capsys):
+    file, key, value, command = CHANGES[name]
+    found = json.loads((folder / file).read_text())
+    *parents, last = key.split(".")
+    inner = found
+    for parent in parents:
+        inner = inner[parent]
+    inner[last] = value
+    if value is None:
+        del inner[last]
+    (folder / file).write_text(json.dumps(found))
+    said = refusal(capsys, *command)
+    assert last[:6] in said
+    assert len(said) < 600
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("fold", 9), ("fold", "0"), ("rows", -1), ("r2", "x"), ("seconds", -1.0), ("more", 1)],
+)
+def test_a_damaged_trial_is_named_by_its_line(key, value, folder, capsys):
+    lines = (folder / TRIALS).read_text().splitlines()
+    lines[2] = json.dumps({**json.loads(lines[2]), key: value})
+    (folder / TRIALS).write_text("\n".join(lines) + "\n")
+    said = refusal(capsys, *TUNE)
+    assert "decision-tree.jsonl, line 3" in said
+    assert key in said
+
+
+def test_predictions_that_are_no_numbers_are_refused(folder, capsys):
+    table = folder / "area/tuned/decision-tree.csv"
+    whole = table.read_text()
+    for damaged in ("", whole + "7,nan,1\n", whole + "7\n", whole + "a,b,c\n"):
+        table.write_text(damaged)
+        assert "decision-tree.csv" in refusal(capsys, "show", "found")
+
+
+def test_the_folder_is_sound_as_it_was_made(folder, capsys):
+    assert cli.main(list(SHOW)) == 0
+    assert cli.main(list(FIT)) == 0, capsys.readouterr().err
