@@ -32,6 +32,7 @@ COMMANDS = (
     farm.writers,
     farm.outputs,
     farm.faults,
+    farm.fuzz,
 )
 
 for _command in COMMANDS:

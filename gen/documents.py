@@ -5,14 +5,13 @@ or a number that is none has to be named where it stands, not where it does its 
 """
 
 import json
-import os
-import stat
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gen.errors import InputError
+from gen.input_file import require_file
 
 LARGEST = 64 * 2**20
 """Bytes of a document at most; those of this project have some thousands."""
@@ -38,24 +37,14 @@ def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
         If it is anything else than a regular file, larger, or cannot be read.
     """
     try:
-        # A named pipe would be waited for: this opens it at once, and it is refused.
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with os.fdopen(descriptor, "rb") as file:
-            found = os.fstat(descriptor)
-            if not stat.S_ISREG(found.st_mode):
-                raise InputError(f"{path} is no regular file")
-            if found.st_size > largest:
-                raise InputError(
-                    f"{path} has {found.st_size} bytes; at most {largest} are read: move it away"
-                )
-            return file.read()
-    except FileNotFoundError:
-        raise
-    except (OSError, ValueError) as error:
-        if isinstance(error, InputError):
+        size = require_file(path).stat().st_size
+        if size > largest:
+            raise InputError(f"{path} has {size} bytes; at most {largest} are read: move it away")
+        return path.read_bytes()
+    except OSError as error:
+        if isinstance(error, FileNotFoundError):
             raise
-        fault = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{path} cannot be read: {fault}") from None
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
 
 
 def read(path: Path, *kinds: type[Document]) -> dict[str, Any] | None:
@@ -95,6 +84,6 @@ def check(path: Path | str, content: bytes, *kinds: type[Document]) -> None:
     key = ".".join(map(str, faults[0]["loc"]))
     where = f"{key}: " if key else ""
     raise InputError(
-        f"{path} is damaged, or not written by this program ({where}{faults[0]['msg']}): move it"
+        f"{path} cannot be read as what this program writes ({where}{faults[0]['msg']}): move it"
         " away"
     )

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.faults import samples, signals, storage
+from bench.faults import places, samples, signals, storage
 from bench.faults.rows import count_finished, difference, finished, row_fault
 from bench.faults.runs import BOUND, Hang
-from bench.faults.stage import SAMPLES, Found, Stage
+from bench.faults.stage import SAMPLES, Found, NotPossible, Stage
 from gen.errors import InputError
 
 KINDS: dict[str, Callable[[Stage], Found]] = {
@@ -26,6 +26,13 @@ KINDS: dict[str, Callable[[Stage], Found]] = {
     "full disk": storage.disk_full_for_real,
     "file cut off": storage.file_cut_off,
     "second writer": storage.second_writer,
+    "second writer by a link": places.writer_by_link,
+    "file replaced": places.file_replaced,
+    "file moved": places.file_moved,
+    "file made read-only": places.file_read_only,
+    "full disk under stderr": places.deaf_terminal,
+    "pipe for a file": places.named_pipe,
+    "wrong option on all ranks": places.wrong_option,
     "sample raises": samples.sample_raises,
     "sample returns NaN": samples.sample_returns_nan,
     "sample does not converge": samples.sample_does_not_converge,
@@ -34,7 +41,7 @@ KINDS: dict[str, Callable[[Stage], Found]] = {
 }
 """The kinds of disturbances, by the names in the report."""
 
-ROUNDS = 119
+ROUNDS = 168
 """Disturbances of a whole campaign: each kind seven times."""
 
 MISSES = 4
@@ -103,7 +110,7 @@ def campaign(
         kind = deck.pop()
         try:
             done = _disturbed(stage, kind)
-        except storage.NotPossible as reason:
+        except NotPossible as reason:
             remark(f"left out: {kind}: {reason}")
             open_kinds.remove(kind)
             continue

@@ -5,6 +5,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,10 @@ RANKS = 3
 
 EARLY = 0.25
 """Share of the strikes at any moment from the start on; the others find a run at work."""
+
+
+class NotPossible(Exception):
+    """A disturbance is not allowed on this machine; the text says why."""
 
 
 @dataclass(frozen=True)
@@ -91,8 +96,10 @@ class Stage:
         self,
         ranks: int,
         *options: str,
+        scene: str = "scene.toml",
         output: str = "disturbed.h5",
         ailments: Mapping[int, str] | None = None,
+        errors: IO[bytes] | None = None,
     ) -> Run:
         """Start a run.
 
@@ -100,8 +107,10 @@ class Stage:
         ----------
         ranks : see `Run`
         options : of the command
+        scene : the scene's file
         output : the database
         ailments : rows, and what they suffer from: see `bench.faults.program`
+        errors : where standard error goes, None for the run's own record
         """
         program: tuple[str, ...] = PROGRAM
         if ailments:
@@ -111,8 +120,8 @@ class Stage:
             }
             (self.folder / "ailments.json").write_text(json.dumps(known))
             program = ("-m", "bench.faults.program", "ailments.json")
-        arguments = ("run", "scene.toml", "-o", output, *options)
-        return Run(self.folder, ranks, *arguments, program=program)
+        arguments = ("run", scene, "-o", output, *options)
+        return Run(self.folder, ranks, *arguments, program=program, errors=errors)
 
     def await_moment(self, run: Run) -> None:
         """Wait for a random moment of a run, or for its end if that is sooner."""

@@ -10,16 +10,12 @@ from pathlib import Path
 
 from bench.faults.rows import columns_of, difference, row_fault
 from bench.faults.runs import Ended, await_lock, is_locked
-from bench.faults.stage import Found, Stage, code_fault, refusal_fault
+from bench.faults.stage import Found, NotPossible, Stage, code_fault, refusal_fault
 from gen.schema import row_bytes
 
 PAGE = 4096
 SMALLEST = 64 * 1024
 """Smallest limit on the size of files: below it, the run could not even write down its output."""
-
-
-class NotPossible(Exception):
-    """A disturbance is not allowed on this machine; the text says why."""
 
 
 def disk_full_midway(stage: Stage) -> Found:

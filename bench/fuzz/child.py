@@ -28,31 +28,33 @@ MEMORY = 3 * 2**30
 LARGEST_FILE = 256 * 2**20
 """Bytes that a command may write into one file."""
 
-LOADED = (
-    "bem",
-    "gen.check",
-    "gen.database",
-    "gen.display",
-    "gen.forecast",
-    "gen.picture",
-    "gen.run",
-    "learn.comparison.importance",
-    "learn.comparison.jobs",
-    "learn.comparison.pictures",
-    "learn.comparison.tables",
-    "learn.surrogate.answers",
-    "learn.surrogate.card",
-    "learn.surrogate.law",
-    "learn.surrogate.training",
-    "bench.page.report",
-    "matplotlib.backends.backend_agg",
-    "scipy.sparse.linalg",
-    "sklearn.ensemble",
-    "sklearn.gaussian_process",
-    "sklearn.kernel_ridge",
-    "sklearn.tree",
-    "xgboost",
-)
+LOADED = {
+    "gen": (
+        "bem",
+        "gen.check",
+        "gen.database",
+        "gen.display",
+        "gen.forecast",
+        "gen.picture",
+        "gen.run",
+        "matplotlib.backends.backend_agg",
+        "scipy.sparse.linalg",
+    ),
+    "learn": (
+        "learn.comparison.importance",
+        "learn.comparison.jobs",
+        "learn.comparison.pictures",
+        "learn.comparison.tables",
+        "learn.surrogate.answers",
+        "learn.surrogate.card",
+        "learn.surrogate.law",
+        "learn.surrogate.training",
+        "sklearn.ensemble",
+        "sklearn.tree",
+        "xgboost",
+    ),
+    "bench": ("bench.page.report",),
+}
 """Modules that commands import when they need them: loaded once here, not once in every case."""
 
 PROGRAMS = {"gen": "gen.cli", "learn": "learn.cli", "bench": "bench.__main__"}
@@ -81,13 +83,15 @@ class Ended:
     seconds: float = 0.0
 
 
-def load() -> None:
-    """Load the packages, so that the forks find them in memory."""
-    for module in (*PROGRAMS.values(), *LOADED):
+def load(program: str) -> None:
+    """Load what the commands of a program need, so that forks find it in memory."""
+    for module in (PROGRAMS[program], *LOADED[program]):
         importlib.import_module(module)
 
 
-def run(command: Sequence[str], folder: Path, bound: float = BOUND) -> Ended:
+def run(
+    command: Sequence[str], folder: Path, bound: float = BOUND, memory: int | None = MEMORY
+) -> Ended:
     """Run a command line in a fork of this process.
 
     Parameters
@@ -95,11 +99,14 @@ def run(command: Sequence[str], folder: Path, bound: float = BOUND) -> Ended:
     command : "gen", "learn" or "bench", and its arguments
     folder : where it works
     bound : seconds after which it is killed
+    memory : bytes that it may ask for on top of what this process has, None for no bound
     """
     with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
         began = time.monotonic()
         process = os.fork()
         if process == 0:
+            if memory is not None:
+                _limit(resource.RLIMIT_AS, _address_space() + memory)
             _become(command, folder, output, errors)
         code, hung = _await(process, began + bound)
         seconds = time.monotonic() - began
@@ -146,7 +153,6 @@ def _become(command: Sequence[str], folder: Path, output: IO[bytes], errors: IO[
         sys.stderr = open(  # noqa: SIM115 - as the interpreter has it
             2, "w", encoding="utf-8", errors="backslashreplace", closefd=False, buffering=1
         )
-        _limit(resource.RLIMIT_AS, _address_space() + MEMORY)
         _limit(resource.RLIMIT_FSIZE, LARGEST_FILE)
         _limit(resource.RLIMIT_CORE, 0)
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
