@@ -20,7 +20,7 @@ from gen import output
 from gen.provenance import git_commit, versions
 
 if TYPE_CHECKING:
-    from learn.surrogate.curves import Curves
+    from learn.surrogate.curves import Curve, Curves
     from learn.surrogate.law import Law
 
 SHORT = {
@@ -136,7 +136,7 @@ def _body(law: Law, name: str) -> Iterator[str]:
     yield FUNCTIONS.replace("NAME", name)
     for curves in (law.over_delta, law.over_pressure):
         argument, suffix = ARGUMENTS[curves.against]
-        at, columns = _columns(law, curves, suffix)
+        at, columns = _columns(curves, suffix, law.over_delta.curves["mean_gap_um"])
         size, over = f"{name.upper()}_{argument.upper()}S", f"{name}_{argument}s_table"
         yield f"#define {size} {at.size}"
         yield from _array(over, size, at)
@@ -148,21 +148,26 @@ def _body(law: Law, name: str) -> Iterator[str]:
 
 
 def _columns(
-    law: Law, curves: Curves, suffix: str
+    curves: Curves, suffix: str, gap: Curve
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
-    """Arguments of a table and its columns by the name of their function, from first touch on."""
-    at, columns = curves.at, {}
+    """Arguments of a table and its columns by the name of their function, from first touch on.
+
+    Parameters
+    ----------
+    curves : the table
+    suffix : what the functions' names have behind the quantity
+    gap : the mean gap against Delta, which begins at first touch [um]
+    """
+    missing = curves.at[:1] > 0  # first touch, where pressures were given
+    columns = {}
     for name, curve in curves.curves.items():
-        own = f"{SHORT[name]}{suffix}"
-        columns[own] = curve.value
+        parts = {"": (curve.value, gap.value)}
         if curves.banded:
-            columns |= {f"{own}_low": curve.low, f"{own}_high": curve.high}
-    if at[0] > 0:
-        at = np.append(0.0, at)
-        for own, values in columns.items():
-            rest = law.gap_at_rest if own.startswith("mean_gap") else 0.0
-            columns[own] = np.append(rest, values)
-    return at, columns
+            parts |= {"_low": (curve.low, gap.low), "_high": (curve.high, gap.high)}
+        for end, (values, gaps) in parts.items():
+            first = gaps[:1] if name == "mean_gap_um" else np.zeros(1)
+            columns[f"{SHORT[name]}{suffix}{end}"] = np.concatenate([first[missing], values])
+    return np.concatenate([np.zeros(1)[missing], curves.at]), columns
 
 
 def _array(name: str, size: str, values: NDArray[np.float64]) -> Iterator[str]:

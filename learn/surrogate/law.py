@@ -65,7 +65,6 @@ class Law:
     order : what was asked for
     over_delta : table against the far-field displacement, from 0 on [um]
     over_pressure : table against the nominal pressure; Delta among its curves [MPa]
-    gap_at_rest : mean gap at first touch, mean over the surfaces [um]
     e_star : E* [MPa]
     band : what the band is, in words
     origins : what surfaces the law is of, a line each
@@ -75,7 +74,6 @@ class Law:
     order: Order
     over_delta: Curves
     over_pressure: Curves
-    gap_at_rest: float
     e_star: float
     band: str
     origins: tuple[str, ...]
@@ -122,7 +120,6 @@ def make(surrogate: Surrogate | None, order: Order, say: Callable[[str], None]) 
         order=order,
         over_delta=over_delta,
         over_pressure=over_pressure,
-        gap_at_rest=float(np.mean([each.gap_at_rest for each in subjects.surfaces])),
         e_star=e_star,
         band=_band(order, len(subjects.surfaces)),
         origins=tuple(subjects.origins),

@@ -29,7 +29,7 @@ class Points:
     values : (k,) by name: delta_um, area_percent, force_uN, mean_gap_um, pressure_MPa
     low, high : (k,) ends of the intervals by name; a name without intervals is left out
     reasons : k texts: why a load is unknown ground, "" where it is not
-    endless : k texts: why an interval's ends are not known although the ground is, or none at all
+    endless : k texts: why a load on known ground has no interval, "" where it has one; or no texts
     warnings : what to know before trusting solved contacts of this surface
     """
 

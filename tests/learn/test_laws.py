@@ -120,6 +120,12 @@ def test_a_scene_is_solved_as_it_says(work, capsys):
         assert float(row["force_uN"]) == pytest.approx(np.mean([each.force for each in contacts]))
         pressure = np.mean([each.force for each in contacts]) / (17 * scene.spacing) ** 2
         assert float(row["pressure_MPa"]) == pytest.approx(pressure)
+    run(
+        "law", "hybrid.surrogate", "mirco.toml", "--surfaces", "2", "--delta", "5", "--csv", "p.csv"
+    )
+    (predicted,) = rows_of("p.csv", "delta_um")[1:]
+    cells = float(predicted["force_uN"]) / float(predicted["pressure_MPa"])
+    assert cells == pytest.approx((17 * scene.spacing) ** 2)
     Path("rigid.toml").write_text(SCENE.replace('far_field = "compliant"', ""))
     run("law", "rigid.toml", "--solver", "--surfaces", "2", "--csv", "law.csv")
     deltas = column(rows_of("law.csv", "delta_um"), "delta_um")
@@ -281,15 +287,16 @@ def test_two_headers_work_in_one_program(work):
         "asperity_solved_delta_at_pressure(0.0005) / asperity_solved_delta_at_pressure(0.001)",
         "asperity_solved_delta_at_pressure_high(0.001) > asperity_solved_delta_at_pressure(0.001)",
         "asperity_steel_2_area_tangent(1e9)",
+        "asperity_solved_mean_gap_at_pressure_low(-1.0) == asperity_solved_mean_gap_low(0.0)",
     ]
     lines = [f'printf("%.17g\\n", (double)({text}));' for text in [*texts, *own]]
     done = compiled(program(*lines, headers=("steel-2.h", "soft.h", "solved.h", "soft.h")))
     assert done.returncode == 0, done.stderr
     said = subprocess.run(["./main"], capture_output=True, text=True, check=True, timeout=60).stdout
     found = [float(line) for line in said.split()]
-    np.testing.assert_allclose(found[:-4], expected, rtol=1e-12)
+    np.testing.assert_allclose(found[:-5], expected, rtol=1e-12)
     assert np.isnan(expected).any(), "the NAN of unknown ground was seen"
-    assert found[-4:] == [0.0, 0.5, 1.0, 0.0]
+    assert found[-5:] == [0.0, 0.5, 1.0, 0.0, 1.0]
 
 
 @needs_compiler
