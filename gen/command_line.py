@@ -4,6 +4,7 @@ import os
 import sys
 from collections.abc import Collection, Sequence
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -113,12 +114,18 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
 
 def _invoke(app: typer.Typer, name: str, arguments: Sequence[str]) -> int:
     """Run a command; raise what it raises, and what its output's device does."""
-    command: Any = typer.main.get_command(app)
+    command = _built(app)
     with command.make_context(name, list(arguments)) as context:
         code = command.invoke(context)
     if sys.stdout is not None:
         sys.stdout.flush()
     return code if isinstance(code, int) else 0
+
+
+@cache
+def _built(app: typer.Typer) -> Any:
+    """Return what parses a command line; to build it takes longer than to refuse one."""
+    return typer.main.get_command(app)
 
 
 def _in_words(name: str, error: Exception) -> str:

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gen import farm
+from gen.errors import InputError
 from learn import features
 from learn.comparison.spaces import Space
 from learn.dataset import Values
+from learn.models import NORMALISATIONS
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,12 @@ class Request:
     again: bool = False
     limit: float | None = None
     spaces: Mapping[str, Space] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what needs no file to be seen wrong; raises InputError."""
+        if self.normalisation not in NORMALISATIONS:
+            known = ", ".join(NORMALISATIONS)
+            raise InputError(f"--normalise {self.normalisation!r}: give one of {known}")
 
 
 def pressed_for(request: Request, world: farm.World, stopping: Callable[[], bool]) -> Values | None:

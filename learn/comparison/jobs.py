@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from gen import farm
-from gen.errors import InputError
 from gen.interruption import Interruption
 from gen.progress import RunProgress
 from learn import split
@@ -17,7 +16,7 @@ from learn.comparison.results import is_there, keep, keep_cost, keep_tuned, tell
 from learn.comparison.task import Task, expected_work
 from learn.comparison.timing import Final, Outcome, measure
 from learn.comparison.trials import Trials
-from learn.models import NORMALISATIONS, Model, chosen
+from learn.models import Model, chosen
 from learn.request import Request, pressed_for
 
 
@@ -103,9 +102,6 @@ def _each_target(work: Work, request: Request, world: farm.World, *, searched: b
 def _job(request: Request, world: farm.World) -> Iterator[tuple[Interruption, list[Model]]]:
     """Check what needs no file, and listen for signals."""
     models = chosen(list(request.models))
-    if request.normalisation not in NORMALISATIONS:
-        known = ", ".join(NORMALISATIONS)
-        raise InputError(f"--normalise {request.normalisation!r}: give one of {known}")
     with Interruption(listening=world.is_master) as interruption:
         yield interruption, models
 

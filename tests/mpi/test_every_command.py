@@ -1,0 +1,104 @@
+"""Every command on three ranks with bad input of every kind: one line, code 2, and never a hang."""
+
+import json
+import shlex
+import subprocess
+
+import command_lines
+import pytest
+from launch import command, environment, launch, mpiexec
+
+pytestmark = [
+    pytest.mark.mpi,
+    pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'"),
+]
+
+WALK = """
+import contextlib, faulthandler, io, json, sys
+from mpi4py import MPI
+from bench import __main__ as bench
+from gen import cli as gen
+from learn import cli as learn
+PROGRAMS = {"gen": gen.main, "learn": learn.main, "bench": bench.main}
+world = MPI.COMM_WORLD
+for program, arguments, seconds in json.load(open("walk.json")):
+    faulthandler.dump_traceback_later(seconds, exit=True)
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = PROGRAMS[program](arguments)
+    ends = world.gather((code, err.getvalue()))
+    faulthandler.cancel_dump_traceback_later()
+    if world.rank == 0:
+        print(json.dumps([program, arguments, ends]), flush=True)
+"""
+
+GOOD = [
+    ["gen", "run", "good.toml", "-o", "good.h5"],
+    ["learn", "fit", "good.h5", "-o", "good.s", "--model", "decision-tree"],
+    ["learn", "compare", "good.h5", "-o", "comparison", "--model", "decision-tree"],
+]
+"""What succeeds on three ranks, and makes the files that the other command lines name."""
+
+SECONDS = 20
+"""After which a command line hangs."""
+
+
+def walk(folder, lines):
+    """End of every command line on three ranks: program, arguments, [code, standard error]."""
+    listed = [(program, arguments, SECONDS) for program, *arguments in lines]
+    (folder / "walk.json").write_text(json.dumps(listed))
+    (folder / "walking.py").write_text(WALK)
+    done = launch(3, folder=folder, module="walking")
+    assert done.returncode == 0, f"{done.stdout[-500:]} {done.stderr[-3000:]}"
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def test_every_command_has_bad_command_lines():
+    """A new command needs an entry in tests/command_lines.py."""
+    for program, known in command_lines.COMMANDS.items():
+        assert set(command_lines.commands(program)) == set(known)
+
+
+def test_every_command_refuses_bad_input_on_all_ranks_in_one_line(tmp_path):
+    command_lines.prepare(tmp_path)
+    cases = [
+        (program, case)
+        for program in command_lines.COMMANDS
+        for case in command_lines.cases(program)
+    ]
+    benches = [["bench", name, "--nonsense"] for name in command_lines.commands("bench")]
+    lines = [[program, *case.arguments] for program, case in cases]
+    ended = iter(walk(tmp_path, [*GOOD, *benches, *lines]))
+    for _, (*_, ends) in zip(GOOD, ended, strict=False):
+        assert [code for code, _ in ends] == [0, 0, 0], ends
+    for _, (*_, ends) in zip(benches, ended, strict=False):
+        assert ends == [[2, "bench: started as 3 processes; start it as one\n"], [2, ""], [2, ""]]
+    wrong = []
+    for (program, case), (*_, ends) in zip(cases, ended, strict=True):
+        (code, said), *others = ends
+        line = said.startswith(f"{program}: ") and said.count("\n") == 1 and case.word in said
+        if code != 2 or others != [[2, ""], [2, ""]] or not line:
+            wrong.append(f"{program} {' '.join(case.arguments)[:150]}: {ends}")
+    assert not wrong, "\n".join([f"{len(wrong)} of {len(cases)}", *wrong])
+    left = {path.name for path in tmp_path.iterdir()}
+    assert not left & {"new", "new.h5", "new.png", "new.h", "new-folder"}
+    assert (tmp_path / "text").read_text() == command_lines.TEXT
+    assert not list((tmp_path / "folder").iterdir())
+
+
+def test_a_folder_that_is_gone_ends_all_ranks(tmp_path):
+    (tmp_path / "good.toml").write_text("samples = 3\n[surface]\nnodes = 9\n")
+    started = f"{shlex.join(command(3, 'run', '../good.toml', '-o', 'new.h5'))} 2>&1"
+    done = subprocess.run(
+        ["sh", "-c", f"mkdir gone && cd gone && rmdir ../gone && {started}"],
+        cwd=tmp_path,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+        check=False,
+    )
+    said = [line for line in done.stdout.splitlines() if line.startswith("gen: ")]
+    assert done.returncode in {2, 255}, done.stdout  # some launchers do not even start
+    assert len(said) <= 1
+    assert "Traceback" not in done.stdout
