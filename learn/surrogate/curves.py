@@ -1,7 +1,7 @@
 """Curves of a contact law: monotone values with a band and slopes, over Delta or over pressure."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,25 +148,27 @@ def monotone(points: Points) -> tuple[Points, Points]:
     return Points(values, low, high, points.reasons), Points(changes)
 
 
+def held(points: Points) -> Points:
+    """Hold values at the last ones where they would turn back.
+
+    Solved contacts do so within the solver's tolerance only; all others stay what was solved.
+    """
+    return replace(points, values=_held(points.values))
+
+
 def continued(points: Points, further: Points) -> Points:
     """Append points at larger Delta, held at the last values where they would turn back."""
+    joined = points.joined(further)
+    low, high = _held(joined.low), _held(joined.high)
+    return replace(joined, values=_held(joined.values), low=low, high=high)
 
-    def held(before: dict[str, Values], after: dict[str, Values]) -> dict[str, Values]:
-        return {
-            name: (np.minimum if name == "mean_gap_um" else np.maximum).accumulate(
-                np.concatenate([before[name][-1:], values])
-            )[1:]
-            for name, values in after.items()
-        }
 
-    return points.joined(
-        Points(
-            held(points.values, further.values),
-            held(points.low, further.low),
-            held(points.high, further.high),
-            further.reasons,
-        )
-    )
+def _held(part: dict[str, Values]) -> dict[str, Values]:
+    """Largest values so far, of the mean gap the smallest."""
+    return {
+        name: (np.minimum if name == "mean_gap_um" else np.maximum).accumulate(values)
+        for name, values in part.items()
+    }
 
 
 def _slope(arguments: Values, values: Values) -> Values:

@@ -125,7 +125,7 @@ def solved(
     notable: dict[int, Contact] = {}  # the first with each number of warnings, which only rises
     for contact, _ in solve_loads(topography, load, loads, **settings):
         pressure = contact.force / subject.nominal
-        area, gap = contact.area_percent, contact.mean_gap
+        area, gap = contact.area_percent, max(contact.mean_gap, 0.0)  # below 0 by rounding alone
         rows.append((contact.delta, area, contact.force, gap, pressure))
         notes = warnings_about(topography, [contact], material=material)
         notable.setdefault(len(notes), contact)

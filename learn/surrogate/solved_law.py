@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.progress import RunProgress
-from learn.surrogate.curves import Curves, monotone, tabulated
+from learn.surrogate.curves import Curves, held, tabulated
 from learn.surrogate.points import Points, solved
 from learn.surrogate.subjects import Subject
 
@@ -70,8 +70,7 @@ def tables(
         if load == "delta" or asked[load] is None:  # pressures that were given stay alone
             parts = [part.from_rest(each) for part, each in zip(parts, surfaces, strict=True)]
             loads = np.append(0.0, loads)
-        smooth = [monotone(part)[0] for part in parts]
-        made[load] = tabulated(argument, loads, smooth, level)
+        made[load] = tabulated(argument, loads, [held(part) for part in parts], level)
     return made["delta"], made["pressure"], _warnings(found.values())
 
 
