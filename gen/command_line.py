@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from gen import farm, startup
+from gen import farm, memory, startup
 from gen.errors import InputError
 from gen.terminal import printable
 
@@ -110,6 +110,10 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
         if isinstance(error, OSError) and error.filename == startup.OUTPUT:
             _drop_output()
         return 2, _in_words(name, error)
+    except MemoryError as error:
+        allowed = memory.size(memory.allowed())
+        fault = f"{error or 'no more is given'}; {allowed} are allowed here, shared with all else"
+        return 2, f"{name}: this needs more memory than there is: {fault}"
 
 
 def _invoke(app: typer.Typer, name: str, arguments: Sequence[str]) -> int:

@@ -140,6 +140,7 @@ def this_world() -> World:
     launched = any(name in os.environ for name in LAUNCHERS)
     if not launched and "mpi4py" not in sys.modules:
         return World()
+    _check_launcher()
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
@@ -152,6 +153,38 @@ def this_world() -> World:
     if communicator.size == 1:
         return World()
     return World(communicator.rank, communicator.size, communicator)
+
+
+def _check_launcher() -> None:
+    """Refuse variables of a launcher that is not there: MPI would end this process from inside.
+
+    Raises
+    ------
+    InputError
+        With the variable to take out of the environment.
+    """
+    size, descriptor = (os.environ.get(name) for name in ("PMI_SIZE", "PMI_FD"))
+    fault = ""
+    if size is not None and not size.isdecimal():
+        fault = "PMI_SIZE"
+    elif descriptor is not None and not _is_open(descriptor):
+        fault = "PMI_FD"
+    elif "PMIX_RANK" in os.environ and "PMIX_NAMESPACE" not in os.environ:
+        fault = "PMIX_RANK"
+    if fault:
+        raise InputError(
+            f"{fault} = {os.environ[fault]!r} in the environment is not from an MPI launcher that"
+            f" has started this process; to run alone: unset {fault}"
+        )
+
+
+def _is_open(descriptor: str) -> bool:
+    """Whether a text is the number of an open file."""
+    try:
+        os.fstat(int(descriptor))
+    except (OSError, ValueError, OverflowError):
+        return False
+    return True
 
 
 def leave() -> None:
@@ -190,8 +223,8 @@ def run(
     Raises
     ------
     Exception
-        What `on_result` or `tasks` raise, on the master, after the tasks in flight have ended.
-        What `work` raises is a bug: it ends all processes.
+        What `on_result` or `tasks` raise, on the master, after the tasks in flight have ended; so
+        does an InputError of `work`. What else `work` raises is a bug: it ends all processes.
     MasterLeft
         On the workers, if the master has ended the command instead of calling this.
     """
@@ -243,7 +276,10 @@ def _supervise(
                 future.add_done_callback(finished.put)
         if in_flight:
             future = finished.get()
-            if future.exception() is not None:
+            error = future.exception()
+            if isinstance(error, InputError):  # memory that has run out, say: no bug
+                raise error
+            if error is not None:
                 _abort_with(future, world)
             on_result(in_flight.pop(future), future.result())
 

@@ -24,7 +24,7 @@ def start(*, deaf: bool) -> None:
     if deaf:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     _open_closed_descriptors()
-    sys.stdout = _text(_Output(1, "w", closefd=False), sys.stdout, "strict")
+    sys.stdout = _text(_Output(1, "w", closefd=False), sys.stdout, "replace")
     sys.stderr = _text(_Remarks(2, "w", closefd=False), sys.stderr, "backslashreplace")
 
 
@@ -60,10 +60,13 @@ class _Remarks(io.FileIO):
 
 
 def _text(raw: io.FileIO, like: TextIO | None, errors: str) -> io.TextIOWrapper:
-    """Text on a descriptor, encoded as in the stream that Python has opened on it."""
+    """Text on a descriptor, encoded as in the stream that Python has opened on it.
+
+    A character that this encoding lacks, of a title or a file's name, ends no command.
+    """
     return io.TextIOWrapper(
         io.BufferedWriter(raw),
         getattr(like, "encoding", None) or "utf-8",
-        getattr(like, "errors", None) or errors,
+        errors,
         line_buffering=getattr(like, "line_buffering", False),
     )

@@ -12,6 +12,7 @@ from gen.errors import InputError
 from gen.output import Output, check_outputs, kind_of
 from gen.terminal import echo
 from learn.options import (
+    SEEDS,
     Channel,
     Coverage,
     Crop,
@@ -72,7 +73,9 @@ def fit(
             help="l2, standard, min-max or none; l2 for paper features, standard for others.",
         ),
     ] = "",
-    seed: Annotated[int | None, typer.Option(min=0, help="Of the split and the model [0].")] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, max=SEEDS, help="Of the split and the model [0].")
+    ] = None,
     train_rows: Annotated[
         int | None, typer.Option(metavar="N", help="Train and calibrate on N rows at most.")
     ] = None,

@@ -49,7 +49,10 @@ Features = Annotated[
         " length), or hybrid (with bearing area and a coarse contact solve of each surface).",
     ),
 ]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of the split and of the models.")]
+SEEDS = 2**32 - 1
+"""The largest seed that all libraries of models take."""
+
+Seed = Annotated[int, typer.Option(min=0, max=SEEDS, help="Seed of the split and of the models.")]
 TrainRows = Annotated[
     int | None, typer.Option(metavar="N", help="Train on N rows at most, drawn with the seed.")
 ]

@@ -8,7 +8,7 @@ from gen.documents import Document
 from learn.split import FOLDS
 
 MOST = 2**53
-"""Numbers of rows, fits and candidates, and seeds of old folders, stay below."""
+"""Numbers of rows, fits and candidates stay below."""
 
 Count = Annotated[int, Field(ge=0, le=MOST)]
 Seconds = Annotated[float, Field(ge=0, le=1e15)]
@@ -25,7 +25,7 @@ class Conditions(Document):
     inputs: list[str]
     normalisation: str
     target_scaling: str = "none"
-    seed: Annotated[int, Field(ge=0)]
+    seed: Annotated[int, Field(ge=0, lt=2**32)]
     folds: Count
     train_rows: Count
     test_rows: Count
