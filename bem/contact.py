@@ -1,6 +1,6 @@
 """Press a rigid rough surface into an elastic half-space: `solve` and the `Contact` it returns."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -63,6 +63,7 @@ class Contact:
         problem = self.problem
         operator = displacement_filter(self.pressure.shape, problem.kernel, problem.aspect)
         moved: Field = operator(self.pressure) * (problem.spacing[0] / problem.modulus)
+        moved.setflags(write=False)
         return moved
 
     @cached_property
@@ -70,6 +71,7 @@ class Contact:
         """(nx, ny) distance left between the surfaces, zero in contact [um]."""
         heights = self.problem.heights
         gap: Field = self.displacement - ((heights - heights.max()) + self.approach)
+        gap.setflags(write=False)
         return gap
 
     @property
@@ -92,15 +94,30 @@ class Contact:
 
 
 class NotConverged(ArithmeticError):
-    """The bound on iterations was met first; `contact` carries the best that was reached."""
+    """The tolerance was not met; `contact` carries the numbers that were reached.
 
-    def __init__(self, contact: Contact) -> None:
+    Attributes
+    ----------
+    contact : its residual is above the tolerance that its problem asks for
+    stalled : whether rounding left no step that would come nearer, so that more iterations would
+        change nothing; else the bound on them was met
+    """
+
+    def __init__(self, contact: Contact, stalled: bool = False) -> None:
         self.contact = contact
+        self.stalled = stalled
+        problem = contact.problem
+        remedy = f"raise max_iterations ({problem.max_iterations}) or rtol"
+        if stalled:
+            remedy = "rounding leaves no smaller one; raise rtol"
         super().__init__(
             f"residual {contact.residual:.1e} after {contact.iterations} iterations, asked for"
-            f" {contact.problem.rtol:.1e}: raise max_iterations"
-            f" ({contact.problem.max_iterations}) or rtol"
+            f" {problem.rtol:.1e}: {remedy}"
         )
+
+    def __reduce__(self) -> tuple[type["NotConverged"], tuple[Contact, bool]]:
+        """Say how to copy it to another process."""
+        return NotConverged, (self.contact, self.stalled)
 
 
 def solve(
@@ -127,7 +144,7 @@ def solve(
     Parameters
     ----------
     heights : (nx, ny) surface z; its highest node touches at Delta = 0 [um]
-    side : scan length L, one for a square patch or one per axis [um]
+    side : scan length L, one for a square grid or one per axis [um]
     delta : far-field displacement Delta; at 0 or below nothing carries load [um]
     force : total normal force F, from which Delta follows [uN]
     pressure : mean pressure over the cells of all nodes, in contact or not [MPa]
@@ -158,7 +175,8 @@ def solve(
     NoSolution
         for a compliant far field with Delta at or beyond Delta*
     NotConverged
-        when `max_iterations` did not suffice; carries the numbers reached
+        when `max_iterations` did not suffice, or `rtol` is below what rounding allows; carries the
+        numbers reached
     """
     problem = pose(
         heights,
@@ -219,9 +237,19 @@ def contact_of(problem: Problem, found: Equilibrium | None) -> Contact:
         iterations=found.iterate.iterations,
         convolutions=found.iterate.convolutions,
     )
-    if not found.converged:
-        raise NotConverged(contact)
+    if found.converged:
+        return contact
+    # Nodes that the solver left aside count too, if it did not arrive.
+    contact = replace(contact, residual=_violation(contact) / found.length)
+    if contact.residual > problem.rtol:
+        raise NotConverged(contact, found.iterate.stalled)
     return contact
+
+
+def _violation(contact: Contact) -> float:
+    """Largest |gap| in contact or penetration outside, by one convolution [um]."""
+    open_or_pulled = np.where(contact.pressure > 0, np.abs(contact.gap), -contact.gap)
+    return max(float(open_or_pulled.max()), 0.0)
 
 
 def _untouched(problem: Problem) -> Contact:

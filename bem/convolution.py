@@ -8,7 +8,8 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
+from weakref import WeakSet
 
 import numpy as np
 import pyfftw
@@ -16,9 +17,12 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from bem.influence import Kernel, influence_coefficients
+from bem.sections import unforked
 
 Real = NDArray[Any]  # of float64 or float32, as the filter is
-KEPT_BYTES = 256 * 2**20  # what filters kept for the next solve may occupy
+KEPT_BYTES = 256 * 2**20  # what filters kept for the next solves may occupy, on all threads
+FEWEST_KEPT = 4  # filters of a thread that are kept whatever they occupy: those of one solve
+PLAN_BYTES = 5 * 2**10  # of one of FFTW's plans, whose own tables are out of sight
 BATCH_BYTES = 256 * 2**10  # of the columns that are filtered at a time
 COLUMN_GAP = 8  # entries left unused after a column
 
@@ -43,6 +47,7 @@ class Filter:
     Attributes
     ----------
     field : (nx, py) buffer of `transform`
+    bytes : memory that it occupies
     largest : the largest value of the spectrum, which no eigenvalue exceeds
     """
 
@@ -57,12 +62,16 @@ class Filter:
         self.largest = float(spectrum.max())
         self.field = pyfftw.zeros_aligned((shape[0], across), dtype)
         waves = "complex64" if dtype == "float32" else "complex128"
-        self._waves = pyfftw.zeros_aligned((columns, period + COLUMN_GAP), waves)[:, :period]
+        whole = pyfftw.zeros_aligned((columns, period + COLUMN_GAP), waves)
+        self._waves = whole[:, :period]
         rows = self._waves[:, : shape[0]].T
         self._rows_in = _plan(self.field, rows, 1)
         self._rows_out = _plan(rows, self.field, 1, backward=True)
         self._batches = self._plan_columns()
-        self.bytes = self._factors.nbytes + self.field.nbytes + self._waves.nbytes
+        buffer = self._batches[0][1]
+        arrays = self._factors, self.field, whole, buffer
+        plans = 2 + 2 * len(self._batches)
+        self.bytes = sum(array.nbytes for array in arrays) + plans * PLAN_BYTES
 
     def _plan_columns(self) -> list[tuple[Callable[[], None], Real, Real, Callable[[], None], Any]]:
         """Per batch of columns: forward, its waves and factors, backward, what to clear."""
@@ -217,22 +226,48 @@ def _make_displacement_filter(
     return Filter(shape, fft.rfft2(table[np.ix_(*offsets)]).real, dtype)
 
 
-class _Filters(threading.local):
-    """The filters used last on this thread, as many as fit into `KEPT_BYTES`."""
+class _Kept:
+    """The filters of one thread, the one used last at the end, and what they occupy."""
 
     def __init__(self) -> None:
-        self._kept: OrderedDict[tuple[Any, ...], Filter] = OrderedDict()
+        self.filters: OrderedDict[tuple[Any, ...], Filter] = OrderedDict()
+        self.bytes = 0
+
+
+class _Filters(threading.local):
+    """The filters used last on this thread, as many as `KEPT_BYTES` of all threads allow.
+
+    They are scratch space too, so that no thread can use another's.
+    """
+
+    _threads: ClassVar[WeakSet[_Kept]] = WeakSet()
+    _changing = threading.Lock()
+
+    def __init__(self) -> None:
+        self._kept = _Kept()
+        with unforked(), self._changing:
+            self._threads.add(self._kept)
 
     def get(self, make: Callable[..., Filter], arguments: tuple[Any, ...]) -> Filter:
-        key = make, *arguments
-        found = self._kept.get(key)
+        filters, key = self._kept.filters, (make, *arguments)
+        found = filters.get(key)
         if found is not None:
-            self._kept.move_to_end(key)
+            filters.move_to_end(key)
             return found
-        made = self._kept[key] = make(*arguments)
-        while len(self._kept) > 4 and sum(kept.bytes for kept in self._kept.values()) > KEPT_BYTES:
-            self._kept.popitem(last=False)
+        with unforked():  # plans and transforms are made under locks
+            made = filters[key] = make(*arguments)
+            self._kept.bytes += made.bytes
+            self._forget()
         return made
+
+    def _forget(self) -> None:
+        """Let this thread's oldest filters go while those of all threads are too large."""
+        with self._changing:
+            excess = sum(kept.bytes for kept in self._threads) - KEPT_BYTES
+        while excess > 0 and len(self._kept.filters) > FEWEST_KEPT:
+            _, oldest = self._kept.filters.popitem(last=False)
+            self._kept.bytes -= oldest.bytes
+            excess -= oldest.bytes
 
 
 _FILTERS = _Filters()

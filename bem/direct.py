@@ -5,12 +5,14 @@ import numpy as np
 from bem.factor import CONTACT_SETS, routines
 from bem.influence import InfluenceMatrix
 from bem.iterate import Iterate, Nodes, Values
+from bem.sections import on_one_blas_thread
 
 # Up to so many nodes that may touch, dense linear algebra alone is faster than with convolutions
 # (`pytest bench -k few_candidates`).
 FEW_NODES = 250
 
 
+@on_one_blas_thread()
 def solve_directly(
     matrix: InfluenceMatrix,
     nodes: Nodes,

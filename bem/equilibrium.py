@@ -28,6 +28,9 @@ NESTED = 1000
 NESTED_RTOL = 3e-2
 NESTED_PACE = replace(FROM_SCRATCH, first_steps=1, advance=0.3)
 
+# A start whose residual is larger than that [Delta] is no better than no pressure at all.
+FARTHEST = 10.0
+
 Nodes = NDArray[np.intp]
 
 
@@ -120,6 +123,8 @@ def on_rigid_far_field(problem: Problem, delta: float, near: Start | None = None
             displaced = near.moved[box].reshape(-1)[nodes] / delta
         start = started(operators, interference, pressure, displaced)
         start.convolutions += spent
+        if not start.violation() <= FARTHEST:
+            start, pace = None, FROM_SCRATCH
     iterate, converged = solve_complementarity(
         operators,
         interference,
@@ -185,7 +190,8 @@ def started(
     if displaced is not None and np.isfinite(displaced).all():
         return Iterate(pressure, interference - displaced)
     everywhere = np.arange(len(pressure))
-    residual = interference - operators.displace_some(everywhere, pressure)
+    with np.errstate(over="ignore", invalid="ignore"):  # too far to start from, and seen to be
+        residual = interference - operators.displace_some(everywhere, pressure)
     return Iterate(pressure, residual, convolutions=1)
 
 

@@ -6,11 +6,13 @@ of, which dense algebra does exactly, where the nodes are few.
 """
 
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
 from bem.factor import CONTACT_SETS, ContactFactor, FarFieldLaw
 from bem.iterate import Iterate, Nodes, Operators, Values, inner
+from bem.sections import on_one_blas_thread
 
 # Entry k: a step k is not taken where the contact is this share of what is few already; the last is
 # for all later ones. The first steps leave far fewer nodes, later ones hardly, and dense algebra
@@ -69,16 +71,17 @@ def settle_few(
     contact = iterate.contact()
     if not 0 < len(contact) <= operators.few_nodes or most_sets < 1:
         return
-    before = Iterate(iterate.pressure.copy(), iterate.residual, exact=iterate.exact)
+    before = replace(iterate, pressure=iterate.pressure.copy(), residual=iterate.residual.copy())
     contact = np.append(contact, _next_to_touch(iterate, contact))
     # Nearly singular matrices, and depths beyond single precision, are left to iterations.
     with suppress(np.linalg.LinAlgError, FloatingPointError), np.errstate(over="raise"):
         _settle(operators, interference, iterate, contact, rtol, most_sets)
     if not iterate.violation() <= before.violation():
         iterate.pressure, iterate.residual = before.pressure, before.residual
-        iterate.exact = before.exact
+        iterate.exact, iterate.moved = before.exact, before.moved
 
 
+@on_one_blas_thread()
 def _settle(
     operators: Operators,
     interference: Values,
@@ -97,12 +100,12 @@ def _settle(
             contact = contact[np.lexsort((-iterate.residual[contact], -iterate.pressure[contact]))]
             factor = operators.factor(contact)
             most_sets = min(last - iterate.iterations, CONTACT_SETS)
-            pressure, sets = _pressed(factor, interference[contact], operators.softening, most_sets)
+            pressure, sets = _pressed(factor, interference[contact], operators, most_sets)
             iterate.pressure[:] = 0
             iterate.iterations += sets
         else:
             tolerated = rtol
-            law = far_field_law(operators.softening, 0.0)
+            law = far_field_law(operators.softening, 0.0, None if operators.load is None else 0.0)
             pressure = iterate.pressure[contact]
             pressure += factor.correct(iterate.residual[contact], rtol, law)
         iterate.pressure[contact] = np.maximum(pressure, 0)
@@ -116,23 +119,26 @@ def _settle(
 
 
 def _pressed(
-    factor: ContactFactor, interference: Values, softening: float, most_sets: int
+    factor: ContactFactor, interference: Values, operators: Operators, most_sets: int
 ) -> tuple[Values, int]:
     """Pressure of the factor's nodes alone, and the contact sets that it took."""
-    # A spring's displacements are large; what they have in common is the far field's.
-    common = float(interference.max()) if softening else 0.0
-    law = far_field_law(softening, common)
+    # What the displacements have in common is the far field's, where that gives way.
+    common = float(interference.max()) if operators.softening else 0.0
+    law = far_field_law(operators.softening, common, operators.load)
     return factor.press(interference - common, law, most_sets)
 
 
-def far_field_law(softening: float, common: float) -> FarFieldLaw | None:
+def far_field_law(softening: float, common: float, load: float | None = None) -> FarFieldLaw | None:
     """How a far field answers, for `ContactFactor`; None for a rigid one.
 
     Parameters
     ----------
     softening : see `bem.iterate.Operators`
     common : displacement that all nodes have in common, besides what they are pressed by
+    load : sum of the pressure, if it is given
     """
+    if load is not None:
+        return lambda plain, uniform: (load - plain) / uniform if uniform > 0 else np.nan
     if not softening:
         return None
 

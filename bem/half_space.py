@@ -40,7 +40,8 @@ class HalfSpace:
     ----------
     norm : upper bound of the largest eigenvalue
     few_nodes : contact sets of so many nodes and fewer are worth a factor of their matrix
-    softening : of the far field: 0, as a rigid one has it, but for what comes of `through`
+    softening : compliance of the far field; 0 unless made by `through`
+    load : given sum of the pressure; None unless made by `under`
     """
 
     def __init__(
@@ -53,6 +54,7 @@ class HalfSpace:
         few_per_root: float | None = None,
     ) -> None:
         self.softening = 0.0
+        self.load: float | None = None
         per_root = FEW_PER_ROOT if few_per_root is None else few_per_root
         self.few_nodes = int(per_root * np.cbrt(shape[0] * shape[1]))
         self._grid = shape, kernel, aspect
@@ -63,15 +65,25 @@ class HalfSpace:
         self._preconditioner = Preconditioner(shape, kernel, aspect, nodes, working)
 
     def through(self, softening: float) -> Self:
-        """The same nodes and tables with a far field that is not rigid.
+        """The same nodes and tables with a compliant far field.
 
         Parameters
         ----------
-        softening : 1 / s of a compliant far field, H - 1 1^T / s; negative for one that is pushed
-            through a soft spring
+        softening : 1 / s, for H - 1 1^T / s
         """
         other = copy(self)
         other.softening = softening
+        return other
+
+    def under(self, load: float) -> Self:
+        """The same nodes and tables with a load that is given, for which the far field moves.
+
+        Parameters
+        ----------
+        load : sum of the pressure, above 0
+        """
+        other = copy(self)
+        other.load = load
         return other
 
     def displace(self, pressure: Values) -> Values:
@@ -93,8 +105,8 @@ class HalfSpace:
     def approximate_inverse(self, nodes: Nodes) -> Callable[[Values], Values]:
         """(a,) -> (a,) on some of the nodes, in working precision, of H alone.
 
-        What a compliant far field takes away would spoil its definiteness; a spring's compliance
-        is the solver's to keep apart, with the scale of the pressure.
+        What a compliant far field takes away would spoil its definiteness; a given load is for the
+        solver to keep.
         """
         return self._preconditioner.restricted_to(nodes)
 

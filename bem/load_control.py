@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -11,17 +12,11 @@ from bem.far_field import flat_punch
 from bem.first_contact import take_first_steps
 from bem.half_space import HalfSpace
 from bem.influence import InfluenceMatrix
-from bem.iterate import Iterate, rescale
+from bem.iterate import Iterate
 from bem.problem import Problem
 from bem.solver import FROM_NEAR, FROM_SCRATCH, solve_complementarity
 
-# The force pushes through a spring that gives by this many displacements: the softer it is, the
-# less the force depends on the displacement found.
-SPRING = 1e6
-
-# Below the first tolerance a rigid solve takes over, since the spring's residual is known to 1e-16
-# SPRING only; above the second, residuals are too loose for the force that they leave.
-SPRING_RTOL = 1e-8
+# Looser residuals leave displacements from which no better one can be guessed.
 LOOSEST_RTOL = 1e-2
 
 # The displacement is guessed on every fourth node, as long as there are so many a side, and below
@@ -33,17 +28,17 @@ GUESS_RTOL = 2e-2
 GUESS_MARGIN = 1.5
 MARGIN = 1.1
 
-# Iterations after which a solve through the spring is given up for a root of the force.
-SPRING_ITERATIONS = 100
-ROOT_RTOL = 1e-9
-ROOT_FORCE_RTOL = 1e-5
+# Guesses of the displacement that are tried, each from the equilibrium of the last one.
+GUESSES = 8
+
+# Brent's method ends where double precision can tell displacements apart no more.
+ROOT_RTOL = 4e-15
 
 
 def under_given_force(problem: Problem, near: Start | None = None) -> Equilibrium:
-    """Push through a soft spring: a rigid far field whose displacement the force decides.
+    """Find the displacement of the far field that leaves the force to the pressure.
 
-    With a spring of compliance c the operator is H + c 1 1^T and the displacement what the spring
-    leaves of its own. A compliant far field gives way by F / K besides, whatever the contact is.
+    A compliant far field gives way by F / K besides, whatever the contact is.
 
     Parameters
     ----------
@@ -53,7 +48,7 @@ def under_given_force(problem: Problem, near: Start | None = None) -> Equilibriu
     assert problem.force is not None
     load = problem.force / problem.modulus / problem.spacing[1]
     problem = replace(problem, rtol=min(problem.rtol, LOOSEST_RTOL))
-    found = _on_nodes_or_through_springs(problem, load, near)
+    found = _on_few_nodes_or_all(problem, load, near)
     if not found.converged and found.iterate.iterations < problem.max_iterations:
         found = _by_root(problem, load, found)
     if problem.far_field == "rigid":
@@ -62,7 +57,7 @@ def under_given_force(problem: Problem, near: Start | None = None) -> Equilibriu
     return replace(found, delta=max(found.approach - load / float(punch.sum()), 0.0))
 
 
-def _on_nodes_or_through_springs(problem: Problem, load: float, near: Start | None) -> Equilibrium:
+def _on_few_nodes_or_all(problem: Problem, load: float, near: Start | None) -> Equilibrium:
     """Solve on few nodes if the force is so small, else from a guess of the displacement."""
     if near is None or near.approach is None or not near.approach > 0:
         guess, near = _guess(problem, load), None
@@ -72,22 +67,7 @@ def _on_nodes_or_through_springs(problem: Problem, load: float, near: Start | No
         found = _on_few_nodes(problem, load)
         if found is not None:
             return found
-    found = _through_springs(problem, load, guess, MARGIN, near)
-    if found.converged and problem.rtol < SPRING_RTOL:
-        found = _polished(problem, found)
-    return found
-
-
-def _polished(problem: Problem, found: Equilibrium) -> Equilibrium:
-    """Solve on a rigid far field at the displacement found: a spring's residual is coarse."""
-    left = problem.max_iterations - found.iterate.iterations
-    near = Start(found.pressure * (found.length / problem.spacing[0]))
-    polished = on_rigid_far_field(
-        replace(problem, max_iterations=max(left, 1)), found.approach, near
-    )
-    polished.iterate.iterations += found.iterate.iterations
-    polished.iterate.convolutions += found.iterate.convolutions
-    return polished
+    return _from_guess(problem, load, guess, MARGIN, near)
 
 
 def _displacement_of_few(problem: Problem) -> float:
@@ -121,18 +101,19 @@ def _on_few_nodes(problem: Problem, load: float) -> Equilibrium | None:
     return unfold(problem, moved, box, nodes, iterate)
 
 
-def _through_springs(
+def _from_guess(
     problem: Problem, load: float, guess: float, margin: float, near: Start | None = None
 ) -> Equilibrium:
     """Solve from a displacement [um]; again, from there, where it was guessed wrong."""
     spent = Iterate(np.zeros(0), np.zeros(0))
-    while True:
-        found = _at_guess(problem, guess, load, margin, near, spent)
-        if not found.converged or 1 / margin < found.approach / guess < margin:
+    for _ in range(GUESSES):
+        found, arrived = _at_guess(problem, guess, load, margin, near, spent)
+        if not arrived or (found.converged and found.approach < margin * guess):
             return found
         near = Start(found.pressure * (found.length / problem.spacing[0]))
         spent = found.iterate
         guess *= min(max(found.approach / guess, 0.1), 10.0)
+    return replace(found, converged=False)
 
 
 def _guess(problem: Problem, load: float) -> float:
@@ -141,7 +122,7 @@ def _guess(problem: Problem, load: float) -> float:
         return _guess_on_few_nodes(problem, load)
     coarse, left = _coarsened(problem, STRIDE)
     guess = _guess(coarse, load / STRIDE)
-    found = _through_springs(coarse, load / STRIDE, guess, GUESS_MARGIN)
+    found = _from_guess(coarse, load / STRIDE, guess, GUESS_MARGIN)
     return left + (found.approach if found.converged and found.approach > 0 else guess)
 
 
@@ -160,10 +141,12 @@ def _guess_on_few_nodes(problem: Problem, load: float) -> float:
         max_iterations=problem.max_iterations,
         load=load / stride,
     )
-    sides = (nodes * step for nodes, step in zip(shape, problem.spacing, strict=True))
-    flat = load * problem.spacing[1] / min(sides)
-    largest = float(np.ptp(problem.heights)) + 1.5 * flat
-    return float(min(max(moved + left, flat / 4), largest))
+    sides = [nodes * step for nodes, step in zip(shape, problem.spacing, strict=True)]
+    least, most = (
+        load * problem.spacing[1] * c / s for c, s in ((0.25, max(sides)), (1.5, min(sides)))
+    )
+    largest = float(np.ptp(problem.heights)) + most
+    return float(min(max(moved + left, least), largest))
 
 
 def _coarsened(problem: Problem, stride: int) -> tuple[Problem, float]:
@@ -181,8 +164,8 @@ def _at_guess(
     margin: float,
     near: Start | None,
     spent: Iterate,
-) -> Equilibrium:
-    """Equilibrium under a force, reduced by a guess of the displacement.
+) -> tuple[Equilibrium, bool]:
+    """Equilibrium under a force, and whether the solver arrived, reduced by a guess.
 
     Parameters
     ----------
@@ -202,74 +185,71 @@ def _at_guess(
     else:
         pressure = near.pressure[box].reshape(-1)[nodes] * (problem.spacing[0] / guess)
         start = started(rigid, interference, pressure)
-    operators = rigid.through(-SPRING * guess / load)
-    start.residual += SPRING + operators.softening * float(start.pressure.sum())
     start.iterations += spent.iterations
     start.convolutions += spent.convolutions
-    interference += SPRING
-    rescale(interference, start)
     iterate, converged = solve_complementarity(
-        operators,
+        rigid.under(load / guess),
         interference,
         rtol=problem.rtol / margin,
-        max_iterations=min(problem.max_iterations, SPRING_ITERATIONS),
+        max_iterations=problem.max_iterations,
         start=start,
         pace=FROM_NEAR,
     )
-    return _displaced(unfold(problem, guess, box, nodes, iterate, converged), load)
+    return _moved(unfold(problem, guess, box, nodes, iterate), problem.rtol), converged
 
 
-def _displaced(found: Equilibrium, load: float) -> Equilibrium:
-    """With the displacement that the spring leaves, and reduced by it."""
-    carried = float(found.pressure.sum()) * found.length
-    displacement = found.length * (1 + SPRING * (1 - carried / load))
-    if displacement > 0:
-        found.iterate.residual *= found.length / displacement
-        found.iterate.pressure *= found.length / displacement
-        pressure = found.pressure * (found.length / displacement)
-        found = replace(found, pressure=pressure, length=displacement)
-    return replace(found, delta=displacement, approach=displacement)
+def _moved(found: Equilibrium, rtol: float) -> Equilibrium:
+    """Take what the far field moved besides the guess into the unit of length."""
+    change = 1 + found.iterate.moved
+    found.iterate.residual /= change
+    found.iterate.pressure /= change
+    displacement = found.length * change
+    return replace(
+        found,
+        pressure=found.pressure / change,
+        length=displacement,
+        delta=displacement,
+        approach=displacement,
+        converged=found.iterate.violation() <= rtol,
+    )
 
 
 def _by_root(problem: Problem, load: float, failed: Equilibrium) -> Equilibrium:
-    """The displacement at which a rigid far field carries the force, by Brent's method."""
-    solved: dict[float, Equilibrium] = {}
+    """Solve from the displacement at which a rigid far field carries the force, by Brent's method.
+
+    Rigid solves are certain to arrive, where the displacement that follows the load may cycle.
+    """
     spent = Iterate(np.zeros(0), np.zeros(0))
     spent.iterations, spent.convolutions = failed.iterate.iterations, failed.iterate.convolutions
+    last: list[Equilibrium] = []
 
+    @cache
     def excess(delta: float) -> float:
-        if delta not in solved:
-            left = problem.max_iterations - spent.iterations
-            if left < 1:
-                raise _OutOfIterations
-            near = None
-            if solved:
-                last = list(solved.values())[-1]
-                near = Start(last.pressure * (last.length / problem.spacing[0]))
-            solved[delta] = on_rigid_far_field(replace(problem, max_iterations=left), delta, near)
-            spent.iterations += solved[delta].iterate.iterations
-            spent.convolutions += solved[delta].iterate.convolutions
-        return float(solved[delta].pressure.sum()) * delta / load - 1
+        left = problem.max_iterations - spent.iterations
+        if left < 1:
+            raise _OutOfIterations
+        near = [Start(each.pressure * (each.length / problem.spacing[0])) for each in last]
+        found = on_rigid_far_field(replace(problem, max_iterations=left), delta, *near)
+        spent.iterations += found.iterate.iterations
+        spent.convolutions += found.iterate.convolutions
+        last[:] = [found]
+        return float(found.pressure.sum()) * delta / load - 1
 
     from scipy.optimize import brentq  # a quarter of a worker's start-up; most runs never need it
 
-    low = high = _guess(problem, load)
-    arrived = True
+    low = high = failed.approach
     try:
         while excess(low) > 0:
             low /= 2
         while excess(high) < 0:
             high *= 2
-        brentq(excess, low, high, xtol=1e-300, rtol=ROOT_RTOL)
+        brentq(excess, low, high, xtol=1e-300, rtol=max(problem.rtol / 10, ROOT_RTOL))
     except _OutOfIterations:
-        arrived = False
-    best = min(solved, key=lambda delta: abs(excess(delta)), default=None)
-    if best is None:
+        iterations, convolutions = spent.iterations, spent.convolutions
+        failed.iterate.iterations, failed.iterate.convolutions = iterations, convolutions
         return failed
-    found, off = solved[best], abs(excess(best))
-    found.iterate.iterations = spent.iterations
-    found.iterate.convolutions = spent.convolutions
-    return replace(found, converged=found.converged and arrived and off < ROOT_FORCE_RTOL)
+    near = Start(last[0].pressure * (last[0].length / problem.spacing[0]))
+    return _at_guess(problem, last[0].approach, load, MARGIN, near, spent)[0]
 
 
 class _OutOfIterations(Exception):

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar, get_args
+from typing import Any, Literal, TypeVar, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -171,12 +171,15 @@ def _check_range(problem: Problem) -> None:
 
 def _checked_heights(heights: ArrayLike) -> Field:
     """(nx, ny) finite floats, or a ValueError that says what is wrong."""
-    if np.ma.is_masked(heights):
+    rows = heights if isinstance(heights, list | tuple) else [heights]
+    if any(np.ma.is_masked(row) for row in rows):
         raise ValueError("heights are masked in places: fill or crop them")
     try:
         given = np.asarray(heights)
     except ValueError:
         raise ValueError("heights have rows of unequal length: a grid (nx, ny) is needed") from None
+    if given.dtype == object and _is_nullable_table(heights):
+        given = cast("Any", heights).to_numpy(dtype=np.float64, na_value=np.nan)
     if given.dtype.kind not in "fiu":
         raise ValueError(f"heights are of type {given.dtype}: real numbers are needed")
     if given.ndim != 2 or given.size == 0:
@@ -190,6 +193,12 @@ def _checked_heights(heights: ArrayLike) -> Field:
     return surface
 
 
+def _is_nullable_table(heights: Any) -> bool:
+    """Whether it is a table of pandas whose columns are real numbers and may lack some."""
+    kinds = [getattr(column, "kind", "") for column in getattr(heights, "dtypes", ())]
+    return bool(kinds) and all(kind in "fiu" for kind in kinds)
+
+
 def _checked_spacing(shape: tuple[int, int], side: Any, spacing: Any) -> tuple[float, float]:
     """Spacing per axis from the sides, unless it was given itself."""
     sides = _checked_pair("side", side)
@@ -198,6 +207,13 @@ def _checked_spacing(shape: tuple[int, int], side: Any, spacing: Any) -> tuple[f
     if min(shape) < 2:
         raise ValueError(
             f"a grid of {shape[0]} x {shape[1]} nodes has no side / (nodes - 1): give the spacing"
+        )
+    if np.ndim(side) == 0 and shape[0] != shape[1]:
+        other = sides[0] / (shape[0] - 1) * (shape[1] - 1)
+        raise ValueError(
+            f"side = {side!r} for {shape[0]} x {shape[1]} nodes: give two,"
+            f" ({sides[0]:g}, {other:g}) for square cells or ({sides[0]:g}, {sides[0]:g}) for a"
+            " square patch"
         )
     return sides[0] / (shape[0] - 1), sides[1] / (shape[1] - 1)
 

@@ -3,7 +3,7 @@
 Contacts of few nodes are left to dense algebra (`bem.first_contact`). Elsewhere the active set is
 fast but can cycle, above all on a compliant far field, where sets that are too large are nearly
 singular. Then projected gradients, slow but certain to descend, take over for a while, and for
-twice as long each time.
+twice as long each time; under a given load the caller has another way out.
 """
 
 from collections.abc import Callable
@@ -19,6 +19,11 @@ TIGHTENING = 0.5
 
 # A residual kept up in working precision is not believed below this share of its last exact value.
 ROUNDING = 1e-6
+
+# Rounds in a row without a step, and exact residuals in a row that do not halve the smallest one,
+# after which rounding has the last word.
+IDLE_ROUNDS = 4
+IDLE_RENEWALS = 5
 
 # Contact sets in a row without a new smallest violation that count as cycling, and the projected
 # gradients that follow the first time.
@@ -79,24 +84,32 @@ def solve_complementarity(
 
     Returns
     -------
-    (iterate, converged) : the solution, or the best that the bound allowed; its residual has been
-        recomputed from the pressure
+    (iterate, converged) : the solution, or the best that the bound or rounding allowed; its
+        residual has been recomputed from the pressure. Under a given load, contact sets that cycle
+        end it too
     """
     iterate = start or Iterate(np.zeros_like(interference), interference.copy())
     iterate.exact = start is None
-    take_first_steps(operators, interference, iterate, pace.first_steps)
-    settle_few(operators, interference, iterate, rtol, max_iterations - iterate.iterations)
+    _take_first_contact(operators, interference, iterate, pace, (rtol, max_iterations))
     violation = iterate.violation()
     renewed = violation if iterate.exact else 1.0
-    smallest, patience, safe_steps = np.inf, PATIENCE, SAFE_STEPS
+    progress, safe_steps = _Progress(iterate), SAFE_STEPS
     energy, reduction, following = np.inf, pace.inner_reduction, None
     while True:
+        if progress.cycles() and operators.load is None:
+            steps = min(safe_steps, max_iterations - iterate.iterations)
+            descend(operators, interference, iterate, steps)
+            violation, safe_steps = iterate.violation(), 2 * safe_steps
+            progress.begin_again()
         floor = max(rtol, ROUNDING * renewed)
-        if violation <= floor or iterate.iterations >= max_iterations:
+        ended = progress.stalls() or progress.cycles() or iterate.iterations >= max_iterations
+        if ended or not violation > floor:  # not a number ends it too
             if iterate.exact:
+                iterate.stalled = progress.stalls()
                 return iterate, violation <= rtol
             iterate.renew(operators, interference)
             renewed = violation = iterate.violation()
+            progress.renew(violation)
             continue
         contact = iterate.contact() if following is None else following
         goals = reduction, floor / 2
@@ -110,13 +123,63 @@ def solve_complementarity(
             reduction *= TIGHTENING
         violation = iterate.violation()
         renewed = violation if iterate.exact else renewed
-        patience = PATIENCE if violation < smallest else patience - 1
-        smallest = min(smallest, violation)
-        if patience == 0:
-            steps = min(safe_steps, max_iterations - iterate.iterations)
-            descend(operators, interference, iterate, steps)
-            violation = iterate.violation()
-            smallest, patience, safe_steps = np.inf, PATIENCE, 2 * safe_steps
+        progress.step(iterate.iterations, violation)
+
+
+def _take_first_contact(
+    operators: Operators,
+    interference: Values,
+    iterate: Iterate,
+    pace: Pace,
+    bounds: tuple[float, int],
+) -> None:
+    """Find the first contact set: by projected steps, and by dense algebra where it is small.
+
+    Parameters
+    ----------
+    bounds : tolerance and bound on iterations of the solve
+    """
+    rtol, max_iterations = bounds
+    take_first_steps(operators, interference, iterate, pace.first_steps)
+    settle_few(operators, interference, iterate, rtol, max_iterations - iterate.iterations)
+    if operators.load is not None and not iterate.pressure.any():  # something has to carry it
+        iterate.pressure[:] = operators.load / iterate.pressure.size
+        iterate.renew(operators, interference)
+
+
+class _Progress:
+    """Whether contact sets still come nearer to equilibrium."""
+
+    def __init__(self, iterate: Iterate) -> None:
+        self._iterations = iterate.iterations
+        self._idle_rounds = self._idle_renewals = 0
+        self._smallest_renewed = np.inf
+        self.begin_again()
+
+    def begin_again(self) -> None:
+        """Forget the contact sets so far."""
+        self._smallest, self._patience = np.inf, PATIENCE
+
+    def step(self, iterations: int, violation: float) -> None:
+        """Take note of a contact set that was solved on."""
+        self._idle_rounds = 0 if iterations > self._iterations else self._idle_rounds + 1
+        self._iterations = iterations
+        self._patience = PATIENCE if violation < self._smallest else self._patience - 1
+        self._smallest = min(self._smallest, violation)
+
+    def renew(self, violation: float) -> None:
+        """Take note of an exact residual, where the one kept up had become small enough."""
+        smaller = violation < self._smallest_renewed / 2
+        self._idle_renewals = 0 if smaller else self._idle_renewals + 1
+        self._smallest_renewed = min(self._smallest_renewed, violation)
+
+    def cycles(self) -> bool:
+        """Whether contact sets recur."""
+        return self._patience == 0
+
+    def stalls(self) -> bool:
+        """Whether rounding has the last word."""
+        return self._idle_rounds >= IDLE_ROUNDS or self._idle_renewals >= IDLE_RENEWALS
 
 
 def _solve_in_contact(
@@ -136,6 +199,7 @@ def _solve_in_contact(
     iterate.exact = False
     deflate = _deflation(operators, interference, contact, iterate)
     pressure = iterate.pressure[contact]
+    known = pressure.copy()
     outside = np.ones(iterate.pressure.size, dtype=bool)
     outside[contact] = False
     residual = iterate.residual[contact]
@@ -150,11 +214,16 @@ def _solve_in_contact(
         direction = correction + (product / previous) * direction
         previous = product
         image = operators.displace_some(contact, direction)
-        step = product / inner(direction, image[contact])
+        stiffness = inner(direction, image[contact])
+        iterate.convolutions += 1
+        if not (product > 0 and stiffness > 0):  # nothing is left but rounding
+            break
+        step = product / stiffness
         pressure += step * direction
         iterate.residual -= step * image
         iterate.iterations += 1
-        iterate.convolutions += 1
+        if operators.load is not None:
+            iterate.level(known, iterate.residual[contact])
         residual = iterate.residual[contact]
         largest = float(np.abs(residual).max())
         if largest > goal:
@@ -175,11 +244,15 @@ def _deflation(
     rounding puts back into the residual along it is taken out again with each correction (A-DEF2
     of Tang, Nabben, Vuik and Erlangga 2009); else long stages would come to stand on it and part.
     On a compliant far field the scale is what the contact set hangs on most, and is left to the
-    rest.
+    rest. A given load fixes the scale: corrections carry nothing in all, and the pressure takes
+    the place of a constraint (projected conjugate gradients: Gould, Hribar and Nocedal 2001).
     """
     if operators.softening > 0:
         return lambda correction, _: correction
-    rescale(interference, iterate)
+    rescale(operators, interference, iterate)
+    if operators.load is not None:
+        share = iterate.pressure[contact] / operators.load
+        return lambda correction, _: correction - float(correction.sum()) * share
     known, image = iterate.pressure[contact], (interference - iterate.residual)[contact]
     stiffness = inner(known, image)
     if not stiffness > 0:
@@ -220,8 +293,8 @@ def _cut_off_tension(
         changed = np.flatnonzero(change)
         iterate.residual -= operators.displace_some(changed, change[changed])
         iterate.convolutions += 1
-    if operators.softening < 0:  # else the displacement would answer to what was cut off, too much
-        rescale(interference, iterate)
+    if operators.load is not None:
+        rescale(operators, interference, iterate)
         return following
     return None
 

@@ -21,13 +21,14 @@ ONE_HOME = {
     "mpi4py": {"gen/farm.py"},
     "h5py": {"gen/database"},
     "pyfftw": {"bem/convolution.py"},
+    "threadpoolctl": {"bem/sections.py"},
     "tomllib": {"gen/scene.py"},
     "SurfaceTopography": {"gen/topography.py"},
     "matplotlib": {"gen/picture.py", "learn/comparison/pictures.py", "bench"},
     "sklearn": {"learn", "bench"},
     "xgboost": {"learn/models.py"},
 }
-BEM_NEEDS = {"numpy", "scipy", "pyfftw"}
+BEM_NEEDS = {"numpy", "scipy", "pyfftw", "threadpoolctl"}
 NUMERICS = {"numpy", "scipy", "pyfftw", "h5py", "mpi4py", "matplotlib", "sklearn", "pandas"}
 
 
