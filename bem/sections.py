@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
 
+BlasThreads = tuple[Any, int]  # a library's controller, and how many threads it has
+
 
 class _Sections:
     """The threads that are inside of a section, and what BLAS was set to before."""
@@ -20,7 +22,7 @@ class _Sections:
         self.changed = threading.Condition()
         self.depths: dict[int, int] = {}
         self.dense = 0
-        self.threads_before: list[tuple[Any, int]] = []
+        self.threads_before: list[BlasThreads] = []
 
     def enter(self) -> None:
         with self.changed:
@@ -43,16 +45,14 @@ class _Sections:
             if self.dense == 1:
                 found = [(pool, pool.get_num_threads()) for pool in pools]
                 self.threads_before = [each for each in found if each[1] != 1]
-                for pool, _ in self.threads_before:
-                    pool.set_num_threads(1)
+                _set_threads([(pool, 1) for pool, _ in self.threads_before])
 
     def restore(self) -> None:
         """Give BLAS its threads back once nobody is inside any more."""
         with self.changed:
             self.dense -= 1
             if not self.dense:
-                for pool, threads in self.threads_before:
-                    pool.set_num_threads(threads)
+                _set_threads(self.threads_before)
 
     def hold(self) -> None:
         """Wait until no other thread is inside, and let none in before `resume`."""
@@ -61,6 +61,7 @@ class _Sections:
             self.changed.wait()
 
     def resume(self) -> None:
+        """Let other threads in again."""
         self.changed.release()
 
 
@@ -96,6 +97,16 @@ def on_one_blas_thread() -> Iterator[None]:
             yield
         finally:
             _SECTIONS.restore()
+
+
+def _set_threads(wanted: list[BlasThreads]) -> None:
+    """Set numbers of threads, from whichever thread the last one was set."""
+    for pool, threads in wanted:
+        # OpenBLAS hears one thread of Python until that ends or is told to let go.
+        let_go = getattr(pool, "clear_controlling_thread", lambda force: None)
+        let_go(force=True)
+        pool.set_num_threads(threads)
+        let_go(force=True)
 
 
 @lru_cache(maxsize=1)

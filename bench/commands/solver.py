@@ -108,14 +108,16 @@ def stability(
     full: Annotated[bool, typer.Option("--full", help="The slow cases too.")] = False,
     of: Annotated[
         list[str] | None,
-        typer.Option(metavar="TABLE", help="solver, surfaces or models alone; may be repeated."),
+        typer.Option(
+            metavar="TABLE", help="solver, loads, surfaces or models alone; may be repeated."
+        ),
     ] = None,
 ) -> int:
     """Ask for what is stiff and extreme, and check every answer independently.
 
-    Of the solver, of surfaces (generators and statistics) and of the nine models with their
-    features: prints a table each and writes DIR/stability.csv, surfaces.csv and models.csv if asked
-    to. Exit code 0 if all cases passed, 1 otherwise.
+    Of the solver, of random loads, of surfaces (generators and statistics) and of the nine models
+    with their features: prints a table each and writes DIR/stability.csv, loads.csv, surfaces.csv
+    and models.csv if asked to. Exit code 0 if all cases passed, 1 otherwise.
     """
     from bench.stability.report import report
 

@@ -8,7 +8,7 @@ from bench.stability.sheet import Sheet
 from gen.errors import InputError
 from gen.output import check_folder
 
-TABLES = ("solver", "surfaces", "models")
+TABLES = ("solver", "loads", "surfaces", "models")
 """Tables by the name of their package, in the order of their printing."""
 
 

@@ -5,6 +5,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.signal import fftconvolve
 
@@ -264,6 +265,12 @@ BAD_HEIGHTS = [
     (None, ["object", "real numbers"]),
     (SQUARE.astype(object), ["object", "real numbers"]),
     (SQUARE > 0, ["bool", "real numbers"]),
+    ([np.ma.masked_equal(row, 0.0) for row in np.eye(3)], ["masked", "fill or crop"]),
+    (
+        pd.DataFrame({0: [1.0, None], 1: [2.0, 3.0]}, dtype="Float64"),
+        ["1 values", "not finite"],
+    ),
+    (pd.DataFrame({0: ["1", "2"], 1: ["3", "4"]}), ["real numbers"]),
     (SQUARE.astype("datetime64[s]"), ["datetime64[s]", "real numbers"]),
 ]
 
@@ -272,6 +279,10 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], list[str]]] = [
     ({"side": -1.5}, ["side = -1.5", "above 0 um"]),
     ({"side": NAN}, ["side = nan", "above 0 um"]),
     ({"side": INF}, ["side = inf", "above 0 um"]),
+    (
+        {"side": 1000.0, "heights": np.zeros((65, 129))},
+        ["65 x 129 nodes", "(1000, 2000) for square cells", "(1000, 1000) for a square patch"],
+    ),
     ({"side": None}, ["side = None", "above 0 um"]),
     ({"side": "long"}, ["side = 'long'", "above 0 um"]),
     ({"side": (1.0, 2.0, 3.0)}, ["side = (1.0, 2.0, 3.0)", "one length or two"]),
@@ -325,7 +336,7 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], list[str]]] = [
         ["concentrated-force", "square cells", "uniform-pressure"],
     ),
     (
-        {"kernel": "concentrated-force", "heights": np.zeros((4, 5))},
+        {"kernel": "concentrated-force", "heights": np.zeros((4, 5)), "side": (1.0, 1.0)},
         ["concentrated-force", "square cells", "uniform-pressure"],
     ),
 ]

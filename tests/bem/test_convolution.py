@@ -1,10 +1,12 @@
 """The pruned convolution and its circulant inverse against the matrices that they stand for."""
 
+import gc
 import threading
 
 import numpy as np
 import pytest
 
+from bem import convolution
 from bem.convolution import Selection, displacement_filter, fast_period
 from bem.half_space import HalfSpace
 from bem.influence import Kernel, influence_coefficients
@@ -109,6 +111,53 @@ def test_half_space_gives_way_by_its_softening() -> None:
     everywhere = np.arange(nodes.size)
     assert relative_error(operators.displace_some(everywhere, pressure), expected) < 1e-6
     assert operators.norm >= np.linalg.eigvalsh(matrix)[-1]
+
+
+def test_kept_filters_count_all_that_they_hold() -> None:
+    """Whatever is reachable from one, its buffers and views of them included."""
+    for nodes in (9, 33, 129):
+        kept = displacement_filter((nodes, nodes), "uniform-pressure")
+        bases: dict[int, np.ndarray] = {}
+        found: list[object] = list(vars(kept).values())
+        while found:
+            each = found.pop()
+            if isinstance(each, list | tuple):
+                found += each
+            elif isinstance(each, np.ndarray):
+                base = each
+                while isinstance(base.base, np.ndarray):
+                    base = base.base
+                bases[id(base)] = base
+        held = sum(base.nbytes for base in bases.values())
+        assert held <= kept.bytes <= held + 60 * 1024
+
+
+def test_what_filters_occupy_is_bounded_for_all_threads_together(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(convolution, "KEPT_BYTES", 3 * 2**20)
+    ready, done = threading.Barrier(4), threading.Event()
+
+    def solve() -> None:
+        for nodes in range(20, 60):
+            displacement_filter((nodes, nodes), "uniform-pressure")
+        ready.wait(30)
+        done.wait(30)
+
+    threads = [threading.Thread(target=solve) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    ready.wait(30)
+    displacement_filter((61, 61), "uniform-pressure")
+    occupied = sum(kept.bytes for kept in convolution._Filters._threads)
+    done.set()
+    for thread in threads:
+        thread.join()
+    fewest = 4 * convolution.FEWEST_KEPT * displacement_filter((61, 61), "uniform-pressure").bytes
+    assert 0 < occupied <= 3 * 2**20 + fewest
+    del threads, thread
+    gc.collect()
+    assert sum(kept.bytes for kept in convolution._Filters._threads) < occupied
 
 
 def test_threads_have_filters_of_their_own() -> None:

@@ -106,7 +106,20 @@ def test_a_correction_puts_back_what_penetrates(
     assert np.abs(right - matrix @ pressure).max() < 1e-12
 
 
-@pytest.mark.parametrize("softening", [-1e6, -0.3, 1e-3])
+@pytest.mark.parametrize("load", [1e-3, 0.5, 20.0])
+def test_a_load_that_is_given(load: float) -> None:
+    """The far field moves until the pressure adds up to the load."""
+    heights = np.random.default_rng(5).uniform(-0.2, 0, 63)
+    found = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0), np.arange(63))
+    pressure, _ = found.press(heights, first_contact.far_field_law(0.0, 0.0, load))
+    gap = written_out() @ pressure - heights
+    moved = gap[pressure > 0].mean()
+    assert pressure.sum() == pytest.approx(load, rel=1e-12)
+    assert np.abs(gap[pressure > 0] - moved).max() < 1e-12
+    assert gap[found.kept].min() > moved - 1e-12
+
+
+@pytest.mark.parametrize("softening", [-0.3, 1e-3])
 def test_a_far_field_that_gives_way(softening: float) -> None:
     """H - s 1 1^T: the law of the far field instead of a matrix that is nearly singular."""
     nodes = np.arange(63)

@@ -1,5 +1,6 @@
 """A given force or mean pressure: the same contacts as at the displacement that it takes."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import bem
 from bem import load_control
 from bem.influence import KERNELS
 from bem.problem import FAR_FIELDS
+from gen.overtime import at_most
 from gen.surface import generate
 from tests.bem.surfaces import SURFACES, surface
 
@@ -88,12 +90,86 @@ def test_flat_surfaces_and_single_nodes_have_a_displacement() -> None:
     assert bem.solve(np.zeros((1, 1)), 1.0, one.delta, spacing=2.0).force == pytest.approx(5.0)
 
 
-def test_a_root_is_found_where_the_spring_does_not_arrive(monkeypatch: pytest.MonkeyPatch) -> None:
-    expected = bem.solve(ROUGH, 1000.0, 25.0)
-    monkeypatch.setattr(load_control, "SPRING_ITERATIONS", 1)
+def test_a_root_is_found_where_contact_sets_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if they did: the solver's answer is taken for none, and put at another displacement."""
+    expected = bem.solve(ROUGH, 1000.0, 25.0, rtol=1e-12)
+    solved = load_control._on_few_nodes_or_all
+
+    def cycling(*arguments: Any) -> Any:
+        found = solved(*arguments)
+        return replace(found, converged=False, approach=0.3 * found.approach)
+
+    monkeypatch.setattr(load_control, "_on_few_nodes_or_all", cycling)
     found = bem.solve(ROUGH, 1000.0, force=expected.force)
-    assert found.force == pytest.approx(expected.force, rel=1e-5)
-    assert found.delta == pytest.approx(25.0, rel=1e-5)
+    assert found.force == pytest.approx(expected.force, rel=1e-14)
+    assert found.delta == pytest.approx(25.0, rel=1e-6)
+    with pytest.raises(bem.NotConverged) as stopped:
+        bem.solve(ROUGH, 1000.0, force=expected.force, max_iterations=12, rtol=1e-12)
+    assert stopped.value.contact.residual > 1e-12
+
+
+def ridges(shape: tuple[int, int], row: int, column: int | None = None) -> np.ndarray:
+    heights = np.zeros(shape)
+    heights[row] = 1
+    if column is not None:
+        heights[:, column] = 1
+    return heights
+
+
+@pytest.mark.parametrize(
+    ("heights", "pressure", "rtol"),
+    [
+        (ridges((19, 28), 9, 14), 0.018963090011501784, 1e-12),
+        *((ridges((12, 37), row), 0.030927496547942784, 1e-10) for row in range(6)),
+    ],
+)
+def test_ties_under_tight_tolerances_end(heights: np.ndarray, pressure: float, rtol: float) -> None:
+    """Residuals have the digits of the pressure alone: none is lost to a far field that is held."""
+    with at_most(20):
+        contact = bem.solve(heights, 1.0, pressure=pressure, spacing=1.0, rtol=rtol)
+    assert contact.residual <= rtol
+    assert contact.iterations < 60
+
+
+@pytest.mark.parametrize("rtol", [2e-10, 1e-10, 1e-12])
+def test_tight_tolerances_cost_a_force_hardly_more_than_a_displacement(rtol: float) -> None:
+    given_force = bem.solve(ROUGH, 1000.0, pressure=0.02, rtol=rtol)
+    given_delta = bem.solve(ROUGH, 1000.0, given_force.delta, rtol=rtol)
+    assert given_force.convolutions <= 1.5 * given_delta.convolutions + 5
+    assert given_force.force == pytest.approx(given_delta.force, rel=20 * rtol)
+
+
+@pytest.mark.parametrize("across", [0.0105, 1e-3, 300.0])
+def test_a_force_on_oblong_cells(across: float) -> None:
+    """The preconditioner weakens there; the force needs no more of it than a displacement does."""
+    heights = np.indices((60, 71)).sum(0) % 2.0
+    given_force = bem.solve(heights, 1.0, pressure=9.9, spacing=(1.0, across))
+    given_delta = bem.solve(heights, 1.0, given_force.delta, spacing=(1.0, across))
+    assert given_force.force == pytest.approx(given_delta.force, rel=1e-6)
+    assert given_force.iterations <= 2 * given_delta.iterations + 20
+
+
+@pytest.mark.parametrize("far_field", FAR_FIELDS)
+@pytest.mark.parametrize("rtol", [1e-3, 2e-7, 1e-12])
+def test_residual_and_force_are_what_is_said(rtol: float, far_field: str) -> None:
+    for pressure in (1e-3, 0.02, 0.2):
+        contact = bem.solve(ROUGH, 1000.0, pressure=pressure, rtol=rtol, far_field=far_field)
+        gap = np.where(contact.pressure > 0, np.abs(contact.gap), -contact.gap)
+        assert contact.residual == pytest.approx(gap.max() / contact.approach, rel=0, abs=2e-14)
+        assert contact.pressure.mean() == pytest.approx(pressure, rel=1e-14)
+
+
+@pytest.mark.parametrize("most", [1, 2, 5])
+def test_what_is_reached_before_the_bound_makes_sense(most: int) -> None:
+    found = bem.solve(ROUGH, 1000.0, pressure=0.02)
+    with pytest.raises(bem.NotConverged, match="raise max_iterations") as stopped:
+        bem.solve(ROUGH, 1000.0, pressure=0.02, max_iterations=most, rtol=1e-12)
+    reached = stopped.value.contact
+    assert found.delta / 3 < reached.delta < 3 * found.delta
+    assert reached.pressure.mean() == pytest.approx(0.02, rel=1e-12)
+    gap = np.where(reached.pressure > 0, np.abs(reached.gap), -reached.gap)
+    assert reached.residual == pytest.approx(gap.max() / reached.approach, rel=1e-9)
+    assert reached.residual > 1e-12
 
 
 def test_too_few_iterations_are_reported() -> None:

@@ -1,9 +1,11 @@
 """The solver against a dense reference, and the symmetries and scalings of the problem."""
 
+import pickle
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,9 +13,11 @@ from scipy.optimize import nnls
 
 import bem
 from bem.factor import ContactFactor
+from bem.far_field import critical_delta
 from bem.influence import Kernel
 from bem.iterate import Iterate
 from bem.solver import FROM_NEAR, descend, solve_complementarity
+from gen.overtime import at_most
 from tests.bem import dense
 from tests.bem.surfaces import SURFACES, Shape, surface
 
@@ -117,6 +121,7 @@ class Dense:
     def __init__(self, matrix: np.ndarray) -> None:
         self._matrix = matrix
         self.softening = 0.0
+        self.load = None
         self.norm = float(np.abs(matrix).sum(axis=1).max())
         self.few_nodes = 0
 
@@ -206,6 +211,74 @@ def test_few_exact_products_are_enough(depth: float, rtol: float) -> None:
     np.testing.assert_allclose(found.residual, residual, rtol=0, atol=1e-14)
     assert residual.max() <= rtol
     assert np.abs(residual[found.pressure > 0]).max() <= rtol
+
+
+class Spoiled(Dense):
+    """Exact displacements that are not what conjugate gradients see."""
+
+    def __init__(self, matrix: np.ndarray, spoil: Callable[[np.ndarray], np.ndarray]) -> None:
+        super().__init__(matrix)
+        self._spoil = spoil
+        self.applied = 0
+
+    def displace(self, pressure: np.ndarray) -> np.ndarray:
+        self.applied += 1
+        return self._spoil(super().displace(pressure))
+
+    def displace_some(self, nodes: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        return np.asarray(self._matrix[:, nodes] @ pressure)
+
+
+def spoiled(spoil: Callable[[np.ndarray], np.ndarray]) -> tuple[Iterate, bool, Spoiled]:
+    """What comes of exact residuals that are not what conjugate gradients see."""
+    heights = surface("self-affine", (9, 9))
+    operators = Spoiled(dense.influence_matrix((9, 9), "uniform-pressure").reshape(81, 81), spoil)
+    overlap = (heights - heights.max()).reshape(-1) / 0.4 + 1
+    with at_most(20):
+        found, converged = solve_complementarity(
+            operators, overlap, rtol=1e-9, max_iterations=10**6
+        )
+    return found, converged, operators
+
+
+def test_residuals_that_rounding_keeps_up_end_the_solve() -> None:
+    """Each recomputed residual is off by some 1e-6: no step mends that, none is tried forever."""
+    random = np.random.default_rng(0)
+    found, converged, operators = spoiled(lambda moved: moved + 1e-6 * random.random(81))
+    assert not converged
+    assert found.stalled
+    assert operators.applied < 20
+    assert found.violation() < 1e-5
+
+
+def test_what_is_no_number_ends_the_solve() -> None:
+    found, converged, operators = spoiled(lambda moved: moved * np.nan)
+    assert not converged
+    assert operators.applied < 5
+    assert np.isnan(found.residual).all()
+
+
+@pytest.mark.parametrize("amount", [1e50, 1e300])
+def test_a_start_beyond_all_bounds_is_left_aside(amount: float) -> None:
+    heights = surface("white noise", (65, 65))
+    with at_most(20):
+        contact = bem.solve(heights, 1.0, 0.3, near=np.full((65, 65), amount))
+    assert contact.force == bem.solve(heights, 1.0, 0.3).force
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_a_tolerance_below_rounding_is_said_to_be(kernel: Kernel) -> None:
+    """More iterations are no advice where rounding has the last word."""
+    heights = surface("self-affine", (33, 33))
+    delta = 0.999 * critical_delta(heights, kernel)
+    settings = {"kernel": kernel, "far_field": "compliant", "max_iterations": 3000}
+    with pytest.raises(bem.NotConverged, match="rounding leaves no smaller one; raise rtol") as end:
+        bem.solve(heights, 1.0, delta, rtol=1.1e-15, **settings)
+    assert end.value.stalled
+    assert end.value.contact.iterations < 1000
+    assert end.value.contact.residual < 1e-12
+    copied = pickle.loads(pickle.dumps(end.value))
+    assert (str(copied), copied.stalled) == (str(end.value), True)
 
 
 def test_default_tolerance_finds_the_nodes_in_contact() -> None:
@@ -311,12 +384,17 @@ INTEGERS = np.random.default_rng(2).integers(0, 50, (20, 31))
         INTEGERS[::-1, ::-1].copy()[::-1, ::-1],
         np.broadcast_to(INTEGERS, INTEGERS.shape),
         INTEGERS.tolist(),
+        pd.DataFrame(INTEGERS),
+        pd.DataFrame(INTEGERS).astype("Float64"),
+        pd.DataFrame(INTEGERS).astype("Int64"),
     ],
-    ids=lambda given: getattr(given, "dtype", "list"),
+    ids=lambda given: str(getattr(given, "dtype", type(given).__name__)),
 )
-def test_any_array_of_real_numbers_will_do(given: np.ndarray | list[list[int]]) -> None:
-    expected = bem.solve(INTEGERS.astype(float), 1.0, 5.0)
-    np.testing.assert_array_equal(bem.solve(given, 1.0, 5.0).pressure, expected.pressure)
+def test_any_array_of_real_numbers_will_do(
+    given: np.ndarray | list[list[int]] | pd.DataFrame,
+) -> None:
+    expected = bem.solve(INTEGERS.astype(float), (1.0, 1.0), 5.0)
+    np.testing.assert_array_equal(bem.solve(given, (1.0, 1.0), 5.0).pressure, expected.pressure)
 
 
 def test_surfaces_are_neither_changed_nor_kept() -> None:

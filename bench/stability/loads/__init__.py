@@ -1,0 +1,1 @@
+"""Random forces and mean pressures on random surfaces, cells and tolerances."""

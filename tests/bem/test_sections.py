@@ -1,0 +1,157 @@
+"""Sections of compiled code: BLAS has one thread in them and its own number after; forks wait."""
+
+import hashlib
+import os
+import subprocess
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from threadpoolctl import ThreadpoolController, threadpool_limits
+
+import bem
+from bem import factor, sections
+from gen.surface import generate
+
+ROUGH = generate("diamond-square", 65, 0.7, 12.0, np.random.default_rng(0))
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def blas_threads() -> set[int]:
+    pools = ThreadpoolController().select(user_api="blas").lib_controllers
+    return {pool.get_num_threads() for pool in pools}
+
+
+def test_dense_algebra_has_one_thread_and_leaves_the_others_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen: list[set[int]] = []
+    factorised = factor.ContactFactor._factorised
+
+    def watched(self: factor.ContactFactor, matrix: np.ndarray) -> np.ndarray:
+        seen.append(blas_threads())
+        return factorised(self, matrix)
+
+    monkeypatch.setattr(factor.ContactFactor, "_factorised", watched)
+    bem.solve(ROUGH, 1000.0, 10.0)  # everything is loaded
+    with threadpool_limits(limits=2, user_api="blas"):
+        before = blas_threads()
+        bem.solve(ROUGH, 1000.0, 10.0)
+        assert blas_threads() == before
+    assert seen
+    assert all(threads == {1} for threads in seen)
+
+
+def test_the_first_in_limits_and_the_last_out_restores() -> None:
+    with threadpool_limits(limits=2, user_api="blas"):
+        before = blas_threads()
+        inside, leave = threading.Event(), threading.Event()
+
+        def other() -> None:
+            with sections.on_one_blas_thread():
+                inside.set()
+                leave.wait(10)
+
+        thread = threading.Thread(target=other)
+        with sections.on_one_blas_thread():
+            thread.start()
+            assert inside.wait(10)
+        assert blas_threads() == {1}
+        leave.set()
+        thread.join(10)
+        assert blas_threads() == before
+
+
+FORCES = """
+import hashlib, numpy as np, bem
+from gen.surface import generate
+heights = generate("diamond-square", 65, 0.7, 12.0, np.random.default_rng(0))
+contacts = [*bem.ladder(heights, 1000.0, [4.0, 10.0]), bem.solve(heights, 1000.0, pressure=0.004)]
+print(hashlib.sha256(b"".join(contact.pressure.tobytes() for contact in contacts)).hexdigest())
+"""
+
+
+def test_results_do_not_depend_on_the_number_of_blas_threads() -> None:
+    contacts = [*bem.ladder(ROUGH, 1000.0, [4.0, 10.0]), bem.solve(ROUGH, 1000.0, pressure=0.004)]
+    here = b"".join(contact.pressure.tobytes() for contact in contacts)
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", FORCES],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    assert done.stdout.strip() == hashlib.sha256(here).hexdigest()
+
+
+def forked(work: Callable[[], object]) -> int:
+    """Exit code of a child that does some work, -1 if it hangs."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of forks beside threads
+        child = os.fork()
+    if child == 0:
+        try:
+            work()
+        except BaseException:
+            os._exit(1)
+        os._exit(0)
+    end = time.monotonic() + 20
+    while time.monotonic() < end:
+        ended, status = os.waitpid(child, os.WNOHANG)
+        if ended:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(0.005)
+    os.kill(child, 9)
+    os.waitpid(child, 0)
+    return -1
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks here")
+def test_a_fork_waits_for_other_threads_to_leave() -> None:
+    inside, left = threading.Event(), []
+
+    def other() -> None:
+        with sections.unforked():
+            inside.set()
+            time.sleep(0.2)
+            left.append(True)
+
+    thread = threading.Thread(target=other)
+    thread.start()
+    assert inside.wait(10)
+    seen = left  # what the child finds is what stood there when it was forked
+    assert forked(lambda: os._exit(0 if seen else 3)) == 0
+    thread.join()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks here")
+def test_children_forked_beside_solving_threads_solve_too() -> None:
+    """On new grids: every one of them makes plans and tables."""
+    stop = threading.Event()
+
+    def solve_on(first: int) -> None:
+        nodes = first
+        while not stop.is_set():
+            nodes = nodes + 1 if nodes < 60 else first
+            bem.solve(ROUGH[:nodes, : nodes + 1], 1.0, 8.0, spacing=5.0)
+
+    threads = [threading.Thread(target=solve_on, args=(first,)) for first in (20, 33)]
+    for thread in threads:
+        thread.start()
+    try:
+        codes = [
+            forked(lambda nodes=nodes: bem.solve(ROUGH[:nodes, :nodes], 1.0, 8.0, spacing=5.0))
+            for nodes in range(36, 60)
+        ]
+    finally:
+        stop.set()
+        for thread in threads:
+            thread.join()
+    assert codes == [0] * 24
