@@ -254,9 +254,11 @@ def _violation(contact: Contact) -> float:
 
 def _untouched(problem: Problem) -> Contact:
     """The bodies are apart, or just touch."""
+    pressure = np.zeros(problem.heights.shape)
+    pressure.setflags(write=False)
     return Contact(
         problem=problem,
-        pressure=np.zeros(problem.heights.shape),
+        pressure=pressure,
         force=0.0,
         area_percent=0.0,
         contact_nodes=0,

@@ -211,7 +211,7 @@ def _agreed_sides(
         if not side:
             said = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
             raise InputError(f"{path}: holds no lengths; give --side, the scan length in um{said}")
-        return sides_from(side)
+        return _sides_of(path, scan.heights.shape, side)
     factor = _factor(scan.length_unit or unit or "um", f"{path}: unit")
     own = scan.lengths[0] * factor, scan.lengths[1] * factor
     if not side:
@@ -224,8 +224,22 @@ def _agreed_sides(
             f"{path}: is {own[0]:.6g} x {own[1]:.6g} um, --side says {side}; leave that out, or"
             " overrule the file by --override-scale"
         )
+    given = _sides_of(path, scan.heights.shape, side)
     overruled.append(f"{own[0]:.6g} x {own[1]:.6g} um, taken as {given[0]:g} x {given[1]:g} um")
     return given
+
+
+def _sides_of(path: Path, shape: tuple[int, ...], side: str) -> Sides:
+    """Lengths of a map from --side; of one that is not square, both have to be given [um]."""
+    lengths = sides_from(side)
+    nx, ny = shape
+    if nx != ny and "," not in side:
+        square = lengths[0] / (nx - 1) * (ny - 1)
+        raise InputError(
+            f"{path}: has {nx} x {ny} nodes; give --side two lengths, {lengths[0]:g},{square:g} for"
+            f" square cells or {lengths[0]:g},{lengths[0]:g} for a square patch"
+        )
+    return lengths
 
 
 def _own_scan(path: Path, wanted: str) -> _Scan:

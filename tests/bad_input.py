@@ -86,6 +86,7 @@ def prepare(folder: Path) -> None:
     for name, text in TEXTS.items():
         (folder / name).write_text(text)
     np.save(folder / "good.npy", np.arange(81.0).reshape(9, 9))
+    np.save(folder / "oblong.npy", np.arange(45.0).reshape(9, 5))
     whole = (folder / "good.npy").read_bytes()
     (folder / "truncated.npy").write_bytes(whole[: len(whole) // 2])
     np.save(folder / "pickled.npy", np.array([{}, 1], dtype=object), allow_pickle=True)
@@ -147,6 +148,7 @@ def _cases() -> list[tuple[list[str], str]]:
         (["contact", "missing.npy", *contact], "missing.npy"),
         (["describe", "missing.npy", "--side", "9"], "missing.npy"),
         (["describe", "good.npy", "--side", "-9"], "--side"),
+        (["describe", "oblong.npy", "--side", "9"], "9,4.5 for square cells or 9,9"),
         (
             ["contact", "good.npy", "--side", "9", "--delta", "99", "--far-field", "compliant"],
             "Delta*",

@@ -122,8 +122,10 @@ def test_results_cannot_be_rewritten() -> None:
     contact = bem.solve(HEIGHTS, SIDE, 2.0)
     with pytest.raises(dataclasses.FrozenInstanceError):
         contact.force = 0.0
-    with pytest.raises(ValueError, match="read-only"):
-        contact.problem.heights[0, 0] = 0.0
+    fields = contact.problem.heights, contact.pressure, contact.displacement, contact.gap
+    for field in (*fields, bem.solve(HEIGHTS, SIDE, 0.0).pressure):
+        with pytest.raises(ValueError, match="read-only"):
+            field[0, 0] = 0.0
 
 
 def test_results_read_in_one_line() -> None:

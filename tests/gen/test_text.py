@@ -67,7 +67,7 @@ def test_a_header_that_is_read_is_not_contradicted(tmp_path: Path) -> None:
     for wrong in (("10", ""), ("", "nm")):
         with pytest.raises(InputError, match="or overrule the file by --override-scale"):
             read(scan, *wrong)
-    overruled = read(scan, "10", "nm", override_scale=True)
+    overruled = read(scan, "10,10", "nm", override_scale=True)
     np.testing.assert_allclose(overruled.heights, 1e-3 * LINES.T, rtol=1e-12)
     assert overruled.sides == (10, 10)
     assert sum("OVERRULED" in step for step in overruled.steps) == 2
@@ -117,11 +117,11 @@ def test_what_a_header_lacks_is_asked_for(tmp_path: Path, header: str, message: 
 
 
 def test_remarks_that_are_not_read_are_told(tmp_path: Path) -> None:
-    [warning] = read(written(tmp_path, "# heights in nm\n" + NUMBERS), "9").warnings
+    [warning] = read(written(tmp_path, "# heights in nm\n" + NUMBERS), "9,9").warnings
     assert "the file says 'heights in nm', which is not read" in warning
     transposed = written(tmp_path, "# nx = 3\n# ny: 4\n# NX, NY: a grid\n" + NUMBERS)
-    assert read(transposed, "9").heights.shape == (3, 4)
-    assert not read(written(tmp_path, "# from a profilometer\n" + NUMBERS), "9").warnings
+    assert read(transposed, "9,9").heights.shape == (3, 4)
+    assert not read(written(tmp_path, "# from a profilometer\n" + NUMBERS), "9,9").warnings
 
 
 X, Y = (axis.ravel() for axis in np.mgrid[:9, :9])
@@ -150,14 +150,14 @@ def test_names_of_columns_are_told_and_strips_of_maps_are_read(tmp_path: Path) -
         read(written(tmp_path, "x,y,z\n0,0,1\n"), "9")
     for shape in ((2, 2), (3, 3), (3, 2), (2, 3), (7, 2), (40, 3), (3, 40)):
         np.save(tmp_path / "strip.npy", np.random.default_rng(3).normal(size=shape))
-        assert read(tmp_path / "strip.npy", "9").heights.shape == shape
+        assert read(tmp_path / "strip.npy", "9,9").heights.shape == shape
 
 
 def test_overruled_scales_and_pressures_are_told_everywhere(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     surface = str(written(tmp_path, GWYDDION + NUMBERS))
-    scale = ["--side", "90", "--unit", "um", "--override-scale"]
+    scale = ["--side", "90,90", "--unit", "um", "--override-scale"]
     table = tmp_path / "law.csv"
     soft, steel = ["--delta", "0.5"], ["--delta", "0.001,0.5", "--e-star", "2e5"]
     expected = ((soft, 2), ([*soft, "--e-star", "2e5"], 3), (steel, 3))
