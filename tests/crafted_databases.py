@@ -237,9 +237,10 @@ COMMANDS: dict[str, list[str]] = {
     "learn tune": ["tune", "FILE", "-o", "new"],
     "learn estimate": ["estimate", "FILE", "-o", "new"],
     "learn importance": ["importance", "FILE", "-o", "new"],
+    "learn law": ["law", "x.surrogate", "FILE", "--solver", "--csv", "law.csv"],
     "learn appendix": ["appendix", "FILE", "-o", "new"],
 }
-"""Every command that reads databases, but `learn law`, which needs a surrogate as well."""
+"""Every command that reads databases; `learn law` needs a surrogate, x.surrogate, as well."""
 
 
 def refuse(

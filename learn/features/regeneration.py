@@ -8,6 +8,7 @@ changed or grown costs what has changed, and an interrupted run goes on.
 
 import hashlib
 import time
+import zlib
 from collections.abc import Callable, Iterator
 from functools import partial
 from io import BytesIO
@@ -201,7 +202,9 @@ class _Job:
                 if str(kept["key"]) != self.key:
                     return values
                 inputs, known = kept["inputs"], kept["values"]
-        except (OSError, ValueError, KeyError, BadZipFile, EOFError):
+        except (OSError, ValueError, KeyError, BadZipFile, EOFError, MemoryError, zlib.error):
+            return values
+        if inputs.ndim != 2 or {inputs.dtype, known.dtype} != {np.dtype(np.float64)}:
             return values
         rows = min(len(inputs), len(values))
         if inputs.shape[1:] == self.inputs.shape[1:] and known.shape == (len(inputs), len(PRESSED)):

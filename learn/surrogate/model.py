@@ -192,8 +192,8 @@ class Surrogate:
             if learnt.column in {"force", "largest_pressure"}:
                 scale = scale * ratio
             ceiling = CEILING.get(learnt.column, np.inf)
-            raw = learnt.raw(rows.inputs)
-            said = ranges.with_undefined(said, name, raw * scale)
+            raw = ranges.finite(learnt.raw(rows.inputs), scale)
+            said = ranges.with_undefined(said, name, raw)
             found.values[name] = np.clip(raw * scale, 0.0, ceiling)
             if level is not None:
                 half = learnt.calibration.half_width(raw, level)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from gen.errors import InputError
 from gen.single import solve_loads, warnings_about
 from gen.topography import Topography
 from learn.surrogate.model import OnSurface
@@ -82,8 +83,20 @@ def predicted(
     deltas : (k,) ascending, above 0 [um]
     level : coverage of the intervals
     e_star : E* [MPa]
+
+    Raises
+    ------
+    InputError
+        If a prediction is not finite.
     """
     answer = pressed.predict(deltas, e_star=e_star, level=level)
+    for name, found in answer.values.items():
+        if not np.isfinite(found).all():
+            place = int(np.argmin(np.isfinite(found)))
+            raise InputError(
+                f"{subject.name}: the surrogate has no finite {name} at Delta ="
+                f" {deltas[place]:.4g} um: no law can be made of it"
+            )
     parts: list[dict[str, Values]] = []
     for ends in (answer.values, answer.low, answer.high):
         gap = ends.get("mean_gap")

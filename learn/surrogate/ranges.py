@@ -37,16 +37,22 @@ def reasons(columns: tuple[str, ...], low: Values, high: Values, rows: Rows) -> 
     return tuple(found)
 
 
-def with_undefined(reasons: tuple[str, ...], target: str, values: Values) -> tuple[str, ...]:
+def finite(raw: Values, scale: Values) -> Values:
+    """Predictions over their scale, NaN where they or their product with it are not finite."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.where(np.isfinite(raw * scale), raw, np.nan)
+
+
+def with_undefined(reasons: tuple[str, ...], target: str, raw: Values) -> tuple[str, ...]:
     """Add to the reasons of rows whose prediction is not finite that it is none.
 
     Parameters
     ----------
     reasons : n texts
     target : its name
-    values : (n,) predictions
+    raw : (n,) predictions, from `finite`
     """
-    undefined = ~np.isfinite(values)
+    undefined = np.isnan(raw)
     if not undefined.any():
         return reasons
     said = f"the surrogate has no finite {target}"

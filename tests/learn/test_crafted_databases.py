@@ -1,6 +1,7 @@
 """Databases from anywhere, given to the commands that learn from them."""
 
 import crafted_databases as crafted
+import crafted_surrogates
 import pytest
 
 from learn import cli
@@ -10,6 +11,7 @@ from learn import cli
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("crafted")
     crafted.prepare(folder)
+    (folder / "x.surrogate").write_bytes(crafted_surrogates.whole("decision-tree"))
     return folder
 
 

@@ -1,5 +1,8 @@
 """Feature sets: the paper's as they were, the others without units, one code at both ends."""
 
+import io
+import zipfile
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -188,6 +191,21 @@ def test_what_was_computed_is_kept_and_only_what_changed_is_computed_again(
     np.testing.assert_array_equal(pressed_rows(database, World(), never), first)
     assert len(asked) == 4
     assert not list(kept.parent.glob(".*.npz*"))
+
+
+def test_kept_features_that_somebody_else_wrote_are_computed_anew(database):
+    job = regeneration._Job(database)
+    values, names = np.zeros((len(job.inputs), len(PRESSED))), ("key", "inputs", "values")
+    header = "{'descr': '<f8', 'fortran_order': False, 'shape': (4611686018427387904,), }"
+    promise = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode()
+    for inputs in (np.float64(1.0), np.zeros(3), job.inputs.astype("S8"), job.inputs[:5], promise):
+        with zipfile.ZipFile(job.cache, "w") as archive:
+            for name, content in zip(names, (np.array(job.key), inputs, values), strict=True):
+                buffer = io.BytesIO()
+                np.save(buffer, content)
+                data = content if isinstance(content, bytes) else buffer.getvalue()
+                archive.writestr(f"{name}.npy", data)
+        assert np.isnan(job._kept()).all()
 
 
 def test_an_interrupted_run_keeps_what_was_finished(database):

@@ -18,8 +18,10 @@ from learn import Surrogate, split
 from learn.comparison.spaces import OPTIMA
 from learn.models import MODELS, pipeline
 from learn.request import Request
-from learn.surrogate import conformal, settings, training
+from learn.surrogate import conformal, law, settings, training
 from learn.surrogate.estimators import put_together, taken_apart
+from learn.surrogate.law import Order
+from learn.surrogate.sources import Options
 
 
 def say(line):
@@ -269,7 +271,9 @@ def test_pruned_deep_trees_of_xgboost_come_back(tmp_path):
     np.testing.assert_array_equal(again.predict(asked), fitted.predict(asked))
 
 
-def test_a_prediction_that_is_not_finite_is_never_inside(ridge, heights):
+def test_a_prediction_that_is_not_finite_is_never_inside(ridge, heights, tmp_path):
+    np.save(tmp_path / "h.npy", heights)
+    order = Order((str(tmp_path / "h.npy"),), delta="5:20:3", options=Options(side="1000"))
     rows = ridge.for_surface(heights, 1000.0).rows([10.0, 20.0])
     assert ridge.predict_rows(rows).inside.any()
     for deviation in (np.nan, np.inf):
@@ -279,6 +283,12 @@ def test_a_prediction_that_is_not_finite_is_never_inside(ridge, heights):
             answer = spoilt.predict_rows(rows, reasons=reasons)
             assert not answer.inside.any()
             assert "the surrogate has no finite area" in answer.reasons[0]
+            assert np.isnan(answer.area).all()
+            assert np.isnan(answer.high["force"]).all()
+        with pytest.raises(
+            InputError, match=r"h\.npy: the surrogate has no finite .* at Delta = 5"
+        ):
+            law.make(spoilt, order, say)
 
 
 def test_an_old_file_stays_whole_until_the_new_one_is(ridge, tmp_path, monkeypatch):
