@@ -85,7 +85,7 @@ def _ended(world: farm.World, code: int, message: str) -> int:
             raise
         _complain(f"{message} (rank {world.rank})")
         world.communicator.Abort(code)
-        return code
+        sys.exit(code)
 
 
 def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, str]:
