@@ -336,12 +336,12 @@ def test_all_tables_are_run_unless_some_are_named(
     assert command.main(["stability", "--of", "models", "-o", str(tmp_path)]) == 0
     assert [path.name for path in tmp_path.iterdir()] == ["models.csv"]
     shown = contents(tmp_path)
-    assert [type(each) for each in shown] == [Absent, Absent, Table]
+    assert [type(each) for each in shown] == [Absent, Absent, Absent, Table]
     assert command.main(["stability", "-o", str(tmp_path)]) == 0
     assert {path.name for path in tmp_path.iterdir()} == set(FILES.values())
     capsys.readouterr()
     assert command.main(["stability", "--of", "rivers"]) == 2
-    assert "solver, surfaces, models" in capsys.readouterr().err
+    assert "solver, loads, surfaces, models" in capsys.readouterr().err
 
 
 def test_the_page_names_columns_that_are_there() -> None:

@@ -1,0 +1,66 @@
+"""Random loads: a few of the 5,000 that bench asks for, and what the table says of wrong answers."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+import bem
+from bench.stability.loads.problems import LoadProblem, problem
+from bench.stability.loads.sheet import SHEET, SOLVES, Tally
+
+MANY = 40
+
+
+def failed(tally: Tally) -> str:
+    return "; ".join(str(finding) for finding in tally.findings() if not finding.passed)
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 2e-7, 1e-10, 1e-13])
+def test_random_loads_have_an_answer(rtol: float) -> None:
+    tally = Tally()
+    for seed in range(MANY):
+        tally.solve(seed, problem(seed, rtol))
+    assert not failed(tally)
+    assert len(tally.iterations) == MANY
+
+
+def test_the_table_asks_for_all_of_them_once() -> None:
+    bounds = [case.examine.args for case in SHEET.cases]  # type: ignore[attr-defined]
+    seeds = [seed for _, first, last in bounds for seed in range(first, last)]
+    assert sorted(seeds) == list(range(sum(SOLVES.values()))) == list(range(5000))
+
+
+def shifted(contact: bem.Contact) -> bem.Contact:
+    return replace(contact, residual=contact.residual + 1e-6)
+
+
+def stretched(contact: bem.Contact) -> bem.Contact:
+    return replace(contact, force=1.001 * contact.force)
+
+
+def nothing(contact: bem.Contact) -> bem.Contact:
+    raise ZeroDivisionError
+
+
+def given_up(contact: bem.Contact) -> bem.Contact:
+    raise bem.NotConverged(contact)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (shifted, "residual off"),
+        (stretched, "force off"),
+        (nothing, "ZeroDivisionError at seed 0"),
+        (given_up, "messages that are not true"),
+    ],
+)
+def test_wrong_answers_are_told(
+    monkeypatch: pytest.MonkeyPatch, spoil: Callable[[bem.Contact], bem.Contact], words: str
+) -> None:
+    solve = LoadProblem.solve
+    monkeypatch.setattr(LoadProblem, "solve", lambda asked: spoil(solve(asked)))
+    tally = Tally()
+    tally.solve(0, problem(0, 1e-9))
+    assert words in failed(tally)
