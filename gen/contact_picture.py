@@ -92,16 +92,17 @@ def _panels(figure: Any, sides: tuple[float, float], *, law: bool) -> tuple[dict
     """
     ratio = min(max(sides[1] / sides[0], 1 / SLIVER), SLIVER)
     if ratio > OBLONG:
-        height = 9.5 if law else 6.0
-        column = 0.75 * height / ratio + 2.0  # the latter for the colours and their label
+        height = min(max(3.6 * ratio, 8.0), 9.5) if law else 6.0
+        column = 0.75 * height / ratio + 2.4  # the latter for the colours and their label
         figure.set_size_inches(2 * column + SECTION, height)
         left, right = figure.subfigures(1, 2, width_ratios=[2 * column, SECTION])
         maps = left.subplots(1, 2)
-        others = np.atleast_1d(right.subplots(4 if law else 1, 1))
-        letters = int(10 * column)
+        shares = [1.5, 1, 1, 1] if law else [1]
+        others = np.atleast_1d(right.subplots(len(shares), 1, height_ratios=shares))
+        letters = int(9 * column)
     else:
         wide = ratio < 1 / OBLONG
-        map_height = (0.82 if wide else 0.34) * WIDTH * ratio + 1.1
+        map_height = (0.82 if wide else 0.31) * WIDTH * ratio + 1.1
         heights = [2 * map_height if wide else map_height, 2.6, *([2.8] if law else [])]
         figure.set_size_inches(WIDTH, sum(heights) + 0.8)
         top, middle, *bottom = figure.subfigures(len(heights), 1, height_ratios=heights)

@@ -28,6 +28,7 @@ SHAPES = {
     "square": (ROUGH, (100.0, 100.0), DECADES),
     "tall": (ROUGH[:9], (25.0, 100.0), FROM_NOTHING),
     "tall, one load": (ROUGH[:9], (25.0, 100.0), ONE),
+    "nearly tall": (ROUGH[:19], (56.0, 100.0), ONE),
     "oblong": (ROUGH[:, :9], (100.0, 25.0), FROM_NOTHING),
     "tall sliver": (ROUGH[:5], (3.0, 100.0), ONE),
     "oblong sliver": (ROUGH[:, :5], (100.0, 3.0), ONE),
@@ -71,8 +72,10 @@ def test_nothing_is_cut_or_overlaps(
     assert section.get_window_extent(renderer).height > 1.2 * figure.dpi  # inches
     legend = section.get_legend().get_window_extent(renderer)
     assert not legend.overlaps(section._left_title.get_window_extent(renderer))
-    title = titled(figure, "contact: ")._left_title.get_window_extent(renderer)
+    left, spots = (titled(figure, text) for text in ("heights", "contact: "))
+    title = spots._left_title.get_window_extent(renderer)
     assert not title.overlaps(section.get_tightbbox(renderer))
+    assert not left.get_tightbbox(renderer).overlaps(spots.get_tightbbox(renderer))
 
 
 def test_titles_say_file_load_and_material() -> None:
