@@ -96,15 +96,17 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
     (code, message) : the exit code, and what to tell the user, "" for nothing
     """
     try:
-        return _invoke(app, name, arguments), ""
+        code = _invoke(app, name, arguments)
     except typer.Exit as left:  # --help
-        return left.exit_code, ""
-    except (KeyboardInterrupt, typer.Abort):
-        return 130, f"{name}: interrupted"
+        code = left.exit_code
     except farm.MasterLeft:
         raise
-    except (BrokenPipeError, SystemExit):  # the reader of our output, `head` say, has had enough
-        _drop_output()  # rich answers a broken pipe by SystemExit
+    except SystemExit as left:  # of a library: the other ranks have to hear of it
+        code = left.code if isinstance(left.code, int) else 1
+    except (KeyboardInterrupt, typer.Abort):
+        return 130, f"{name}: interrupted"
+    except BrokenPipeError:  # the reader of our output, `head` say, has had enough
+        _drop_output()
         return 141, ""
     except (CommandLineError, InputError, ModuleNotFoundError, OSError) as error:
         if isinstance(error, OSError) and error.filename == startup.OUTPUT:
@@ -114,6 +116,7 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
         allowed = memory.size(memory.allowed())
         fault = f"{error or 'no more is given'}; {allowed} are allowed here, shared with all else"
         return 2, f"{name}: this needs more memory than there is: {fault}"
+    return code, ""
 
 
 def _invoke(app: typer.Typer, name: str, arguments: Sequence[str]) -> int:

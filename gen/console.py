@@ -1,5 +1,7 @@
 """Consoles for tables and lines of any origin: what a file holds cannot drive the terminal."""
 
+import errno
+import os
 from collections.abc import Iterator
 from typing import Any
 
@@ -39,6 +41,14 @@ class _Censor(RenderHook):
         return [_Harmless(each) for each in renderables]
 
 
+class _Console(Console):
+    """A console that raises what its stream raises; rich's own would end the process instead."""
+
+    def on_broken_pipe(self) -> None:
+        """Called by rich while it handles a BrokenPipeError."""
+        raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
+
+
 def console(**settings: Any) -> Console:
     """Make a console whose texts hold no control characters.
 
@@ -46,7 +56,7 @@ def console(**settings: Any) -> Console:
     ----------
     settings : what `rich.console.Console` takes
     """
-    made = Console(**settings)
+    made = _Console(**settings)
     made.push_render_hook(_Censor())
     return made
 

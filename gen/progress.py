@@ -1,6 +1,7 @@
 """Show how far a run is: a bar on a terminal, plain lines in a batch log."""
 
 import time
+from contextlib import suppress
 from typing import Self
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
@@ -9,6 +10,10 @@ from gen.console import console
 
 LINE_SECONDS = 30.0
 """Time between two lines of a batch log [s]."""
+
+
+HEEDLESS = suppress(OSError, ValueError)
+"""Round all that is shown: a stream that is full, closed or gone ends no run."""
 
 
 class RunProgress:
@@ -40,12 +45,14 @@ class RunProgress:
     def __enter__(self) -> Self:
         """Start the clock and the bar."""
         self._began = self._last_line = time.monotonic()
-        self._bar.start()
+        with HEEDLESS:
+            self._bar.start()
         return self
 
     def __exit__(self, *error: object) -> None:
         """Leave the last state on the screen."""
-        self._bar.stop()
+        with HEEDLESS:
+            self._bar.stop()
         if not self._console.is_terminal and self._here:
             self._print_line()
 
@@ -54,13 +61,15 @@ class RunProgress:
         self._here += rows
         self._failed += failed
         self._worked += rows if work is None else work
-        self._bar.update(self._task, completed=self._here, pace=self._pace())
+        with HEEDLESS:
+            self._bar.update(self._task, completed=self._here, pace=self._pace())
         if not self._console.is_terminal and time.monotonic() > self._last_line + LINE_SECONDS:
             self._print_line()
 
     def say(self, message: str) -> None:
         """Print a line above the bar."""
-        self._console.print(message, markup=False, highlight=False, soft_wrap=True)
+        with HEEDLESS:
+            self._console.print(message, markup=False, highlight=False, soft_wrap=True)
 
     def _print_line(self) -> None:
         self._last_line = time.monotonic()
