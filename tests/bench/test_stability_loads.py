@@ -1,4 +1,4 @@
-"""Random loads: a few of the 5,000 that bench asks for, and what the table says of wrong answers."""
+"""Random loads: some of the 5,000 that bench asks for, and what its table says of wrong answers."""
 
 from collections.abc import Callable
 from dataclasses import replace
