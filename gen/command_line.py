@@ -17,6 +17,9 @@ from gen.terminal import printable
 # The base class of what typer raises for a wrong command line; its own home has moved twice.
 CommandLineError: Any = typer.BadParameter.__mro__[2]
 
+LONGEST = 1200
+"""Characters of a line of complaint at most: what is wrong stands at both ends."""
+
 EXTRAS = {
     "jinja2": "bench",
     "mapie": "learn",
@@ -166,7 +169,10 @@ def _place(error: OSError) -> str:
 def _complain(message: str) -> None:
     """Say one line on standard error, if that can be written to."""
     with suppress(OSError, ValueError, AttributeError):
-        sys.stderr.write(printable(" ".join(message.split())) + "\n")
+        line = printable(" ".join(message.split()))
+        if len(line) > LONGEST:  # of a name or a number that nobody has typed by hand
+            line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
+        sys.stderr.write(line + "\n")
         sys.stderr.flush()
 
 

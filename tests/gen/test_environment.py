@@ -90,3 +90,12 @@ def test_loops_of_links_and_the_root_are_no_files(folder, capsys):
         assert cli.main(arguments) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert "/" in line or "one" in line
+
+
+def test_a_complaint_about_a_long_text_is_short(folder, capsys):
+    assert cli.main(["info", "x" * 5000 + ".h5"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("gen: xxx")
+    assert " ... xxx" in line
+    assert line.endswith("File name too long")
+    assert len(line) < 1300
