@@ -4,7 +4,6 @@ Somebody may have edited them, or sent them: a key that is missing, a text where
 or a number that is none has to be named where it stands, not where it does its harm.
 """
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -65,22 +64,31 @@ def read(path: Path, *kinds: type[Document]) -> dict[str, Any] | None:
         content = read_bytes(path)
     except FileNotFoundError:
         return None
-    check(path, content, *kinds)
-    # What was checked as JSON can be read as JSON, with the keys in their order.
-    found: dict[str, Any] = json.loads(content)
-    return found
+    return checked(path, content, *kinds)
 
 
-def check(path: Path | str, content: bytes, *kinds: type[Document]) -> None:
-    """Refuse JSON that holds none of some kinds; see `read`."""
+def checked(path: Path | str, content: bytes, *kinds: type[Document]) -> dict[str, Any]:
+    """Return what JSON holds, numbers of the wanted types; refuse what is none of some kinds.
+
+    Parameters
+    ----------
+    path : what messages call it
+    content : JSON, an object
+    kinds : see `read`
+
+    Raises
+    ------
+    InputError
+        See `read`.
+    """
     faults = []
     for kind in kinds:
         try:
-            kind.model_validate_json(content)
+            found = kind.model_validate_json(content)
         except ValidationError as error:
             faults.append(error.errors(include_url=False, include_input=False)[0])
         else:
-            return
+            return found.model_dump(exclude_unset=True)
     key = ".".join(map(str, faults[0]["loc"]))
     where = f"{key}: " if key else ""
     raise InputError(

@@ -124,11 +124,10 @@ class Trials:
     def _read(self, content: bytes, conditions: dict[str, object]) -> None:
         first, *lines = content.split(b"\n")[:-1] or [b""]
         if first:
-            documents.check(self.path, first, documents.Document)
-            _compare(self.path, json.loads(first), conditions)
+            _compare(self.path, documents.checked(self.path, first, documents.Document), conditions)
         for number, line in enumerate(lines, start=2):
-            documents.check(f"{self.path}, line {number}", line, records.Trial)
-            trial = Trial(**json.loads(line))
+            found = documents.checked(f"{self.path}, line {number}", line, records.Trial)
+            trial = Trial(**found)
             self.finished[trial.place] = trial
 
 

@@ -83,6 +83,11 @@ def tabulated(against: str, at: Values, parts: Sequence[Points], level: float) -
     at : (k,) ascending arguments, the same for all surfaces [um or MPa]
     parts : of each surface, at these arguments
     level : coverage of the band
+
+    Raises
+    ------
+    InputError
+        If a value is not finite, as those of a surrogate that somebody has made up.
     """
     unknown = np.array([[bool(reason) for reason in part.reasons] for part in parts])
     outside = unknown.mean(axis=0)
@@ -94,6 +99,8 @@ def tabulated(against: str, at: Values, parts: Sequence[Points], level: float) -
     curves = {}
     for name in COLUMNS[against]:
         value, low, high = _band(name, parts, level)
+        if not np.isfinite(value).all():
+            raise InputError(f"{name} of the law has values that are not finite: no law holds here")
         slope = _slope(at, value) if at.size > 1 else np.zeros(1)
         low, high = np.minimum(low, value), np.maximum(high, value)
         low[withheld], high[withheld] = np.nan, np.nan
