@@ -92,6 +92,6 @@ def checked(path: Path | str, content: bytes, *kinds: type[Document]) -> dict[st
     key = ".".join(map(str, faults[0]["loc"]))
     where = f"{key}: " if key else ""
     raise InputError(
-        f"{path} cannot be read as what this program writes ({where}{faults[0]['msg']}): move it"
-        " away"
+        f"{path} is damaged: it cannot be read as what this program writes"
+        f" ({where}{faults[0]['msg']}): move it away"
     )
