@@ -252,7 +252,8 @@ def _own_scan(path: Path, wanted: str) -> _Scan:
     ]
     taken = chosen(path, channels, wanted).index
     matrix, (factor, unit) = matrices[taken], units[taken]
-    with np.errstate(over="ignore"):  # refused by `read`
+    # Refused by `read`; and a hole that is a signalling NaN is a hole.
+    with np.errstate(over="ignore", invalid="ignore"):
         heights = factor * surface.checked(matrix.numbers, path, holes=True)
     widths, remarks = matrix.widths, matrix.remarks
     origin = named(channels, taken)

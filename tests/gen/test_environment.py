@@ -3,7 +3,9 @@
 import os
 import subprocess
 import sys
+import warnings
 
+import numpy as np
 import pytest
 
 from gen import cli, farm
@@ -99,3 +101,14 @@ def test_a_complaint_about_a_long_text_is_short(folder, capsys):
     assert " ... xxx" in line
     assert line.endswith("File name too long")
     assert len(line) < 1300
+
+
+def test_a_hole_that_is_a_signalling_nan_is_a_hole(folder, capsys):
+    """Found by the fuzzer: arithmetic with it makes NumPy warn."""
+    heights = np.arange(81.0).reshape(9, 9)
+    heights.view("u8")[3, 3] = 0x7FF0000000000001
+    np.save("surface.npy", heights)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert cli.main(["describe", "surface.npy", "--side", "9", "--fill"]) == 0
+    assert "1 missing" in capsys.readouterr().out
