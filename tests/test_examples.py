@@ -94,7 +94,7 @@ def test_the_sample_is_the_first_rows_of_the_papers_database(tmp_path):
     with Reader(FOLDER / "sample.h5") as sample, Reader(again) as made:
         assert (sample.column("status") == np.full(200, Status.DONE)).all()
         for name in ("delta", *NAMES, "area_percent", "force"):
-            here, there = made.column(name)[190:], sample.column(name)[190:]
+            here, there = made.column(name), sample.column(name)[190:]
             np.testing.assert_allclose(here, there, rtol=1e-6, err_msg=name)
 
 

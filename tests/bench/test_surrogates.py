@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import json
 import math
 import signal
 
@@ -271,12 +272,27 @@ def test_the_table_of_throughput_is_markdown():
     ]
 
 
+TUNED = {
+    "model": "kernel-ridge",
+    "settings": {"alpha": 1e-6},
+    "settings_key": "alpha",
+    "refit": {},
+    "fitted": {},
+    "test": None,
+    "train": None,
+    "failure": "as an example",
+    "remarks": [],
+    "search": {},
+    "times": {"fit": 1.0, "fits": 1, "test": 1.0, "row": 1.0, "search": 12.5},
+}
+
+
 def test_the_time_of_a_search_is_taken_from_its_folder(tmp_path):
     (tmp_path / "area" / "tuned").mkdir(parents=True)
     result = tmp_path / "area" / "tuned" / "kernel-ridge.json"
     with pytest.raises(InputError, match="has no search of kernel ridge"):
         tuning_seconds(tmp_path)
-    result.write_text('{"times": {"search": 12.5}}')
+    result.write_text(json.dumps(TUNED), encoding="utf-8")
     assert tuning_seconds(tmp_path) == 12.5
 
 
