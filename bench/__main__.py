@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import typer
 
 from bench.commands import farm, page, solver, surrogates
-from gen import command_line, startup
-from gen import farm as processes
+from gen.runtime import command_line, startup
+from gen.runtime import farm as processes
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from bench.page.content import Absent, Content, Table, Words
 from bench.table import write_table
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 COMMAND = "pytest bench --benchmark-only --benchmark-json {json}"
 

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from gen.provenance import git_commit, versions
+from gen.runtime.provenance import git_commit, versions
 
 PACKAGES = (
     "asperity",

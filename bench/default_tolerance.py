@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import bem
-from gen.errors import InputError
-from gen.plan import parameters
-from gen.sample import Heights, solve_contact, surface_of
+from gen.generation.plan import parameters
+from gen.generation.sample import Heights, solve_contact, surface_of
+from gen.runtime.errors import InputError
 from gen.scene import Scene, load
 
 RTOLS = (1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 5e-7, 2e-7, 1e-7, 1e-8)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from gen import farm
+from gen.runtime import farm
 
 SALT = 2_654_435_761
 """Multiplies numbers, so that the sum tells whether each was there."""

@@ -24,8 +24,8 @@ from bem.convolution import fast_period
 from bench.picture import new_figure, save
 from bench.style import STYLES
 from bench.table import write_table
-from gen.errors import InputError
-from gen.sample import Heights
+from gen.generation.sample import Heights
+from gen.runtime.errors import InputError
 from gen.surface import generate
 
 SIDE = 1000.0  # um

@@ -18,7 +18,7 @@ from bem.influence import KERNELS, Kernel
 from bench.picture import new_figure, save
 from bench.style import STYLES
 from bench.table import write_table
-from gen.output import check_folder
+from gen.runtime.output import check_folder
 
 Values = NDArray[np.float64]
 

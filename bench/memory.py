@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from bench.table import write_table
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn import memory
 from learn.comparison.spaces import OPTIMA, SPACES
 from learn.models import MODELS, STEP, pipeline

@@ -7,7 +7,7 @@ from pathlib import Path
 from statistics import median
 
 from gen import database
-from gen.sample import compute_rows
+from gen.generation.sample import compute_rows
 from gen.scene import Scene, Store, load
 from gen.schema import row_bytes
 

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from bench.style import COLOURS
-from gen.errors import InputError
-from gen.output import make_folder, write
+from gen.runtime.errors import InputError
+from gen.runtime.output import make_folder, write
 
 DPI = 150
 PALETTE = 256

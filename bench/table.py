@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from io import StringIO
 from pathlib import Path
 
-from gen.output import make_folder, write
+from gen.runtime.output import make_folder, write
 
 
 def write_table(path: Path, header: Iterable[str], rows: Iterable[Sequence[object]]) -> Path:

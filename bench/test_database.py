@@ -14,10 +14,10 @@ import pytest
 from bench.scale.launch import launch
 from bench.writers import Spec, require_rows, template_of
 from gen import database
-from gen.delivery import Block, Target, delivery
-from gen.farm import World, run
-from gen.run import blocks_of
-from gen.sample import Rows
+from gen.generation.delivery import Block, Target, delivery
+from gen.generation.run import blocks_of
+from gen.generation.sample import Rows
+from gen.runtime.farm import World, run
 
 SIZES = {"smoke": Spec(32, 33, 1), "paper": Spec(256, 129, 1), "large": Spec(32, 513, 1)}
 RANKS = 3

@@ -13,8 +13,8 @@ import pytest
 
 from bench.dispatch import dispatch, expected
 from bench.scale.launch import launch
-from gen.errors import InputError
-from gen.farm import World
+from gen.runtime.errors import InputError
+from gen.runtime.farm import World
 
 TASKS = {"smoke": 256, "paper": 15_878, "large": 100_000}
 RANKS = 3

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gen.errors import InputError
-from gen.farm import World
+from gen.runtime.errors import InputError
+from gen.runtime.farm import World
 from learn import memory
 from learn.comparison import pruning, search, training_data
 from learn.comparison.spaces import Space

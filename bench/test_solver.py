@@ -25,7 +25,7 @@ from bem.direct import FEW_NODES
 from bem.influence import KERNELS, Kernel
 from bem.preconditioner import circulant_inverse
 from bem.problem import RTOL
-from gen.plan import parameters, surface_random
+from gen.generation.plan import parameters, surface_random
 from gen.scene import load
 from gen.surface import generate
 

@@ -20,10 +20,11 @@ from typing import Any
 import numpy as np
 
 from bench.scale.launch import launch
-from gen import database, farm
-from gen.delivery import Block, Target, delivery
-from gen.run import blocks_of
-from gen.sample import Rows
+from gen import database
+from gen.generation.delivery import Block, Target, delivery
+from gen.generation.run import blocks_of
+from gen.generation.sample import Rows
+from gen.runtime import farm
 from gen.scene import Scene
 from gen.schema import Status, columns_for, row_bytes
 

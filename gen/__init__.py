@@ -1,1 +1,5 @@
-"""Generate databases of rough-surface contact: scenes, surfaces, statistics, farm, database."""
+"""Generate databases of rough-surface contact: scenes, surfaces, statistics, and how they are run.
+
+`generation` plans, computes and checks rows, `database` keeps them, `measured` reads surfaces of
+instruments and presses them one by one, `runtime` is what every command of the project runs on.
+"""

@@ -2,13 +2,14 @@
 
 import sys
 
-from gen import startup
+from gen.runtime import startup
 
 
 def main() -> int:
     """Get ready, join the other ranks if there are any, and run the command."""
     startup.start(deaf=True)
-    from gen import cli, farm
+    from gen import cli
+    from gen.runtime import farm
 
     code = cli.main(sys.argv[1:])
     farm.leave()

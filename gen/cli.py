@@ -6,11 +6,11 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from gen import command_line, farm, overtime
-from gen.errors import InputError
-from gen.numbers import rows_from
-from gen.output import Output, check_outputs
-from gen.terminal import echo
+from gen.runtime import command_line, farm, overtime
+from gen.runtime.errors import InputError
+from gen.runtime.numbers import rows_from
+from gen.runtime.output import Output, check_outputs
+from gen.runtime.terminal import echo
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
@@ -119,12 +119,12 @@ def run(
     if dry_run:
         if world.is_master:
             from gen import display
-            from gen.forecast import plan_of
+            from gen.generation.forecast import plan_of
             from gen.scene import load
 
             display.print_plan(plan_of(load(scene)), output)
         return 0
-    from gen.run import Request, generate_database
+    from gen.generation.run import Request, generate_database
 
     request = Request(scene, output, share, retry_failed, force, sample_limit, writer)
     outcome = generate_database(request, world)
@@ -190,16 +190,17 @@ def contact(
     Give one of --delta, --force and --pressure: a number, or for a law start:stop:count or several
     with commas.
     """
-    from gen import display, single
-    from gen.material import combined_modulus
-    from gen.preparation import prepare, warnings_about
-    from gen.table import write_csv
-    from gen.topography import read
+    from gen import display
+    from gen.measured import single
+    from gen.measured.material import combined_modulus
+    from gen.measured.preparation import prepare, warnings_about
+    from gen.measured.topography import read
+    from gen.runtime.table import write_csv
 
     load, values = single.chosen_load({"delta": delta, "force": force, "pressure": pressure})
     check_outputs([Output(table, "--csv"), Output(picture, "--plot", "picture")], [surface])
     if picture is not None:
-        from gen.contact_picture import Subject, draw_contacts
+        from gen.measured.contact_picture import Subject, draw_contacts
         from gen.picture import new_figure
 
         figure = new_figure(picture)
@@ -249,10 +250,11 @@ def describe(
     table: Table = None,
 ) -> None:
     """Print the 22 roughness statistics of a surface, with their units."""
-    from gen import display, single
-    from gen.preparation import prepare, tilt, warnings_about
-    from gen.table import write_csv
-    from gen.topography import read
+    from gen import display
+    from gen.measured import single
+    from gen.measured.preparation import prepare, tilt, warnings_about
+    from gen.measured.topography import read
+    from gen.runtime.table import write_csv
 
     check_outputs([Output(table, "--csv")], [surface])
     measured = read(surface, side, unit, channel=channel, override_scale=override_scale)
@@ -303,8 +305,8 @@ def check(
 
     Exit code 0 if all is well, 1 if not.
     """
-    from gen.check import faults
     from gen.database import Reader
+    from gen.generation.check import faults
 
     count = 0
     for fault in faults(file, recompute, seed):
@@ -343,7 +345,8 @@ def estimate(
     ] = 1,
 ) -> None:
     """Measure a few samples and say what the run takes: time, memory, disk."""
-    from gen import display, forecast
+    from gen import display
+    from gen.generation import forecast
     from gen.scene import load
 
     asked_for = load(scene)

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
-from gen.console import console as new_console
-from gen.memory import size
-from gen.progress import RunProgress
+from gen.measured.single import warnings_about
+from gen.runtime.console import console as new_console
+from gen.runtime.memory import size
+from gen.runtime.progress import RunProgress
 from gen.schema import REASONS, RUNTIME, Column, Status, statistics_columns
-from gen.single import warnings_about
 
 if TYPE_CHECKING:  # a table of statistics needs no solver, one of a contact no HDF5
     from collections.abc import Iterable, Sequence
@@ -25,10 +25,10 @@ if TYPE_CHECKING:  # a table of statistics needs no solver, one of a contact no 
 
     from bem import Contact
     from gen.database import Reader
-    from gen.forecast import Estimate, Plan
-    from gen.run import Outcome
+    from gen.generation.forecast import Estimate, Plan
+    from gen.generation.run import Outcome
+    from gen.measured.topography import Topography
     from gen.statistics import Description
-    from gen.topography import Topography
 
 
 def print_outcome(path: Path, outcome: Outcome) -> None:
@@ -95,7 +95,7 @@ def print_plan(plan: Plan, path: Path | None = None) -> None:
 
     Parameters
     ----------
-    plan : from `gen.forecast.plan_of`
+    plan : from `gen.generation.forecast.plan_of`
     path : the database that would be written
     """
     console = _console()
@@ -115,7 +115,7 @@ def print_estimate(plan: Plan, estimate: Estimate) -> None:
 
     Parameters
     ----------
-    plan, estimate : from `gen.forecast`
+    plan, estimate : from `gen.generation.forecast`
     """
     print_plan(plan)
     console = _console()

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.database import Reader
-from gen.errors import InputError
-from gen.output import write
-from gen.plan import parameters
-from gen.sample import solve_contact, surface_of
+from gen.generation.plan import parameters
+from gen.generation.sample import solve_contact, surface_of
+from gen.runtime.errors import InputError
+from gen.runtime.output import write
 from gen.scene import Scene
 from gen.schema import Status
 

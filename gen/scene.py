@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationError
 
-from gen.errors import InputError
-from gen.input_file import require_file
+from gen.runtime.errors import InputError
+from gen.runtime.input_file import require_file
 
 T = TypeVar("T")
 
@@ -163,7 +163,7 @@ class Scene(Table):
     """
 
     title: str = Field(default="", description="text in quotes")
-    # Surface indices stay below 2^32, one word of a seed sequence's key: see gen/plan.py.
+    # Surface indices stay below 2^32, one word of a seed sequence's key: see `gen.generation.plan`.
     samples: Annotated[int, Field(ge=1, le=10**9)] = Field(
         description="the number of rows, a whole number from 1 to 1000000000"
     )

@@ -9,9 +9,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from gen import text
-from gen.errors import InputError
-from gen.input_file import require_file
+from gen.measured import text
+from gen.runtime.errors import InputError
+from gen.runtime.input_file import require_file
 
 Heights = NDArray[np.float64]
 Generator = Callable[[int, float, float, np.random.Generator], Heights]

@@ -2,13 +2,13 @@
 
 import sys
 
-from gen import startup
+from gen.runtime import startup
 
 
 def main() -> int:
     """Get ready, join the other ranks if there are any, and run the command."""
     startup.start(deaf=True)
-    from gen import farm
+    from gen.runtime import farm
     from learn import cli
 
     code = cli.main(sys.argv[1:])

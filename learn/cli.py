@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gen import command_line, farm
-from gen.output import check_folder
-from gen.terminal import echo
+from gen.runtime import command_line, farm
+from gen.runtime.output import check_folder
+from gen.runtime.terminal import echo
 from learn import commands
 from learn.options import (
     Again,

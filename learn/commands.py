@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from gen import farm
-from gen.errors import InputError
-from gen.output import Output, check_outputs, kind_of
-from gen.terminal import echo
+from gen.runtime import farm
+from gen.runtime.errors import InputError
+from gen.runtime.output import Output, check_outputs, kind_of
+from gen.runtime.terminal import echo
 from learn.options import (
     SEEDS,
     Channel,
@@ -85,7 +85,7 @@ def fit(
     A tenth of the training rows calibrates the intervals; the test rows judge. Started as
     `mpiexec -n 9 python -m mpi4py -m learn fit ...`, the workers generate surfaces anew.
     """
-    from gen.interruption import Interruption
+    from gen.runtime.interruption import Interruption
     from learn.features import chosen
     from learn.models import chosen as chosen_models
     from learn.request import Request
@@ -158,8 +158,8 @@ def predict(
     e_star: EStar = None,
 ) -> None:
     """Predict area and force of surfaces, with intervals, and a flag for what is unknown ground."""
-    from gen.progress import RunProgress
-    from gen.table import Row, write_csv
+    from gen.runtime.progress import RunProgress
+    from gen.runtime.table import Row, write_csv
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, show
     from learn.surrogate.conformal import checked_level

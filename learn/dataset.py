@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.database import Reader
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import REASONS, Column, Status, statistics_columns
 from learn.features import FeatureSet, chosen

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from gen.errors import InputError
-from gen.memory import MIB, allowed
+from gen.runtime.errors import InputError
+from gen.runtime.memory import MIB, allowed
 
 USABLE = 0.85
 """Share of the machine's memory that fits may take; the rest is the system's."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 NORMALISATIONS = ("l2", "standard", "min-max", "none")
 """How rows are scaled: each to unit length (the paper's), each input to mean 0 and deviation 1,

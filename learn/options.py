@@ -111,7 +111,7 @@ def modulus_from(
     """E* if anything says it."""
     if young is None and poisson is None and e_star is None:
         return None
-    from gen.material import combined_modulus
+    from gen.measured.material import combined_modulus
 
     return combined_modulus(young or [], poisson or [], e_star)
 

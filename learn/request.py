@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from gen import farm
-from gen.errors import InputError
+from gen.runtime import farm
+from gen.runtime.errors import InputError
 from learn import features
 from learn.comparison.spaces import Space
 from learn.dataset import Values

@@ -229,7 +229,7 @@ def question() -> tuple[Any, Any]:
 
 def verdict(path: Path) -> dict[str, Any]:
     """What becomes of a file: a line that refuses it, or values and whether each is inside."""
-    from gen.errors import InputError
+    from gen.runtime.errors import InputError
     from learn.surrogate import Surrogate, card
 
     try:

@@ -18,12 +18,12 @@ MAY_IMPORT = {
     "bench": {"bench", "learn", "gen", "bem"},
 }
 ONE_HOME = {
-    "mpi4py": {"gen/farm.py"},
+    "mpi4py": {"gen/runtime/farm.py"},
     "h5py": {"gen/database"},
     "pyfftw": {"bem/convolution.py"},
     "threadpoolctl": {"bem/sections.py"},
     "tomllib": {"gen/scene.py"},
-    "SurfaceTopography": {"gen/topography.py"},
+    "SurfaceTopography": {"gen/measured/topography.py"},
     "matplotlib": {"gen/picture.py", "learn/comparison/pictures.py", "bench"},
     "sklearn": {"learn", "bench"},
     "xgboost": {"learn/models.py"},
@@ -88,7 +88,7 @@ def test_one_place_prints(package):
     for path in sources(package):
         text = path.read_text(encoding="utf-8")
         if path.name != "console.py":
-            assert not re.search(r"\bConsole\(", text), f"{path}: take gen.console"
+            assert not re.search(r"\bConsole\(", text), f"{path}: take gen.runtime.console"
         if path.name != "terminal.py":
             assert not re.search(r"typer\.s?echo|\bprint\(", text.replace(".print(", "")), path
 
@@ -148,7 +148,7 @@ def test_importing_the_solver_imports_no_more(tmp_path):
 
 def test_a_worker_starts_without_what_few_runs_need(tmp_path):
     script = (
-        "import sys, gen.sample, gen.run;"
+        "import sys, gen.generation.sample, gen.generation.run;"
         "assert not {'scipy.optimize', 'h5py', 'rich', 'typer', 'mpi4py'} & sys.modules.keys()"
     )
     subprocess.run([sys.executable, "-c", script], cwd=tmp_path, check=True, timeout=60)

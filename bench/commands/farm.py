@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from bench.commands.options import Folder, numbers, remark
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 
 def faults(

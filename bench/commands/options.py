@@ -5,7 +5,7 @@ from typing import Annotated, TypeVar
 
 import typer
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 Number = TypeVar("Number", int, float)
 

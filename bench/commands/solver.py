@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from bench.commands.options import Folder, numbers, remark
-from gen.errors import InputError
-from gen.output import check_folder
+from gen.runtime.errors import InputError
+from gen.runtime.output import check_folder
 
 
 def solver(

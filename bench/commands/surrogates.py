@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from bench.commands.options import AreaMax, Folder, PaperDatabase, PaperRows, numbers, remark
-from gen.output import check_folder
+from gen.runtime.output import check_folder
 
 
 def models(

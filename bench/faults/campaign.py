@@ -11,7 +11,7 @@ from bench.faults import places, samples, signals, storage
 from bench.faults.rows import count_finished, difference, finished, row_fault
 from bench.faults.runs import BOUND, Hang
 from bench.faults.stage import SAMPLES, Found, NotPossible, Stage
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 KINDS: dict[str, Callable[[Stage], Found]] = {
     "SIGKILL to a run alone": signals.kill_alone,

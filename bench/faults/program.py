@@ -1,7 +1,7 @@
 """`python -m bench.faults.program AILMENTS ...`: `python -m gen ...` in which some samples ail.
 
 AILMENTS is a JSON file of far-field displacements, by which a sample is known, and what it suffers
-from. All else is the program as it is: the seam is `gen.sample.solve_contact`.
+from. All else is the program as it is: the seam is `gen.generation.sample.solve_contact`.
 """
 
 import json
@@ -14,13 +14,13 @@ from unittest import mock
 
 import bem
 import gen.__main__
-import gen.sample
-from gen.sample import Heights
+import gen.generation.sample
+from gen.generation.sample import Heights
 from gen.scene import Scene
 
 Solve = Callable[[Scene, Heights, float], bem.Contact]
 
-_healthy: Solve = gen.sample.solve_contact
+_healthy: Solve = gen.generation.sample.solve_contact
 
 
 def raises(scene: Scene, heights: Heights, delta: float) -> NoReturn:
@@ -71,7 +71,7 @@ def main() -> int:
     """Run `python -m gen` with the ailments."""
     path = Path(sys.argv.pop(1))
     ailments = {float(delta): name for delta, name in json.loads(path.read_text()).items()}
-    with mock.patch.object(gen.sample, "solve_contact", ailing(ailments)):
+    with mock.patch.object(gen.generation.sample, "solve_contact", ailing(ailments)):
         return gen.__main__.main()
 
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Self
 
-from gen.errors import InputError
-from gen.lock import lock
+from gen.runtime.errors import InputError
+from gen.runtime.lock import lock
 
 BOUND = 90.0
 """Seconds within which a run has to end once it is disturbed; undisturbed it takes a few."""

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from bench.faults.rows import Columns, columns_of, finished
 from bench.faults.runs import BOUND, PROGRAM, Ended, Hang, Run
 from gen.database import Reader
-from gen.errors import InputError
-from gen.plan import parameters
+from gen.generation.plan import parameters
+from gen.runtime.errors import InputError
 from gen.scene import Scene
 
 SCENE = """samples = {samples}

@@ -31,12 +31,12 @@ LARGEST_FILE = 256 * 2**20
 LOADED = {
     "gen": (
         "bem",
-        "gen.check",
+        "gen.generation.check",
         "gen.database",
         "gen.display",
-        "gen.forecast",
+        "gen.generation.forecast",
         "gen.picture",
-        "gen.run",
+        "gen.generation.run",
         "matplotlib.backends.backend_agg",
         "scipy.sparse.linalg",
     ),

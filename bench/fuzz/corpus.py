@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.fuzz.child import run
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.scene import Scene
 
 SCENE = """title = "Sound"

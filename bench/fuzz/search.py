@@ -13,7 +13,7 @@ import numpy as np
 from bench.fuzz import child, corpus
 from bench.fuzz.corpus import KINDS, Kind
 from bench.fuzz.mutation import damaged
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 
 @dataclass(frozen=True)

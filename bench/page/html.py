@@ -12,8 +12,8 @@ from bench.page.inputs import Inputs, typed
 from bench.page.part import Part
 from bench.page.record import record
 from bench.page.table import Row, tabulated
-from gen.errors import InputError
-from gen.output import write
+from gen.runtime.errors import InputError
+from gen.runtime.output import write
 
 PAGE = "index.html"
 

@@ -9,7 +9,7 @@ from pydantic import Field
 from bench.circumstances import circumstances
 from bench.page.inputs import Inputs, typed
 from bench.page.part import Part
-from gen import documents, output
+from gen.runtime import documents, output
 
 SAME = ("commit", "versions", "machine")
 """What has to be as it was for a part to stay."""

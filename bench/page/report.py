@@ -8,8 +8,8 @@ from bench.page.inputs import COMPARISON, Inputs
 from bench.page.part import Part
 from bench.page.parts import DATABASE, PARTS, ROWS
 from bench.page.run import Outcome, Remark, make
-from gen.errors import InputError
-from gen.output import check_folder, make_folder
+from gen.runtime.errors import InputError
+from gen.runtime.output import check_folder, make_folder
 
 
 def run(

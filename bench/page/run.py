@@ -14,8 +14,8 @@ from typing import TextIO
 from bench.page.inputs import Inputs, typed
 from bench.page.part import Part
 from bench.page.record import path_of, record, stays, write
-from gen.errors import InputError
-from gen.interruption import Interruption
+from gen.runtime.errors import InputError
+from gen.runtime.interruption import Interruption
 
 PATIENCE = 60.0
 """Seconds that a part has to end after a signal, before it is killed."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.page.content import Table
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 DIGITS = 4
 """Significant digits of numbers on the page; the files have all of them."""

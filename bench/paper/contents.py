@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from bench.page.content import Absent, Content, Figure, Table, Words
-from gen.errors import InputError
-from gen.output import write
+from gen.runtime.errors import InputError
+from gen.runtime.output import write
 
 RECORD = "paper.json"
 

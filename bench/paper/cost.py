@@ -17,8 +17,8 @@ from bench.surrogates.cost import PAPER as PAPERS
 from bench.surrogates.cost_report import TAKEN, time_of
 from bench.surrogates.costs import PAPER_BREAK_EVEN
 from bench.table import write_table
-from gen.errors import InputError
-from gen.input_file import require_file
+from gen.runtime.errors import InputError
+from gen.runtime.input_file import require_file
 
 Question = dict[str, Any]
 

@@ -16,7 +16,7 @@ from bench.style import COLOURS
 from bench.surrogates.costs import PAPER_ROWS, PAPER_SOLVE
 from bench.table import write_table
 from gen.database import Reader
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.schema import COLUMNS, Column, Status, statistics_columns
 
 Values = NDArray[np.float64]

@@ -18,7 +18,7 @@ from bench.surrogates.clock import median_seconds
 from bench.surrogates.fitting import Fitted, fit, parted, read, request_for
 from bench.table import write_table
 from gen.database import Reader
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.scene import Scene, differences, load
 from learn.dataset import Dataset
 from learn.features import SETS

@@ -9,7 +9,7 @@ from bench.paper import deviations
 from bench.paper.deviations import ratio, short
 from bench.paper.facts import SPREAD, TRAIN_ROWS, spread_of
 from bench.table import write_table
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn.comparison import paper, tables
 from learn.comparison.folder import Folder
 from learn.comparison.spaces import OPTIMA, SPACES

@@ -14,7 +14,7 @@ from bench.surrogates import databases
 from bench.surrogates.cases import CASES, FINE
 from bench.surrogates.databases import OTHER_SEED
 from bench.surrogates.generalisation import tests_of
-from gen.output import check_folder, make_folder
+from gen.runtime.output import check_folder, make_folder
 
 VERSION = 1
 """Raised whenever a part shows something else for the same inputs."""

@@ -13,8 +13,8 @@ from bench.peers.sample import samples
 from bench.peers.table import tables
 from bench.picture import new_figure, save
 from bench.table import write_table
-from gen.errors import InputError
-from gen.output import check_folder
+from gen.runtime.errors import InputError
+from gen.runtime.output import check_folder
 
 UNITS = {"sigma0": "um", "delta": "um"}
 """Units of the columns whose names do not say them."""

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from bench.peers.peer import Field
 from bench.work_precision.case import Case
-from gen.plan import surface_random
+from gen.generation.plan import surface_random
 from gen.scene import load
 from gen.surface import generate
 

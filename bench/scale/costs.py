@@ -21,11 +21,12 @@ import numpy as np
 
 from bench.scale.launch import launch
 from bench.scale.probe import empty_rows, scene_of
-from gen import database, farm
-from gen.errors import InputError
-from gen.input_file import require_file
-from gen.output import make_folder, write
-from gen.sample import compute_rows
+from gen import database
+from gen.generation.sample import compute_rows
+from gen.runtime import farm
+from gen.runtime.errors import InputError
+from gen.runtime.input_file import require_file
+from gen.runtime.output import make_folder, write
 from gen.scene import Scene, load
 
 NODES = {129: 192, 1025: 12}

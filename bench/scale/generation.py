@@ -11,9 +11,9 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from gen import farm
-from gen.run import Request, generate_database
-from gen.sample import compute_rows
+from gen.generation.run import Request, generate_database
+from gen.generation.sample import compute_rows
+from gen.runtime import farm
 from gen.scene import load
 
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 TIMEOUT = 300.0
 """Seconds after which a measurement counts as hanging."""

@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from gen import database, farm
-from gen.sample import Rows
+from gen import database
+from gen.generation.sample import Rows
+from gen.runtime import farm
 from gen.scene import Scene
 from gen.schema import Status, columns_for
 

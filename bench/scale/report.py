@@ -12,7 +12,7 @@ from bench.scale.picture import draw
 from bench.scale.studies import GOAL_RANKS, GOAL_ROWS, WANTED, Point, saturation, sweep
 from bench.scale.validation import TOLERANCE, Comparison, compare
 from bench.table import write_table
-from gen.output import check_folder
+from gen.runtime.output import check_folder
 
 
 def write_report(

@@ -1,7 +1,8 @@
 """A discrete-event simulation of the farm: its scheduling, on a clock that does not run.
 
-The blocks are those of `gen.run.blocks_of`, the number in flight is `gen.farm.IN_FLIGHT`. The
-master is one server (its two threads share one interpreter) with two things to do in turn:
+The blocks are those of `gen.generation.run.blocks_of`, the number in flight is
+`gen.runtime.farm.IN_FLIGHT`. The master is one server (its two threads share one interpreter) with
+two things to do in turn:
 
 - messages: receive a block's rows from a worker and send it the next task that waits, if one does;
 - turns of the farm's loop: write one block that has come, then top up the tasks in flight.
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.scale.costs import Costs
-from gen.farm import IN_FLIGHT
+from gen.runtime.farm import IN_FLIGHT
 
 Block = tuple[int, int]
 Writer = Literal["master", "workers", "nobody"]

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from bench.scale.costs import Costs, scene_with
 from bench.scale.simulation import Block, Outcome, simulate
-from gen import plan
-from gen.farm import IN_FLIGHT
-from gen.run import blocks_of
+from gen.generation import plan
+from gen.generation.run import blocks_of
+from gen.runtime.farm import IN_FLIGHT
 from gen.schema import row_bytes
 
 RANKS = (10, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)

@@ -11,9 +11,9 @@ import numpy as np
 from bench.scale.costs import Costs
 from bench.scale.launch import launch
 from bench.scale.simulation import simulate
-from gen import plan
 from gen.database import Reader
-from gen.run import blocks_of
+from gen.generation import plan
+from gen.generation.run import blocks_of
 
 TOLERANCE = 0.25
 """Relative error of the simulated time that is still right; on a machine with no other users."""

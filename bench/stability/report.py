@@ -5,8 +5,8 @@ from importlib import import_module
 from pathlib import Path
 
 from bench.stability.sheet import Sheet
-from gen.errors import InputError
-from gen.output import check_folder
+from gen.runtime.errors import InputError
+from gen.runtime.output import check_folder
 
 TABLES = ("solver", "loads", "surfaces", "models")
 """Tables by the name of their package, in the order of their printing."""

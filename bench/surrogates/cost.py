@@ -18,7 +18,7 @@ from bench.surrogates.costs import (
 )
 from bench.surrogates.fitting import fit, parted, read, request_for
 from bench.surrogates.learning import Point, Prices, curve
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn.comparison.folder import Folder
 from learn.features import SETS, chosen
 

@@ -13,7 +13,7 @@ from bench.surrogates.cost import LADDER, NEW, OURS, PAPER, Costs, Question
 from bench.surrogates.costs import LOADS, LOOSE, PAPER_BREAK_EVEN, break_even
 from bench.surrogates.learning import Point
 from bench.table import write_table
-from gen.output import write
+from gen.runtime.output import write
 
 GOALS = (10.0, 5.0, 3.0, 2.0, 1.0)
 """Errors (nMAE) that a user may want [%]."""

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from gen.database import Reader
-from gen.errors import InputError
-from gen.farm import World
-from gen.output import write
-from gen.run import Request, generate_database
+from gen.generation.run import Request, generate_database
+from gen.runtime.errors import InputError
+from gen.runtime.farm import World
+from gen.runtime.output import write
 from gen.scene import Scene, differences, load
 from gen.schema import Status
 

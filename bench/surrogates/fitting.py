@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.farm import World
+from gen.runtime.farm import World
 from learn import dataset, split
 from learn.dataset import Dataset
 from learn.features import chosen

@@ -15,7 +15,7 @@ from bench.surrogates import databases
 from bench.surrogates.cases import Trial, trials
 from bench.surrogates.cases import databases as databases_to_test_on
 from bench.surrogates.fitting import Fitted, Parts, fit, joined, parted, read, request_for
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn.dataset import Dataset
 from learn.features import SETS
 from learn.metrics import scores

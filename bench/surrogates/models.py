@@ -12,8 +12,8 @@ from typing import Any
 from bench.picture import new_figure, save
 from bench.style import STYLES
 from bench.table import write_table
-from gen.errors import InputError
-from gen.input_file import require_file
+from gen.runtime.errors import InputError
+from gen.runtime.input_file import require_file
 from learn.models import MODELS
 
 TIMES = {

@@ -17,7 +17,7 @@ from bench.surrogates.databases import generated
 from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_for
 from bench.surrogates.tolerance_labels import DEFAULT, MEASURED, TIGHT, Solved, solve_all
 from gen.database import Reader
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn.dataset import Dataset
 from learn.metrics import scores
 

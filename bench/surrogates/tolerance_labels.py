@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.circumstances import circumstances
-from gen.interruption import Interruption
-from gen.output import whole
-from gen.progress import RunProgress
-from gen.sample import compute_rows
+from gen.generation.sample import compute_rows
+from gen.runtime.interruption import Interruption
+from gen.runtime.output import whole
+from gen.runtime.progress import RunProgress
 from gen.scene import Scene, load
 from gen.schema import PHYSICS, Status
 

@@ -12,7 +12,7 @@ from bench.surrogates.cost_report import time_of
 from bench.surrogates.tolerance import Row
 from bench.surrogates.tolerance_labels import DEFAULT, TIGHT
 from bench.table import write_table
-from gen.output import write
+from gen.runtime.output import write
 
 GOOD = 1.02
 """Test errors count as the tight labels' up to this ratio."""

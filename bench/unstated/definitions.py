@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.unstated.measurement import RANGES, range_distance
-from gen.plan import parameters
-from gen.sample import surface_of
+from gen.generation.plan import parameters
+from gen.generation.sample import surface_of
 from gen.scene import Scene
 
 Heights = NDArray[np.float64]

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 import bem
 from bem.far_field import critical_delta, shape_factor
-from gen.plan import parameters
-from gen.sample import surface_of
+from gen.generation.plan import parameters
+from gen.generation.sample import surface_of
 from gen.scene import Scene
 
 TOLERANCE = 0.01

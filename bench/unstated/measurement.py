@@ -11,7 +11,7 @@ from bench.surrogates import fitting
 from bench.surrogates.databases import generated
 from bench.unstated.choices import OURS, VARIANTS, Variant
 from gen.database import Reader
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.schema import COLUMNS, Status
 from gen.statistics import NAMES
 from learn.dataset import Dataset

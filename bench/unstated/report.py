@@ -11,7 +11,7 @@ from bench.style import STYLES
 from bench.table import write_table
 from bench.unstated import definitions, fixed_point, measurement
 from bench.unstated.measurement import Remark
-from gen.output import check_folder
+from gen.runtime.output import check_folder
 from gen.scene import load
 
 SURFACES = 200

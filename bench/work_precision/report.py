@@ -13,8 +13,8 @@ from bench.table import write_table
 from bench.work_precision.measurement import AREA_GATE, FORCE_GATE, PRESSURE_GATE, Point
 from bench.work_precision.picture import draw
 from bench.work_precision.studies import FULL, Extent, Sweep, sweep
-from gen.errors import InputError
-from gen.output import check_folder, write
+from gen.runtime.errors import InputError
+from gen.runtime.output import check_folder, write
 
 UNITS = {"delta": "um"}
 """Units of the columns whose names do not say them."""

@@ -9,8 +9,8 @@ from bench.peers.compare import PEERS
 from bench.work_precision.case import Case, find_exact
 from bench.work_precision.measurement import LeftOut, Point, Task, admit, measure
 from bench.work_precision.solvers import DOUBLE, MIXED, BoundaryElements, Solver
-from gen.plan import parameters
-from gen.sample import surface_of
+from gen.generation.plan import parameters
+from gen.generation.sample import surface_of
 from gen.scene import load
 
 DECADES = tuple(10.0**-digits for digits in range(1, 13))

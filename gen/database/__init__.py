@@ -21,7 +21,7 @@ from gen.database.opening import Counts
 from gen.database.parallel import ParallelWriter, parallel_hdf5
 from gen.database.reader import Reader, is_database
 from gen.database.writer import Writer
-from gen.lock import lock
+from gen.runtime.lock import lock
 
 __all__ = [
     "Counts",

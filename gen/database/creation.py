@@ -8,7 +8,7 @@ from gen.database.held import HeldFile
 from gen.database.layout import fill, identity, lay_out, provenance, read_attributes, rows_of
 from gen.database.making import new_file
 from gen.database.opening import checked_for, open_file
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import PHYSICS, columns_for
 

@@ -11,8 +11,8 @@ from typing import Self
 import h5py
 
 from gen.database.disk import coherent
-from gen.errors import InputError
-from gen.output import require_writable
+from gen.runtime.errors import InputError
+from gen.runtime.output import require_writable
 
 LOCKED_BYTE = 2**62
 """Far behind the end of any database: HDF5 and its readers lock nothing there."""
@@ -21,8 +21,8 @@ LOCKED_BYTE = 2**62
 class HeldFile:
     """A file that is going to be written, held by device and inode; a context manager.
 
-    `gen.lock` keeps writers apart by name. A hard link is another name of the same file: so one
-    byte of the file itself is locked too, by Linux's locks of open files. They do not shut out
+    `gen.runtime.lock` keeps writers apart by name. A hard link is another name of the same file: so
+    one byte of the file itself is locked too, by Linux's locks of open files. They do not shut out
     readers whose HDF5 locks whole files by `flock`, and go with their process. On NFS and SMB both
     kinds are one, and elsewhere they may be missing: a file with several hard links is refused.
 

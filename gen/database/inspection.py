@@ -13,7 +13,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import Column, columns_for
 

@@ -13,8 +13,8 @@ from gen.database.disk import chunks, write_rows
 from gen.database.layout import fill, lay_out, read_attributes, rows_of
 from gen.database.making import new_file
 from gen.database.opening import Counts, checked, counts, open_file
-from gen.errors import InputError
-from gen.lock import lock
+from gen.runtime.errors import InputError
+from gen.runtime.lock import lock
 from gen.scene import Scene, differences
 from gen.schema import STATUS, Column, Status, columns_for
 

@@ -12,9 +12,9 @@ import numpy as np
 from gen.database.disk import chunks, first_line
 from gen.database.inspection import NUMBERS, TEXTS, check_columns
 from gen.database.layout import read_attributes, rows_of
-from gen.errors import InputError
-from gen.input_file import require_file
-from gen.output import require_writable
+from gen.runtime.errors import InputError
+from gen.runtime.input_file import require_file
+from gen.runtime.output import require_writable
 from gen.scene import Scene, differences
 from gen.schema import PART, PHYSICS, SCHEMA, STATUS, Column, Status, columns_for
 

@@ -10,7 +10,7 @@ import h5py
 from gen.database.held import HeldFile
 from gen.database.opening import open_file
 from gen.database.writer import Writer
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.scene import Scene
 
 

@@ -12,8 +12,8 @@ from gen.database.disk import chunks
 from gen.database.layout import FLAGS, read_attributes
 from gen.database.making import SIGNATURE
 from gen.database.opening import OpenDatabase, checked, open_file
-from gen.errors import InputError
-from gen.input_file import require_file
+from gen.runtime.errors import InputError
+from gen.runtime.input_file import require_file
 from gen.schema import REASON, STATUS, Status
 
 

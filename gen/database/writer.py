@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from gen.database.disk import chunks, disk_trouble, write_rows
 from gen.database.held import HeldFile
 from gen.database.opening import OpenDatabase, checked_for, counts, open_file
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import STATUS, Status
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.farm import World
+from gen.runtime.farm import World
 from learn import dataset, memory, split
 from learn.comparison.folder import Folder, conditions
 from learn.comparison.pictures import new_figure, save

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gen import farm
-from gen.errors import InputError
+from gen.runtime import farm
+from gen.runtime.errors import InputError
 from learn.comparison.pruning import Grid
 from learn.comparison.search import Found, rank, tasks, work_off
 from learn.comparison.task import Task, expected_work
@@ -126,7 +126,7 @@ def search(
     ----------
     model, grid : what to search
     trials : where results are kept, on the master; None elsewhere
-    world : from `gen.farm`
+    world : from `gen.runtime.farm`
     limit : time to take [s]; a fit under way when it ends is finished
     stopping : asked on the master before a fit
 

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gen import documents, output
-from gen.errors import InputError
-from gen.table import cell
+from gen.runtime import documents, output
+from gen.runtime.errors import InputError
+from gen.runtime.table import cell
 from learn.comparison import records
 from learn.dataset import Dataset
 from learn.features import chosen

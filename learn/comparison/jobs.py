@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from gen import farm
-from gen.interruption import Interruption
-from gen.progress import RunProgress
+from gen.runtime import farm
+from gen.runtime.interruption import Interruption
+from gen.runtime.progress import RunProgress
 from learn import split
 from learn.comparison import budget, pruning, search, spaces, training_data, whole_grid
 from learn.comparison.folder import Folder
@@ -33,7 +33,7 @@ def compare(request: Request, world: farm.World) -> Ended:
     Raises
     ------
     InputError
-        For input that cannot be used; the workers leave by `gen.farm.MasterLeft` then.
+        For input that cannot be used; the workers leave by `gen.runtime.farm.MasterLeft` then.
     """
 
     def work(models: list[Model], folder: Folder | None, interruption: Interruption) -> None:
@@ -48,7 +48,7 @@ def tune(request: Request, world: farm.World) -> Ended:
     Raises
     ------
     InputError
-        For input that cannot be used; the workers leave by `gen.farm.MasterLeft` then.
+        For input that cannot be used; the workers leave by `gen.runtime.farm.MasterLeft` then.
     """
     return _one_by_one(_tune_model, request, world)
 
@@ -59,7 +59,7 @@ def estimate(request: Request, world: farm.World) -> Ended:
     Raises
     ------
     InputError
-        For input that cannot be used; the workers leave by `gen.farm.MasterLeft` then.
+        For input that cannot be used; the workers leave by `gen.runtime.farm.MasterLeft` then.
     """
     return _one_by_one(_estimate_model, request, world)
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from gen.errors import InputError
-from gen.output import write
+from gen.runtime.errors import InputError
+from gen.runtime.output import write
 from learn.comparison import tables
 from learn.comparison.folder import KINDS, Folder
 from learn.models import MODELS

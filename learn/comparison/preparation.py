@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from gen import farm
-from gen.progress import RunProgress
+from gen.runtime import farm
+from gen.runtime.progress import RunProgress
 from learn import dataset, memory, split
 from learn.comparison import training_data
 from learn.comparison.folder import Folder, conditions

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field, model_validator
 
-from gen.documents import Document
+from gen.runtime.documents import Document
 from learn.split import FOLDS
 
 MOST = 2**53

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
-from gen.progress import RunProgress
+from gen.runtime.progress import RunProgress
 from learn import split
 from learn.comparison import budget, pruning, search, training_data
 from learn.comparison.folder import Folder

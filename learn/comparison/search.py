@@ -1,6 +1,6 @@
 """The grid search: exact scores of all candidates, each distinct fit done once, on the farm.
 
-The fits are tasks of `gen.farm`: rank 0 hands them out and keeps what comes back
+The fits are tasks of `gen.runtime.farm`: rank 0 hands them out and keeps what comes back
 (`learn.comparison.trials`), so that a killed search goes on where it was. The score of a candidate
 is the mean R2 over the folds; ties go to the first in ParameterGrid's order, candidates with a
 failed fold come last.
@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.metrics import r2_score
 
-from gen import farm
-from gen.errors import InputError
-from gen.progress import RunProgress
+from gen.runtime import farm
+from gen.runtime.errors import InputError
+from gen.runtime.progress import RunProgress
 from learn import memory
 from learn.comparison.pruning import Grid, Settings, key, shared_fit
 from learn.comparison.staged import shared_predictions
@@ -112,7 +112,7 @@ def work_off(
     ----------
     todo : the tasks, on the master; ignored elsewhere
     trials : where results are kept, on the master; None elsewhere
-    world : from `gen.farm`
+    world : from `gen.runtime.farm`
     stopping : asked on the master before a task is handed out
     title : said before, on the master
 

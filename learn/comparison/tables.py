@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from rich.markup import escape
 from rich.table import Table
 
-from gen.console import wide_console
+from gen.runtime.console import wide_console
 from learn.comparison import paper
 from learn.comparison.folder import KINDS, Folder
 from learn.comparison.spaces import TABLE_2

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gen import farm
+from gen.runtime import farm
 from learn.target import UNSCALED, Scaling
 
 Values = NDArray[np.float64]

@@ -11,9 +11,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Self
 
-from gen import documents
-from gen.errors import InputError
-from gen.lock import lock
+from gen.runtime import documents
+from gen.runtime.errors import InputError
+from gen.runtime.lock import lock
 from learn.comparison import records
 
 

@@ -20,7 +20,7 @@ from math import hypot, sqrt
 
 import numpy as np
 
-from gen import farm
+from gen.runtime import farm
 from learn.comparison import budget, pruning
 from learn.comparison.pruning import Grid
 from learn.comparison.search import work_off
@@ -90,7 +90,7 @@ def measure(
     ----------
     model, grid : what is to be searched
     trials : where results are kept, on the master; None elsewhere
-    world : from `gen.farm`
+    world : from `gen.runtime.farm`
     limit : time to take [s], about half for the first number of rows, equal shares for the others;
         a fit under way when it ends is finished, one that is expected to last longer is not begun
     stopping : asked on the master before a fit

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn.comparison import spaces
 from learn.comparison.folder import Folder
 from learn.models import MODELS

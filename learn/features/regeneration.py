@@ -18,14 +18,14 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from gen import farm
 from gen.database import Reader
-from gen.errors import InputError
-from gen.input_file import require_file
-from gen.output import whole
-from gen.plan import parameters
-from gen.progress import RunProgress
-from gen.sample import surface_of
+from gen.generation.plan import parameters
+from gen.generation.sample import surface_of
+from gen.runtime import farm
+from gen.runtime.errors import InputError
+from gen.runtime.input_file import require_file
+from gen.runtime.output import whole
+from gen.runtime.progress import RunProgress
 from gen.scene import Scene
 from gen.schema import PHYSICS, Status
 from learn.features.sets import PRESSED, STATISTICS
@@ -50,7 +50,7 @@ def pressed_rows(path: Path, world: farm.World, stopping: Callable[[], bool]) ->
     Parameters
     ----------
     path : the database
-    world : from `gen.farm`
+    world : from `gen.runtime.farm`
     stopping : asked on the master between blocks
 
     Returns

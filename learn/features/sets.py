@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.schema import statistics_columns
 
 Values = NDArray[np.float64]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.statistics import describe
 from learn.features.sets import FeatureSet, build
 

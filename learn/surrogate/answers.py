@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table as Printed
 
-from gen.console import wide_console
-from gen.errors import InputError
-from gen.table import Row
+from gen.runtime.console import wide_console
+from gen.runtime.errors import InputError
+from gen.runtime.table import Row
 from learn.surrogate.model import Surrogate
 from learn.surrogate.prediction import Prediction
 from learn.surrogate.ranges import brief

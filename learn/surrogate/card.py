@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
+from gen.runtime.terminal import printable
 from gen.scene import Scene
-from gen.terminal import printable
 from learn.comparison.folder import versions
 from learn.dataset import Dataset, Indices, modulus
 from learn.features import chosen
@@ -138,7 +138,7 @@ def show(surrogate: "Surrogate") -> None:
     InputError
         If the card lacks something: the file was not made by `learn fit`.
     """
-    from gen.console import wide_console
+    from gen.runtime.console import wide_console
 
     try:
         texts = list(lines(surrogate))

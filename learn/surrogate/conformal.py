@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 Values = NDArray[np.float64]
 

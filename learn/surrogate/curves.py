@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn.surrogate.points import Points
 
 Values = NDArray[np.float64]

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gen import output
-from gen.provenance import git_commit, versions
+from gen.runtime import output
+from gen.runtime.provenance import git_commit, versions
 
 if TYPE_CHECKING:
     from learn.surrogate.curves import Curve, Curves

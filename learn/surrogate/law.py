@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn.surrogate import predicted_law, solved_law
 from learn.surrogate.curves import Curves
 from learn.surrogate.model import Surrogate

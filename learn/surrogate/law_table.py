@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gen.console import wide_console
-from gen.table import Row, write_csv
+from gen.runtime.console import wide_console
+from gen.runtime.table import Row, write_csv
 from learn.surrogate import header
 from learn.surrogate.curves import COLUMNS, Curve, Curves
 from learn.surrogate.law import Law

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn import memory
 from learn.models import STEP
 from learn.surrogate.conformal import Calibration

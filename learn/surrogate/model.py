@@ -8,8 +8,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gen.errors import InputError
-from gen.terminal import printable
+from gen.runtime.errors import InputError
+from gen.runtime.terminal import printable
 from learn.features import FeatureSet, SurfaceFeatures, chosen
 from learn.features.sets import build, target_scale
 from learn.surrogate import packing, ranges, storage

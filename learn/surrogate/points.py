@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.errors import InputError
-from gen.single import solve_loads, warnings_about
-from gen.topography import Topography
+from gen.measured.single import solve_loads, warnings_about
+from gen.measured.topography import Topography
+from gen.runtime.errors import InputError
 from learn.surrogate.model import OnSurface
 from learn.surrogate.subjects import Subject
 

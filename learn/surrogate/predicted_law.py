@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.errors import InputError
-from gen.progress import RunProgress
+from gen.runtime.errors import InputError
+from gen.runtime.progress import RunProgress
 from learn.surrogate import inversion
 from learn.surrogate.curves import Curves, continued, monotone, tabulated
 from learn.surrogate.model import OnSurface, Surrogate

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn.comparison.folder import Folder
 from learn.comparison.spaces import OPTIMA
 from learn.comparison.winner import settings_of

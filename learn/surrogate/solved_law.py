@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.progress import RunProgress
+from gen.runtime.progress import RunProgress
 from learn.surrogate.curves import Curves, held, tabulated
 from learn.surrogate.points import Points, solved
 from learn.surrogate.subjects import Subject

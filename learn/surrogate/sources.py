@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.errors import InputError
-from gen.input_file import require_file
-from gen.numbers import magnitude, shown, values_from
-from gen.preparation import prepare, warnings_about
-from gen.topography import OWN_SUFFIXES, Topography, read, sides_from
+from gen.measured.preparation import prepare, warnings_about
+from gen.measured.topography import OWN_SUFFIXES, Topography, read, sides_from
+from gen.runtime.errors import InputError
+from gen.runtime.input_file import require_file
+from gen.runtime.numbers import magnitude, shown, values_from
 from learn.features.sets import STATISTICS
 
 Values = NDArray[np.float64]

@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.errors import InputError
-from gen.input_file import require_file
-from gen.output import SURROGATE, whole
-from gen.terminal import printable
+from gen.runtime.errors import InputError
+from gen.runtime.input_file import require_file
+from gen.runtime.output import SURROGATE, whole
+from gen.runtime.terminal import printable
 
 FORMAT = 3
 HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.scene import Scene, preset_names
 from learn.dataset import modulus
 from learn.features import SurfaceFeatures
@@ -160,8 +160,8 @@ def _scene(text: str) -> Scene:
 
 def _population(scene: Scene, text: str, number: int) -> Iterator[Subject]:
     """The first surfaces of a scene, generated anew, and how it solves their contacts."""
-    from gen.plan import parameters
-    from gen.sample import surface_of
+    from gen.generation.plan import parameters
+    from gen.generation.sample import surface_of
 
     contact = scene.contact
     names = "kernel", "far_field", "rtol", "max_iterations"

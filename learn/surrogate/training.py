@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.errors import InputError
-from gen.farm import World
+from gen.runtime.errors import InputError
+from gen.runtime.farm import World
 from learn import dataset, memory, split
 from learn.comparison.folder import Folder
 from learn.dataset import Dataset, Indices

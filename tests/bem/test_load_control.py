@@ -12,7 +12,7 @@ import bem
 from bem import load_control
 from bem.influence import KERNELS
 from bem.problem import FAR_FIELDS
-from gen.overtime import at_most
+from gen.runtime.overtime import at_most
 from gen.surface import generate
 from tests.bem.surfaces import SURFACES, surface
 

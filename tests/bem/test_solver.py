@@ -17,7 +17,7 @@ from bem.far_field import critical_delta
 from bem.influence import Kernel
 from bem.iterate import Iterate
 from bem.solver import FROM_NEAR, descend, solve_complementarity
-from gen.overtime import at_most
+from gen.runtime.overtime import at_most
 from tests.bem import dense
 from tests.bem.surfaces import SURFACES, Shape, surface
 

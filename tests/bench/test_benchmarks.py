@@ -11,8 +11,8 @@ import pytest
 from bench.benchmarks import SHOWN, contents
 from bench.dispatch import dispatch, expected
 from bench.page.content import Absent, Table, Words
-from gen.errors import InputError
-from gen.farm import World
+from gen.runtime.errors import InputError
+from gen.runtime.farm import World
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -7,7 +7,7 @@ from launch import launch
 
 from bench import default_tolerance
 from bench.default_tolerance import Count, cheapest_right, markdown_table, right_counts
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 
 def test_tighter_tolerances_count_better(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from launch import mpiexec
 
-import gen.sample
+import gen.generation.sample
 from bench.faults import program
 from bench.faults.campaign import KINDS, campaign
 from bench.faults.rows import columns_of, difference, finished, row_fault
@@ -16,9 +16,9 @@ from bench.faults.stage import code_fault, refusal_fault
 from bench.faults.storage import PAGE, copy_with_holes
 from bench.faults.table import line, summary
 from gen import cli
-from gen.errors import InputError
-from gen.plan import parameters
-from gen.sample import compute_rows
+from gen.generation.plan import parameters
+from gen.generation.sample import compute_rows
+from gen.runtime.errors import InputError
 from gen.scene import load
 from gen.schema import Reason, Status
 
@@ -128,7 +128,7 @@ def test_samples_ail_as_they_should(tmp_path, ailment, reason):
     (tmp_path / "scene.toml").write_text("samples = 5\n[surface]\nnodes = 17\n")
     scene = load(str(tmp_path / "scene.toml"))
     ailments = {float(parameters(scene, 2, 3).delta[0]): ailment}
-    with mock.patch.object(gen.sample, "solve_contact", program.ailing(ailments)):
+    with mock.patch.object(gen.generation.sample, "solve_contact", program.ailing(ailments)):
         rows = compute_rows(scene, 0, 5)
     np.testing.assert_array_equal(rows["reason"], [0, 0, reason, 0, 0])
     np.testing.assert_array_equal(rows["status"], [1, 1, 2, 1, 1])

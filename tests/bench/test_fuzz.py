@@ -15,7 +15,7 @@ from bench.fuzz.corpus import KINDS
 from bench.fuzz.findings import Findings
 from bench.fuzz.mutation import BY_ENDING, damaged, resigned
 from bench.fuzz.search import Case, fuzz
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn.surrogate.storage import load, save
 
 RUN = ("gen", "run", "scene.toml")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bench.growth import growth, markdown_table, write_report
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 
 def test_rows_reach_their_contact_and_say_what_it_took(tmp_path: Path) -> None:

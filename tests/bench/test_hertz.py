@@ -10,7 +10,7 @@ import pytest
 from launch import launch
 
 from bench import hertz
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 
 @pytest.fixture(scope="module")

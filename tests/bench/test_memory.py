@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench import memory
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 
 def test_a_kernel_matrix_shows_in_the_peak():

@@ -7,7 +7,7 @@ import pytest
 
 from bench.__main__ import main
 from bench.surrogates.models import Cost, costs, front, write_report
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 
 def cost(model: str, nmae: float, seconds: float, search: float | None = None) -> Cost:

@@ -26,7 +26,7 @@ from bench.page.record import path_of, record
 from bench.page.run import Outcome, make
 from bench.page.table import tabulated
 from bench.picture import new_figure, save
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn.cli import app as learn
 
 WRITE = "-c open('{folder}/made.txt','a').write('x')"

@@ -16,7 +16,7 @@ from bench.surrogates import databases
 from bench.surrogates.costs import PAPER_BREAK_EVEN, break_even
 from bench.table import write_table
 from gen.database import Reader
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.statistics import describe
 from learn.comparison import paper
 from learn.metrics import Scores

@@ -20,7 +20,7 @@ from bench.peers.sample import HURST, Sample, samples
 from bench.peers.table import tables
 from bench.work_precision.case import Case, find_exact
 from bench.work_precision.solvers import Answer, Failure
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 SMALL = Sample(33, HURST, 25.0)
 

@@ -19,8 +19,8 @@ from bench.scale.costs import (
 from bench.scale.launch import launch
 from bench.scale.simulation import simulate
 from bench.scale.speedup import Turn, summary
-from gen import plan
-from gen.errors import InputError
+from gen.generation import plan
+from gen.runtime.errors import InputError
 
 FREE = Costs(
     rows={129: (0.01, 0.02), 1025: (1.0, 3.0)},
@@ -114,7 +114,7 @@ def test_blocks_of_some_size_at_least_hold_every_row_once(rows, smallest):
 
 
 def test_the_programs_own_blocks_are_simulated():
-    from gen.run import blocks_of
+    from gen.generation.run import blocks_of
 
     scene = studies.scene_with(1025).model_copy(update={"samples": 300})
     assert list(studies.blocks(1025, 300, 9)) == list(blocks_of(scene, [(0, 300)], 9))

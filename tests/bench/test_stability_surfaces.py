@@ -12,7 +12,7 @@ from bench.stability.finding import Finding, Refusal
 from bench.stability.surfaces import checks, exact
 from bench.stability.surfaces.sheet import SHEET
 from gen import statistics, surface
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.statistics import NAMES
 
 LARGE = {"k = 9", "k = 10", "k = 11"}

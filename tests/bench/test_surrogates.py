@@ -24,10 +24,10 @@ from bench.surrogates.learning import sizes
 from bench.surrogates.throughput import Speed, loaded, markdown_table, throughput
 from bench.surrogates.verdict import covers, state_of, verdict
 from gen.database import Counts, Reader
-from gen.errors import InputError
-from gen.plan import parameters
-from gen.run import Outcome
-from gen.sample import compute_rows
+from gen.generation.plan import parameters
+from gen.generation.run import Outcome
+from gen.generation.sample import compute_rows
+from gen.runtime.errors import InputError
 from gen.scene import Scene
 
 ROW = Row(

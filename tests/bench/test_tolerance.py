@@ -14,8 +14,8 @@ from bench.surrogates import tolerance_labels as labels
 from bench.surrogates.tolerance import Row, tolerance
 from bench.surrogates.tolerance_labels import DEFAULT, TIGHT, Solved, scene_of, solve_all
 from bench.surrogates.tolerance_report import choice, contents, lines, write_report
-from gen.plan import parameters
-from gen.sample import surface_of
+from gen.generation.plan import parameters
+from gen.generation.sample import surface_of
 
 ROW = Row(
     tolerance=TIGHT,

@@ -10,9 +10,9 @@ import bem
 from bench.__main__ import main
 from bench.unstated import choices, definitions, fixed_point, measurement, report
 from bench.unstated.choices import VARIANTS
-from gen.errors import InputError
-from gen.plan import parameters
-from gen.sample import surface_of
+from gen.generation.plan import parameters
+from gen.generation.sample import surface_of
+from gen.runtime.errors import InputError
 from gen.scene import Scene, load
 from gen.statistics import describe
 

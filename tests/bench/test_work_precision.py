@@ -30,7 +30,7 @@ from bench.work_precision.studies import (
     paper_case,
     sweep,
 )
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ import pytest
 from launch import mpiexec
 
 from bench import writers
-from gen import farm
-from gen.errors import InputError
-from gen.run import blocks_of
+from gen.generation.run import blocks_of
+from gen.runtime import farm
+from gen.runtime.errors import InputError
 
 
 def test_a_table_has_the_medians_of_the_rounds():

@@ -7,7 +7,7 @@ import pytest
 
 from gen import cli
 from gen.database import Reader, Writer
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.scene import Scene
 
 

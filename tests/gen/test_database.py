@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from gen import database, schema
 from gen.database import Counts, Reader, Writer, create, lock, merge, open_or_create
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.scene import Scene, Store, Surface
 from gen.schema import Reason, Status, columns_for
 
@@ -41,7 +41,7 @@ NO_ROOM = """
     import resource, signal, sys
     from pathlib import Path
     import numpy as np
-    from gen.errors import InputError
+    from gen.runtime.errors import InputError
     from gen.database import *
     from gen.scene import Scene
     def forbid_growth_beyond(size):

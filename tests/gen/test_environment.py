@@ -8,8 +8,9 @@ import warnings
 import numpy as np
 import pytest
 
-from gen import cli, farm
-from gen.errors import InputError
+from gen import cli
+from gen.runtime import farm
+from gen.runtime.errors import InputError
 
 SCENE = 'title = "Rauheit ä€中 ±"\nsamples = 3\n[surface]\nnodes = 9\n'
 

@@ -11,7 +11,7 @@ from databases import deterministic_bytes
 from gen import cli
 from gen.database import Reader, Writer, create, extend, lock, open_or_create
 from gen.database.held import HeldFile
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.scene import Scene
 
 SCENE = "samples = {}\nseed = {}\n[surface]\nnodes = 9\n"
@@ -22,7 +22,7 @@ LARGER = Scene.parse(SCENE.format(20, 0), "larger.toml")
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("gen.run.BLOCK_ROWS", 1)
+    monkeypatch.setattr("gen.generation.run.BLOCK_ROWS", 1)
     (tmp_path / "scene.toml").write_text(SCENE.format(12, 0))
     (tmp_path / "larger.toml").write_text(SCENE.format(20, 0))
     create(tmp_path / "other.h5", Scene.parse(SCENE.format(12, 7), "other.toml"))

@@ -32,7 +32,7 @@ def run(*arguments):
 def test_the_size_of_blocks_changes_no_byte(folder, monkeypatch, block_rows, m):
     (folder / "m.toml").write_text(SCENE.replace("surface = 2", f"surface = {m}").format(23, ""))
     assert run("m.toml", "-o", "usual.h5") == 0
-    monkeypatch.setattr("gen.run.BLOCK_ROWS", block_rows)
+    monkeypatch.setattr("gen.generation.run.BLOCK_ROWS", block_rows)
     assert run("m.toml", "-o", "other.h5") == 0
     assert deterministic_bytes(folder / "other.h5") == deterministic_bytes(folder / "usual.h5")
 

@@ -9,7 +9,7 @@ from databases import deterministic_bytes, status
 
 from gen import cli
 from gen.database import Reader, Writer, create, merge, open_or_create
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import row_bytes
 from learn import dataset

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import bem
-from gen import cli, contact_picture
-from gen.contact_picture import Subject, draw_contacts, section_line
+from gen import cli
 from gen.database import Reader
+from gen.measured import contact_picture
+from gen.measured.contact_picture import Subject, draw_contacts, section_line
 from gen.surface import generate
 
 pytest.importorskip("matplotlib", reason="needs the extra plot")

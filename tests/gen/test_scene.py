@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from bem.problem import MAX_ITERATIONS, RTOL
 from gen import cli
-from gen.errors import InputError
-from gen.forecast import plan_of
+from gen.generation.forecast import plan_of
+from gen.runtime.errors import InputError
 from gen.scene import Scene, differences, load, preset_names
 
 FULL = load("paper").model_dump(mode="json")

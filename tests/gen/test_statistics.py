@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.statistics import NAMES, describe
 from gen.surface import generate
 

@@ -10,7 +10,7 @@ import pytest
 from databases import status
 from launch import TIMEOUT, command, environment
 
-from gen.progress import RunProgress
+from gen.runtime.progress import RunProgress
 
 STREAMS = {
     "full": ("2>/dev/full", 0),

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.surface import GENERATORS, generate, load
 
 MIRCO = Path(__file__).parents[3] / "shared" / "mirco"

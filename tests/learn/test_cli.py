@@ -279,7 +279,7 @@ def test_all_nine_models_survive_odd_data(work, change, words, capsys, monkeypat
 
 
 def test_a_search_in_which_every_fit_fails_says_why(work, capsys):
-    from gen.farm import World
+    from gen.runtime.farm import World
     from learn.comparison.jobs import tune
     from learn.request import Request
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gen import cli as gen_cli
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn import cli
 from learn.surrogate.curves import QUANTITIES, tabulated
 from learn.surrogate.points import Points

@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.schema import statistics_columns
 from learn import dataset
 from learn.models import pipeline

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 import bem
 from gen.cli import main as gen_main
 from gen.database import Reader
-from gen.errors import InputError
-from gen.farm import World
-from gen.plan import parameters
-from gen.sample import surface_of
+from gen.generation.plan import parameters
+from gen.generation.sample import surface_of
+from gen.runtime.errors import InputError
+from gen.runtime.farm import World
 from gen.surface import generate
 from learn import dataset
 from learn.features import SETS, SurfaceFeatures, chosen, regeneration

@@ -10,8 +10,8 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 from gen import cli as gen_cli
-from gen.plan import parameters
-from gen.sample import solve_contact, surface_of
+from gen.generation.plan import parameters
+from gen.generation.sample import solve_contact, surface_of
 from gen.scene import Scene
 from learn import Surrogate, cli
 from learn.surrogate import inversion

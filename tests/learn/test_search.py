@@ -9,8 +9,8 @@ import pytest
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.model_selection import GridSearchCV, PredefinedSplit
 
-from gen.errors import InputError
-from gen.farm import World
+from gen.runtime.errors import InputError
+from gen.runtime.farm import World
 from learn.comparison import budget, pruning, search, training_data
 from learn.comparison.trials import Trials
 from learn.models import MODELS, STEP, pipeline

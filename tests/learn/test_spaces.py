@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn.comparison import paper, pruning, spaces
 from learn.comparison.spaces import OPTIMA, SPACES
 from learn.models import MODELS, NORMALISATIONS, chosen, pipeline

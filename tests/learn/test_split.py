@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn import split
 from learn.dataset import Dataset
 

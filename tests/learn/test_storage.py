@@ -8,7 +8,7 @@ import crafted_surrogates as crafted
 import numpy as np
 import pytest
 
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn import Surrogate, cli
 from learn.surrogate import forest
 from learn.surrogate.forest import Tree

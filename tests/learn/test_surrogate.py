@@ -11,8 +11,8 @@ from mapie.regression import SplitConformalRegressor
 from sklearn.linear_model import LinearRegression
 
 import learn
-from gen.errors import InputError
-from gen.farm import World
+from gen.runtime.errors import InputError
+from gen.runtime.farm import World
 from gen.surface import generate
 from learn import Surrogate, split
 from learn.comparison.spaces import OPTIMA
@@ -76,8 +76,8 @@ def test_every_model_fits_saves_loads_and_predicts_the_same(
 @pytest.mark.parametrize("features", ["paper", "dimensionless"])
 def test_what_it_predicts_are_the_rows_of_its_test(solved, features):
     from gen.database import Reader
-    from gen.plan import parameters
-    from gen.sample import surface_of
+    from gen.generation.plan import parameters
+    from gen.generation.sample import surface_of
     from learn import dataset, metrics
 
     surrogate = fitted(solved, features=features)

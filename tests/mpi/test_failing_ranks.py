@@ -14,8 +14,9 @@ FAILING = """
 import contextlib, errno, faulthandler, io, json, os, sys
 from unittest.mock import patch
 from mpi4py import MPI
-from gen import cli, delivery, run
-from gen.errors import InputError
+from gen import cli
+from gen.generation import delivery, run
+from gen.runtime.errors import InputError
 faulthandler.dump_traceback_later(60, exit=True)
 world = MPI.COMM_WORLD
 full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "disk")

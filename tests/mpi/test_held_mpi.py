@@ -16,7 +16,8 @@ FATES = ("replaced", "moved", "overwritten", "linked")
 SUDDENLY = """
 import json, os, shutil, sys
 from pathlib import Path
-from gen import cli, database, delivery, run
+from gen import cli, database
+from gen.generation import delivery, run
 from gen.database.held import HeldFile
 from gen.scene import load
 from mpi4py import MPI

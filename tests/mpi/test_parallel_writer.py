@@ -38,7 +38,9 @@ perimeter = true
 
 SPYING = """
 import pickle, sys
-from gen import cli, delivery, farm
+from gen import cli
+from gen.generation import delivery
+from gen.runtime import farm
 from gen.database import Writer
 write_block, take = Writer.write_block, delivery.FromWorkers.take
 def tell(verb, number):
@@ -56,7 +58,8 @@ sys.exit(cli.main(["run", "scene.toml", "-o", "spied.h5"]))
 
 DYING = """
 import os, signal, sys
-from gen import cli, farm
+from gen import cli
+from gen.runtime import farm
 from gen.database import ParallelWriter
 flushes = []
 def die_between_columns_and_status(self):
@@ -69,7 +72,9 @@ sys.exit(cli.main(["run", "scene.toml", "-o", sys.argv[1]]))
 
 WITHOUT_ROOM = """
 import resource, signal, sys
-from gen import cli, delivery, farm
+from gen import cli
+from gen.generation import delivery
+from gen.runtime import farm
 work = delivery.FromWorkers.work
 def work_without_room(self, block):
     if farm.this_world().rank == 1:
@@ -82,7 +87,8 @@ sys.exit(cli.main(["run", "scene.toml", "-o", "full.h5"]))
 
 ELSEWHERE = """
 import os, sys
-from gen import cli, farm
+from gen import cli
+from gen.runtime import farm
 if farm.this_world().rank == 1:
     os.chdir("elsewhere")
 sys.exit(cli.main(["run", os.path.join(sys.path[0], "scene.toml"), "-o", "here.h5"]))

@@ -12,7 +12,7 @@ from bench.half_space import displacement
 from bench.stability.case import Answer, Case, sheet
 from bench.stability.finding import Finding
 from bench.stability.loads.problems import LoadProblem, problem
-from gen.overtime import Overtime, at_most
+from gen.runtime.overtime import Overtime, at_most
 
 SECONDS = 20.0
 """Wall-clock time after which a solve on at most 1,600 nodes counts as a loop."""

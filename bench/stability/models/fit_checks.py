@@ -9,7 +9,7 @@ import numpy as np
 from bench.stability.finding import Finding
 from bench.stability.models.fitted import Asked, fitted, loaded, rows_of, unlike
 from bench.stability.models.samples import ordinary, scene
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from learn.models import MODELS
 
 Check = Callable[[Asked], Iterator[Finding]]

@@ -11,7 +11,7 @@ import numpy as np
 from bench.stability.case import Answer, Case, refused
 from bench.stability.finding import Finding, Refusal
 from bench.stability.models.samples import Values, ordinary
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn import dataset
 from learn.features import SurfaceFeatures, chosen

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
-from gen.plan import parameters, surface_random
+from gen.generation.plan import parameters, surface_random
 from gen.scene import Scene, load
 from gen.statistics import describe
 from gen.surface import generate

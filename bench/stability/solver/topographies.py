@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bem.analytic import Indenter, distances_to_centre
-from gen.plan import parameters, surface_random
+from gen.generation.plan import parameters, surface_random
 from gen.scene import load
 from gen.surface import generate
 

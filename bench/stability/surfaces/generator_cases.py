@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bench.stability.case import Answer, Case, refused
 from bench.stability.finding import Finding, Refusal
 from bench.stability.surfaces import exact
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.surface import GENERATORS, generate
 
 Field = NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from bench.stability.case import Answer, Case, refused
 from bench.stability.finding import Refusal
 from bench.stability.surfaces.checks import EXACT, G, described, says, unchanged
-from gen.errors import InputError
+from gen.runtime.errors import InputError
 from gen.statistics import describe
 from gen.surface import generate
 

@@ -1,0 +1,1 @@
+"""How a database comes to be: its plan, its samples, the run, and the check afterwards."""

@@ -1,0 +1,251 @@
+"""The main job: generate what a database lacks, on one process or on many."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
+from math import sqrt
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gen.generation import plan
+from gen.generation.delivery import (
+    Block,
+    Choice,
+    FromWorkers,
+    Target,
+    ThroughMaster,
+    delivery,
+    in_parallel,
+)
+from gen.generation.sample import Rows, compute_rows
+from gen.runtime import farm
+from gen.runtime.errors import InputError
+from gen.runtime.interruption import Interruption
+from gen.scene import Scene, load
+from gen.schema import row_bytes
+
+if TYPE_CHECKING:  # a worker that writes nothing needs neither HDF5 nor a progress bar
+    from gen.database import Counts
+
+BLOCK_ROWS = 64
+"""Rows of a block at most, for few workers: contiguous rows are written together, and a stop waits
+for them."""
+
+BLOCK_NODES = 64 * 129**2
+"""Nodes of a block at most, unless one row has more: a stop waits for what is in flight."""
+
+ANSWER_NODES = 129**2 / 10
+"""Nodes of which the contact is solved in the time that the master takes for one block: hand out,
+receive, write (measured by `python -m bench scale`)."""
+
+MASTER_SHARE = 1.5
+"""A block keeps its worker so many times as long as the master takes for one of each worker."""
+
+BLOCK_BYTES = 8 * 2**20
+"""Bytes of a block at most, unless one row has more: fields make blocks small."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended, the same on every process.
+
+    Attributes
+    ----------
+    counts : rows pending, done and failed in the file
+    signal : number of the signal that interrupted the run, 0 if none did
+    overdue : rows that were left pending because they took longer than the limit
+    """
+
+    counts: Counts
+    signal: int
+    overdue: int = 0
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to generate and where.
+
+    Attributes
+    ----------
+    scene : a shipped scene's name, or the path of a TOML file
+    path : the database
+    rows : first row and one past the last of those to compute, None for all; a job array's share
+    retry_failed : True to compute failed rows again
+    force : True to continue a file of another physics number
+    sample_limit : wall-clock time for a surface, and for each contact on it [s]; a sample that
+        takes longer is left pending; None for no limit
+    writer : who writes: the master, every worker its own rows, or as this h5py allows
+    """
+
+    scene: str
+    path: Path
+    rows: tuple[int, int] | None = None
+    retry_failed: bool = False
+    force: bool = False
+    sample_limit: float | None = None
+    writer: Choice = "auto"
+
+
+def generate_database(request: Request, world: farm.World) -> Outcome:
+    """Create or continue a database; every process of the world has to call it.
+
+    Parameters
+    ----------
+    request : what to generate and where
+    world : the processes; the master reads, checks and hands out, the others compute
+
+    Raises
+    ------
+    InputError
+        On the master, for a scene or a file that cannot be used, or a full disk.
+    gen.runtime.farm.MasterLeft
+        On the workers then.
+    """
+    with ExitStack() as stack:
+        # From here on a signal is noted; it takes effect between two blocks, not in a broadcast.
+        interruption = stack.enter_context(Interruption(listening=world.is_master))
+        job = stack.enter_context(_Job(request, world)) if world.is_master else None
+        target: Target = world.broadcast(job and job.target)
+        compute = partial(_compute_block, target.scene, world.rank, request.sample_limit)
+        delivered = delivery(target, world, compute)
+        return _work_off(job, delivered, world, interruption)
+
+
+class _Job:
+    """The master's side of a run: the locked file, ready to be written, and what it lacks."""
+
+    def __init__(self, request: Request, world: farm.World) -> None:
+        from gen import database
+
+        with ExitStack() as stack:
+            asked_for = load(request.scene)
+            first, last = request.rows or (0, asked_for.samples)
+            if not 0 <= first < last <= asked_for.samples:
+                raise InputError(
+                    f"--rows {first}:{last}: give first and last + 1 of the rows 0 to"
+                    f" {asked_for.samples}, as 0:{asked_for.samples}"
+                )
+            parallel = in_parallel(request.writer, request.path, world)
+            stack.enter_context(database.lock(request.path))
+            self.opened = database.open_or_create(
+                request.path, asked_for, range(first, last), force=request.force
+            )
+            with database.Writer(request.path, asked_for, force=request.force) as writer:
+                scene = writer.scene
+                self.retried = writer.retry_failed(first, last) if request.retry_failed else 0
+                self.pending = writer.pending(first, last)
+            self.target = Target(request.path, scene, parallel, request.force)
+            self._stack = stack.pop_all()
+
+    def __enter__(self) -> _Job:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stack.close()
+
+
+def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Block]:
+    """Cut pending rows into the tasks of a run, as large as this scene's rows allow.
+
+    Parameters
+    ----------
+    scene : what is generated
+    pending : ranges of rows, ascending
+    workers : number of workers that the blocks are for
+    """
+    nodes = scene.surface.nodes
+    most = max(1, BLOCK_BYTES // row_bytes(scene.store, nodes))
+    least = max(1, min(most, _least_rows(nodes, sum(b - a for a, b in pending), workers)))
+    return plan.blocks(
+        pending,
+        samples=scene.samples,
+        samples_per_surface=scene.samples_per_surface,
+        workers=workers,
+        largest=min(most, max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes**2), 2 * least - 1)),
+        smallest=least,
+    )
+
+
+def _least_rows(nodes: int, rows: int, workers: int) -> int:
+    """Rows of a block below which many workers would wait for the one master.
+
+    It has to answer all workers in the time of a block. Where there are few rows for each worker it
+    is enough that it deals with all blocks there are in that time: larger ones would idle workers.
+    """
+    answer = ANSWER_NODES / nodes**2  # the master's time for a block, in solves
+    return int(min(MASTER_SHARE * workers * answer, sqrt(rows * answer)))
+
+
+def _work_off(
+    job: _Job | None,
+    delivered: ThroughMaster | FromWorkers,
+    world: farm.World,
+    interruption: Interruption,
+) -> Outcome:
+    """Run the farm; the outcome of the master is everybody's."""
+    with delivered:
+        if job is None:
+            farm.run(delivered.work, iter(()), _ignore, world)
+        else:
+            ended = _supervise(job, delivered, world, interruption)
+    # All who wrote have closed the file: what stands in it now is how the run ended.
+    outcome: Outcome = world.broadcast(None if job is None else _counted(job.target.path, ended))
+    return outcome
+
+
+def _counted(path: Path, ended: Outcome) -> Outcome:
+    """Count the rows."""
+    from gen import database
+
+    with database.Reader(path) as reader:
+        return replace(ended, counts=reader.counts())
+
+
+def _supervise(
+    job: _Job,
+    delivered: ThroughMaster | FromWorkers,
+    world: farm.World,
+    interruption: Interruption,
+) -> Outcome:
+    """The master's part: hand out blocks, take what comes back, say how it ended."""
+    from gen.database import Counts
+    from gen.runtime.progress import RunProgress
+
+    overdue = 0
+    todo = sum(stop - start for start, stop in job.pending)
+    with RunProgress(todo) as progress:
+        progress.say(_opening_line(job, todo, world))
+
+        def take(block: Block, result: Any) -> None:
+            nonlocal overdue
+            tally = delivered.take(block, result)
+            overdue += tally.overdue
+            progress.advance(block[1] - block[0] - tally.overdue, tally.failed)
+
+        blocks = blocks_of(job.target.scene, job.pending, world.workers)
+        farm.run(delivered.work, blocks, take, world, stopping=interruption.requested)
+        delivered.confirm()
+    return Outcome(Counts(0, 0, 0), interruption.signal, overdue)
+
+
+def _opening_line(job: _Job, todo: int, world: farm.World) -> str:
+    """What is about to happen."""
+    again = f", {job.retried} failed ones among them" if job.retried else ""
+    workers = "worker" if world.workers == 1 else "workers"
+    writer = "parallel" if job.target.parallel else "single"
+    return (
+        f"{job.target.path}: {job.opened.how}, {job.opened.samples} rows, {todo} to do{again};"
+        f" {world.workers} {workers}, {writer} writer"
+    )
+
+
+def _compute_block(scene: Scene, rank: int, limit: float | None, block: Block) -> Rows:
+    """Do a worker's task."""
+    return compute_rows(scene, *block, rank=rank, limit=limit)
+
+
+def _ignore(block: Block, result: Any) -> None:
+    """Drop results: only the master has any."""

@@ -1,0 +1,196 @@
+"""Compute the rows of a database: surface, statistics, contact, one after the other."""
+
+import itertools
+import socket
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import bem
+from gen.generation.plan import Parameters, parameters, surface_random
+from gen.runtime.errors import InputError
+from gen.runtime.memory import too_little_for_solve
+from gen.runtime.overtime import Overtime, at_most
+from gen.scene import Scene
+from gen.schema import Reason, Status, columns_for
+from gen.statistics import Description, describe
+from gen.surface import generate
+
+Heights = NDArray[np.float64]
+Rows = dict[str, NDArray[Any]]
+
+
+def compute_rows(
+    scene: Scene, start: int, stop: int, rank: int = 0, limit: float | None = None
+) -> Rows:
+    """Generate, describe and solve the samples start..stop.
+
+    A surface is generated and described once for all its samples. A sample that cannot be solved
+    is a failed row with its reason, not an error; what else is raised is a bug and passes.
+
+    Parameters
+    ----------
+    scene : what to generate
+    start, stop : first row, and one past the last
+    rank : of this process, for the record
+    limit : wall-clock time for a surface, and for each contact on it [s]; a sample that takes
+        longer is left pending; None for no limit
+
+    Returns
+    -------
+    Every column of `gen.schema.columns_for(scene.store)` by name, with stop - start rows
+
+    Raises
+    ------
+    InputError
+        If memory runs out: it is not the sample's fault, so that no row has failed.
+    """
+    try:
+        return _computed(scene, start, stop, rank, limit)
+    except MemoryError:
+        raise too_little_for_solve(scene.shape) from None
+
+
+def _computed(scene: Scene, start: int, stop: int, rank: int, limit: float | None) -> Rows:
+    """Compute the rows start..stop, as far as memory goes."""
+    plan = parameters(scene, start, stop)
+    rows = _empty_rows(scene, stop - start)
+    for name in ("surface", "hurst", "sigma0", "delta"):
+        rows[name][:] = getattr(plan, name)
+    rows["rank"][:] = rank
+    rows["host"][:] = socket.gethostname().encode()[:64]
+    edges = np.flatnonzero(np.diff(plan.surface, prepend=-1, append=-1))
+    for first, last in itertools.pairwise(edges.tolist()):
+        _compute_surface(scene, plan, rows, first, last, limit)
+    return rows
+
+
+def finished_parts(start: int, rows: Rows) -> Iterator[tuple[int, int, Rows]]:
+    """Cut what `compute_rows` returned so that no pending row is left in it.
+
+    Parameters
+    ----------
+    start : first row
+    rows : every column by name
+
+    Yields
+    ------
+    (start, stop, rows) : of every run of finished rows, as long as possible
+    """
+    finished = rows["status"] != Status.PENDING
+    edges = np.flatnonzero(np.diff(finished, prepend=False, append=False)).tolist()
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        part = {name: values[first:last] for name, values in rows.items()}
+        yield start + first, start + last, part
+
+
+def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
+    """(n, n) heights of the surface that a row of the plan is about [um]."""
+    return generate(
+        scene.surface.generator,
+        scene.surface.nodes,
+        float(plan.hurst[row]),
+        float(plan.sigma0[row]),
+        surface_random(scene, plan.surface[row]),
+    )
+
+
+def solve_contact(scene: Scene, heights: Heights, delta: float) -> bem.Contact:
+    """Solve one contact problem as the scene says; raises what `bem.solve` raises."""
+    settings = scene.contact
+    return bem.solve(
+        heights,
+        scene.surface.side,
+        delta,
+        spacing=scene.spacing,
+        modulus=settings.modulus,
+        poisson=settings.poisson,
+        kernel=settings.kernel,
+        far_field=settings.far_field,
+        rtol=settings.rtol,
+        max_iterations=settings.max_iterations,
+    )
+
+
+def _empty_rows(scene: Scene, count: int) -> Rows:
+    """Rows in which nothing is known yet."""
+    return {
+        column.name: np.full(
+            column.shape(count, scene.surface.nodes), column.fill, dtype=column.dtype
+        )
+        for column in columns_for(scene.store)
+    }
+
+
+def _compute_surface(
+    scene: Scene, plan: Parameters, rows: Rows, first: int, last: int, limit: float | None
+) -> None:
+    """Fill in the rows first..last of a block, which share one surface."""
+    began = time.perf_counter()
+    try:
+        with at_most(limit):
+            described = _described(scene, plan, first)
+    except Overtime:
+        return
+    if described is None:
+        rows["reason"][first:last] = Reason.ARITHMETIC
+        rows["status"][first:last] = Status.FAILED
+        return
+    heights, description = described
+    for name, value in description.values.items():
+        rows[name][first:last] = value
+    if scene.store.heights:
+        rows["heights"][first:last] = heights
+    rows["surface_seconds"][first:last] = (time.perf_counter() - began) / (last - first)
+    for row in range(first, last):
+        began = time.perf_counter()
+        try:
+            with at_most(limit):
+                reason = _solve(scene, heights, float(plan.delta[row]), rows, row)
+        except Overtime:
+            continue
+        rows["solve_seconds"][row] = time.perf_counter() - began
+        if reason is Reason.NONE and description.reason:
+            reason = Reason.NO_STATISTICS
+        rows["reason"][row] = reason
+        rows["status"][row] = Status.DONE if reason is Reason.NONE else Status.FAILED
+
+
+def _described(scene: Scene, plan: Parameters, row: int) -> tuple[Heights, Description] | None:
+    """A row's surface and its statistics, None if they are beyond what numbers can hold."""
+    try:
+        heights = surface_of(scene, plan, row)
+        return heights, describe(heights, scene.spacing)
+    except (ArithmeticError, InputError):
+        return None
+
+
+def _solve(scene: Scene, heights: Heights, delta: float, rows: Rows, row: int) -> Reason:
+    """Solve one contact problem into its row; say why if that is impossible."""
+    try:
+        contact = solve_contact(scene, heights, delta)
+    except bem.NotConverged as failure:
+        _record_effort(failure.contact, rows, row)
+        return Reason.NOT_CONVERGED
+    except bem.NoSolution:
+        return Reason.NO_SOLUTION
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return Reason.ARITHMETIC
+    _record_effort(contact, rows, row)
+    if not np.isfinite(contact.force):
+        return Reason.NOT_FINITE
+    for name in ("area_percent", "force", "contact_nodes"):
+        rows[name][row] = getattr(contact, name)
+    for name in ("mean_gap", "largest_pressure", "perimeter", "pressure"):
+        if getattr(scene.store, name):
+            rows[name][row] = getattr(contact, name)
+    return Reason.NONE
+
+
+def _record_effort(contact: bem.Contact, rows: Rows, row: int) -> None:
+    """Keep what the solver spent and how far it came, also where it did not arrive."""
+    for name in ("iterations", "convolutions", "residual"):
+        rows[name][row] = getattr(contact, name)

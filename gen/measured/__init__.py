@@ -1,0 +1,1 @@
+"""Surfaces that were measured: instruments' files, their preparation, contacts of one surface."""

@@ -1,0 +1,244 @@
+"""Matrices of heights in text, and the headers that microscopes' programs write above them.
+
+The headers of Gwyddion's ASCII export (in all its languages), of SPIP, Attocube, Nova and WSxM are
+read. In all of these, x runs along the lines.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.runtime.errors import InputError
+
+Numbers = NDArray[np.float64]
+
+LABELS: Mapping[str, str] = MappingProxyType(
+    {
+        "channel": "channel|channel name|display|kanál|kanal|canal|canale|チャネル|채널|канал",
+        "width": "width|x-length|x amplitude|šířka|breite|anchura|largeur|larghezza|largura"
+        "|幅|폭|ширина",
+        "height": "height|y-length|y amplitude|výška|höhe|altura|hauteur|altezza|高さ|높이|высота",
+        "value unit": "value units|z-unit|unit data|jednotky hodnot|einheiten|unités|unità valore"
+        "|unidades de valor|値の単位|값 단위|единицы измерения",
+        "x unit": "x-unit|unit x|lateral units",
+        "y unit": "y-unit|unit y",
+        "columns": "x-pixels|nx",
+        "lines": "y-pixels|ny",
+        "x spacing": "scale x",
+        "y spacing": "scale y",
+        "nm per value": "bit2nm",
+        "to be scaled": "datascaleneeded",
+        "format": "file format",
+    }
+)
+"""What a header states, and the words by which programs say it, in lower case."""
+MEANINGS = {word: meaning for meaning, words in LABELS.items() for word in words.split("|")}
+
+ENTRY = re.compile(r"(?P<label>[^:=：]{1,40}?)\s*[:=：]\s*(?P<value>.*)")
+QUANTITY = re.compile(r"(?P<number>[-+]?\d*[.,]?\d+(?:[eE][-+]?\d+)?)\s*(?P<unit>.*)")
+BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
+"""The first line of files whose header stands there without `#`."""
+SAYS_LENGTHS = re.compile(r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|\d\s*m)\b|Å")
+"""Remarks of which a user should know, although no program's header has them."""
+POINTS = (
+    "give the heights as a grid, one row of them a line (an .xyz file of points on a regular grid"
+    " is read by SurfaceTopography)"
+)
+
+
+@dataclass(eq=False)
+class Matrix:
+    """Numbers of a text file, and what the header above them says.
+
+    Attributes
+    ----------
+    numbers : (lines, columns)
+    entries : what the header states, by the meanings in `LABELS`
+    remarks : comments that are not understood and name a unit of length
+    """
+
+    numbers: Numbers
+    entries: dict[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def channel(self) -> str:
+        """Name of the channel, "" where the header has none."""
+        return self.entries.get("channel", "")
+
+    @property
+    def value_unit(self) -> tuple[float, str]:
+        """Factor and unit of the numbers; the unit is "" where the header has none."""
+        if "value unit" not in self.entries and "nm per value" in self.entries:
+            return _quantity(self.entries["nm per value"])[0] or 1.0, "nm"
+        return 1.0, _unit(self.entries.get("value unit", ""))
+
+    @property
+    def widths(self) -> tuple[tuple[float, str], tuple[float, str]] | None:
+        """Lengths along the lines and across, pixels in full, each with its unit ("" if unknown).
+
+        None where the header does not state both.
+        """
+        lines, columns = self.numbers.shape
+        spaced = "x spacing" in self.entries
+        names = ("x spacing", "y spacing") if spaced else ("width", "height")
+        (width, x_unit), (height, y_unit) = (
+            _quantity(self.entries.get(each, "")) for each in names
+        )
+        if not (0 < width < math.inf and 0 < height < math.inf):
+            return None
+        if spaced:
+            width, height = width * columns, height * lines
+        usual = "nm" if "format" in self.entries else ""  # of SPIP, which states no unit of lengths
+        x_unit = x_unit or _unit(self.entries.get("x unit", "")) or usual
+        y_unit = y_unit or _unit(self.entries.get("y unit", "")) or x_unit
+        return (width, x_unit), (height, y_unit)
+
+
+def matrices(content: bytes, path: Path) -> list[Matrix]:
+    """Read the numbers of a text file: one matrix, or one for each header that names a channel.
+
+    Parameters
+    ----------
+    content : of the file
+    path : for messages
+
+    Raises
+    ------
+    InputError
+        For words among the numbers, rows of unequal length, or fewer rows than a header states
+    """
+    found: list[Matrix] = []
+    rows: list[list[float]] = []
+    entries: dict[str, str] = {}
+    remarks: list[str] = []
+    for number, comment, fields in _lines(content):
+        stated = _entry(comment)
+        if stated and rows and stated[0] in {"channel", "width"}:
+            found.append(_matrix(path, rows, entries, remarks))
+            rows, entries, remarks = [], {}, []
+        if stated:
+            entries.setdefault(*stated)
+        elif SAYS_LENGTHS.search(comment):
+            remarks.append(" ".join(comment.split())[:60])
+        if fields:
+            rows.append(_row(fields, path, number, rows))
+    if rows or not found:  # a header at the end of a file has no numbers
+        found.append(_matrix(path, rows, entries, remarks))
+    return found
+
+
+def _lines(content: bytes) -> Iterator[tuple[int, str, list[str]]]:
+    """Number, comment and fields of each line that has one of them."""
+    lines = content.decode("utf-8-sig", errors="replace").splitlines()
+    first = next((line for line in lines if line.strip()), "")
+    bare = BARE.match(first) is not None
+    for number, line in enumerate(lines, start=1):
+        text, _, comment = line.partition("#")
+        fields = _fields(text.strip())
+        if bare and not all(map(_is_number, fields)):
+            comment, fields = line, []
+        if fields or comment.strip():
+            yield number, comment.strip(), fields
+
+
+def _matrix(
+    path: Path, rows: list[list[float]], entries: dict[str, str], remarks: list[str]
+) -> Matrix:
+    """Numbers under a header; refused if there are others than it states."""
+    matrix = Matrix(np.array(rows, dtype=np.float64), entries)
+    if not rows:
+        return matrix
+    if matrix.widths is None:  # one of two lengths, say
+        halves = [f"{name}: {entries[name]}" for name in ("width", "height") if name in entries]
+        remarks = halves + remarks
+    there = matrix.numbers.shape
+    stated = tuple(_quantity(entries.get(name, ""))[0] or None for name in ("lines", "columns"))
+    # Without lengths these may be anybody's words, for whom x runs down the columns, as for us.
+    allowed = [there] if matrix.widths else [there, there[::-1]]
+    if not any(all(a in {None, b} for a, b in zip(stated, each, strict=True)) for each in allowed):
+        lines, columns = ("?" if each is None else f"{each:g}" for each in stated)
+        raise InputError(
+            f"{path}: its header states {lines} lines of {columns} numbers, it holds"
+            f" {' of '.join(str(length) for length in there)}; give the whole file"
+        )
+    if entries.get("to be scaled", "").lower() in {"yes", "1", "true"}:
+        raise InputError(
+            f"{path}: its header says that its numbers are to be scaled (DataScaleNeeded), which is"
+            " not read; give heights in units of length"
+        )
+    return replace(matrix, remarks=tuple(remarks[:3]))
+
+
+def _entry(comment: str) -> tuple[str, str] | None:
+    """Meaning and value of a header's line, None if it has no meaning here."""
+    match = ENTRY.fullmatch(comment)
+    if match is None or match["label"].lower() not in MEANINGS:
+        return None
+    return MEANINGS[match["label"].lower()], match["value"].strip()
+
+
+def _quantity(text: str) -> tuple[float, str]:
+    """Number and unit in a header's value; (0, "") if there is none."""
+    match = QUANTITY.fullmatch(text)
+    if match is None:
+        return 0.0, ""
+    return float(match["number"].replace(",", ".")), _unit(match["unit"])
+
+
+def _unit(text: str) -> str:
+    """A unit without brackets; a micro sign in a foreign encoding mended."""
+    return text.strip(" []()").replace("\ufffdm", "µm")
+
+
+def _row(fields: list[str], path: Path, line: int, above: list[list[float]]) -> list[float]:
+    """Numbers of one line, as many as in those above."""
+    if not above and 2 <= len(fields) <= 3 and fields[0].strip().lower().startswith("x"):
+        names = ", ".join(each.strip() for each in fields)[:40]
+        raise InputError(
+            f"{path}, line {line}: {names}: looks like the columns of a profile or of a list of"
+            f" points; {POINTS}"
+        )
+    try:
+        row = [float(field) for field in fields]
+    except ValueError:
+        _complain(next(field for field in fields if not _is_number(field)), path, line)
+    if above and len(row) != len(above[0]):
+        raise InputError(
+            f"{path}, line {line}: {len(row)} numbers where the first row has {len(above[0])};"
+            " give rows of equal length"
+        )
+    return row
+
+
+def _fields(line: str) -> list[str]:
+    """Fields of one line; the separator after the last one may be left out."""
+    separator = next((mark for mark in ";," if mark in line), None)
+    if separator is None:
+        return line.split()
+    return line.removesuffix(separator).split(separator)
+
+
+def _is_number(field: str) -> bool:
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return True
+
+
+def _complain(field: str, path: Path, line: int) -> NoReturn:
+    shown = repr(field.strip())[:40]
+    raise InputError(
+        f"{path}, line {line}: {shown} is not a number; give numbers separated by whitespace,"
+        " commas or ';'"
+    )

@@ -1,0 +1,369 @@
+"""Measured topographies: heights and lengths from an instrument's file, in um, whatever it says.
+
+Our own formats are read by `gen.surface`, with headers by `gen.measured.text`; all others by
+SurfaceTopography, whose home is here.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen import surface
+from gen.measured import text
+from gen.measured.channel import Channel, chosen, named
+from gen.runtime.errors import InputError
+from gen.runtime.input_file import require_file
+from gen.runtime.numbers import magnitude
+
+Heights = NDArray[np.float64]
+Sides = tuple[float, float]
+
+UNITS = {"m": 1e6, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "A": 1e-4, "Å": 1e-4}
+"""um in each unit of length."""
+CHANCE = 8
+"""Heights that hardly ever rise one after the other, as coordinates do."""
+STRIP = 100
+"""Rows from which on two or three columns are no strip of a map, whatever they hold."""
+OWN_SUFFIXES = {".npy", ".txt", ".dat", ".csv", ".asc", ""}
+
+
+@dataclass(frozen=True, eq=False)
+class Topography:
+    """A surface from a file, in um.
+
+    Attributes
+    ----------
+    name : of the file
+    heights : (nx, ny), NaN where nothing was measured [um]
+    sides : lengths from the first to the last node along x and y [um]
+    steps : what it is and what was done to it, a line each
+    warnings : what to know before trusting it, a line each
+    """
+
+    name: str
+    heights: Heights
+    sides: Sides
+    steps: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def spacing(self) -> Sides:
+        """Distance of the nodes along x and y [um]."""
+        nx, ny = self.heights.shape
+        return self.sides[0] / (nx - 1), self.sides[1] / (ny - 1)
+
+    @property
+    def missing(self) -> int:
+        """Nodes without a height."""
+        return int(np.count_nonzero(np.isnan(self.heights)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Scan:
+    """A map as a file holds it, in the file's own units.
+
+    Attributes
+    ----------
+    heights : (nx, ny), NaN where nothing was measured [unit]
+    lengths : from the first to the last node along x and y, None where the file has none
+    unit : of the heights, None where the file names none
+    length_unit : of the lengths, None for that of the heights
+    origin : of what was read, in words
+    remarks : comments of the file that are not understood and name a unit of length
+    """
+
+    heights: Heights
+    lengths: Sides | None = None
+    unit: str | None = None
+    length_unit: str | None = None
+    origin: str = ""
+    remarks: tuple[str, ...] = ()
+
+
+def read(
+    path: Path,
+    side: str = "",
+    unit: str = "",
+    *,
+    channel: str = "",
+    override_scale: bool = False,
+) -> Topography:
+    """Read a file; lengths that it does not hold have to be given, and only those.
+
+    Parameters
+    ----------
+    path : .npy, text, or a file that SurfaceTopography reads (x3p, sur, al3d, opd, plu, gwy ...)
+    side : scan length, or two separated by a comma [um]; for files that hold no lengths
+    unit : of the heights where the file does not say, and of its lengths if it holds some; .npy
+        and text are in um unless a header or `unit` says otherwise
+    channel : name or index of the channel to read; the first one with heights if left out
+    override_scale : let `side` and `unit` overrule those of the file, with a warning
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or holds no map of heights, its channel is unknown, or a length
+        or unit is missing, wrong, or given twice
+    """
+    if override_scale and not (side or unit):
+        raise InputError("--override-scale: give --side, --unit or both, to overrule the file's")
+    own = path.suffix.lower() in OWN_SUFFIXES and not _is_foreign(path)
+    scan = _own_scan(path, channel) if own else _measured(path, channel)
+    _check(path, scan.heights)
+    overruled: list[str] = []
+    named = _agreed_unit(path, scan, unit, overruled if override_scale else None)
+    sides = _agreed_sides(path, scan, named, side, overruled if override_scale else None)
+    with np.errstate(over="ignore"):
+        heights = scan.heights * _factor(named or "um", "--unit")
+    if np.isinf(heights).any() or not all(0 < length < np.inf for length in sides):
+        raise InputError(
+            f"{path}: its heights or lengths are beyond what numbers hold; give others"
+        )
+    steps = [_account(path, scan, heights, named)]
+    steps += [f"OVERRULED by --override-scale: {each}" for each in overruled]
+    notes = [f"the file's own scale is overruled: {each}" for each in overruled]
+    notes += [
+        f"the file says {remark!r}, which is not read: check --side and --unit against it"
+        for remark in scan.remarks
+    ]
+    return Topography(str(path), heights, sides, tuple(steps), tuple(notes))
+
+
+def _account(path: Path, scan: _Scan, heights: Heights, unit: str | None) -> str:
+    """What was read, in one line."""
+    nx, ny = heights.shape
+    said = f"heights in {unit}" if unit else "heights taken as um"
+    if scan.lengths is not None:
+        said = f"lengths in {unit}"
+        if scan.length_unit not in {None, unit}:
+            said = f"lengths in {scan.length_unit}, heights in {unit}"
+    holes = int(np.count_nonzero(np.isnan(heights)))
+    share = f"{holes} missing ({100 * holes / heights.size:.3g} %)"
+    return f"read {nx} x {ny} nodes{scan.origin}, {said}, {share}"
+
+
+def sides_from(text: str) -> Sides:
+    """Scan lengths along x and y from "1000" or "1000,500" [um]."""
+    try:
+        lengths = [float(part) for part in text.split(",")]
+    except ValueError:
+        lengths = []
+    if len(lengths) not in {1, 2} or not all(map(magnitude, lengths)):
+        raise InputError(
+            f"--side {text!r}: give the scan length in um, a number above 0, or two as 1000,500"
+        )
+    return lengths[0], lengths[-1]
+
+
+def _check(path: Path, heights: Heights) -> None:
+    """Two rows and two columns at least, and some height."""
+    if heights.ndim != 2 or min(heights.shape) < 2:
+        shape = " x ".join(str(length) for length in heights.shape)
+        raise InputError(f"{path}: holds {shape} heights; give 2-D heights, 2 x 2 or more")
+    if np.isnan(heights).all():
+        raise InputError(f"{path}: all of its {heights.size} heights are missing; measure again")
+
+
+def _factor(unit: str, name: str) -> float:
+    """um in a unit of length."""
+    if unit not in UNITS:
+        raise InputError(f"{name} {unit!r}: give one of {', '.join(UNITS)}")
+    return UNITS[unit]
+
+
+def _agreed_unit(path: Path, scan: _Scan, given: str, overruled: list[str] | None) -> str | None:
+    """Unit of the heights of a file that may name it; None where .npy or text is taken as um.
+
+    What `given` overrules is added to `overruled`, unless that is None, which forbids it.
+    """
+    own = scan.unit
+    if given:
+        _factor(given, "--unit")
+    if own is None:
+        if not given and (scan.lengths is not None or path.suffix.lower() not in OWN_SUFFIXES):
+            raise InputError(f"{path}: names no unit; give --unit, one of {', '.join(UNITS)}")
+        return given or None
+    if not given or UNITS[given] == UNITS.get(own):
+        _factor(own, f"{path}: unit")
+        return given or own
+    if overruled is None:
+        raise InputError(
+            f"{path}: its lengths are in {own}, --unit says {given}; leave that out, or overrule"
+            " the file by --override-scale"
+        )
+    overruled.append(f"unit {own}, taken as {given}")
+    return given
+
+
+def _agreed_sides(
+    path: Path, scan: _Scan, unit: str | None, side: str, overruled: list[str] | None
+) -> Sides:
+    """Lengths between the outermost nodes of a file that may hold them [um].
+
+    What `side` overrules is added to `overruled`, unless that is None, which forbids it.
+    """
+    if scan.lengths is None:
+        if not side:
+            said = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
+            raise InputError(f"{path}: holds no lengths; give --side, the scan length in um{said}")
+        return _sides_of(path, scan.heights.shape, side)
+    factor = _factor(scan.length_unit or unit or "um", f"{path}: unit")
+    own = scan.lengths[0] * factor, scan.lengths[1] * factor
+    if not side:
+        return own
+    given = sides_from(side)
+    if np.allclose(given, own, rtol=1e-3):
+        return own
+    if overruled is None:
+        raise InputError(
+            f"{path}: is {own[0]:.6g} x {own[1]:.6g} um, --side says {side}; leave that out, or"
+            " overrule the file by --override-scale"
+        )
+    given = _sides_of(path, scan.heights.shape, side)
+    overruled.append(f"{own[0]:.6g} x {own[1]:.6g} um, taken as {given[0]:g} x {given[1]:g} um")
+    return given
+
+
+def _sides_of(path: Path, shape: tuple[int, ...], side: str) -> Sides:
+    """Lengths of a map from --side; of one that is not square, both have to be given [um]."""
+    lengths = sides_from(side)
+    nx, ny = shape
+    if nx != ny and "," not in side:
+        square = lengths[0] / (nx - 1) * (ny - 1)
+        raise InputError(
+            f"{path}: has {nx} x {ny} nodes; give --side two lengths, {lengths[0]:g},{square:g} for"
+            f" square cells or {lengths[0]:g},{lengths[0]:g} for a square patch"
+        )
+    return lengths
+
+
+def _own_scan(path: Path, wanted: str) -> _Scan:
+    """The map in a .npy or text file, with what its header says."""
+    matrices = surface.read(path)
+    units = [matrix.value_unit for matrix in matrices]
+    channels = [
+        Channel(place, matrix.channel or f"matrix {place}", not unit or unit in UNITS, unit)
+        for place, (matrix, (_, unit)) in enumerate(zip(matrices, units, strict=True))
+    ]
+    taken = chosen(path, channels, wanted).index
+    matrix, (factor, unit) = matrices[taken], units[taken]
+    # Refused by `read`; and a hole that is a signalling NaN is a hole.
+    with np.errstate(over="ignore", invalid="ignore"):
+        heights = factor * surface.checked(matrix.numbers, path, holes=True)
+    widths, remarks = matrix.widths, matrix.remarks
+    origin = named(channels, taken)
+    if widths is None:
+        _refuse_points(path, heights)
+        return _Scan(heights, unit=unit or None, origin=origin, remarks=remarks)
+    (width, length_unit), (length, other_unit) = widths
+    if other_unit != length_unit:
+        length *= _factor(other_unit, f"{path}: unit") / _factor(length_unit, f"{path}: unit")
+    heights = np.ascontiguousarray(heights.T)
+    nx, ny = heights.shape
+    return _Scan(
+        heights=heights,
+        lengths=(width * (nx - 1) / nx, length * (ny - 1) / ny),
+        unit=unit or None,
+        length_unit=length_unit or None,
+        origin=f"{origin} under a header, x along its lines",
+        remarks=remarks,
+    )
+
+
+def _refuse_points(path: Path, heights: Heights) -> None:
+    """Refuse two or three columns that are coordinates rather than a strip of heights."""
+    for columns, how in ((heights, "columns"), (heights.T, "rows")):
+        points, axes = columns.shape
+        if axes > 3 or points < 3:
+            continue
+        rising = _is_axis(columns[:, 0])
+        what = "a profile, x and z," if axes == 2 else "a list of points, x, y and z,"
+        if (points > axes and (rising or (axes == 3 and _is_grid(columns)))) or points >= STRIP:
+            raise InputError(
+                f"{path}: holds {points} x {axes} numbers in {how}: looks like {what} not a map"
+                f" of heights; {text.POINTS}"
+            )
+
+
+def _is_axis(values: Heights) -> bool:
+    """Whether numbers rise or fall as coordinates do: many of them, or in even steps."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.diff(values)
+        even = np.allclose(steps, steps[0], rtol=1e-3, atol=0)
+    return bool((steps > 0).all() or (steps < 0).all()) and (even or values.size >= CHANCE)
+
+
+def _is_grid(columns: Heights) -> bool:
+    """Whether the first two columns hold each node of a rectangular grid once."""
+    x, y = np.unique(columns[:, 0]), np.unique(columns[:, 1])
+    pairs = np.unique(columns[:, :2], axis=0)
+    return min(x.size, y.size) > 1 and x.size * y.size == len(columns) == len(pairs)
+
+
+def _is_foreign(path: Path) -> bool:
+    """Whether a file with one of our endings is binary all the same, as an instrument's .dat."""
+    try:
+        with require_file(path).open("rb") as file:
+            start = file.read(1024)
+    except (OSError, ValueError):
+        return False
+    binary = any(character in start for character in surface.CONTROL_CHARACTERS)
+    return path.suffix.lower() == ".dat" and binary and not start.startswith(b"\x93NUMPY")
+
+
+def _measured(path: Path, wanted: str) -> _Scan:
+    """Read an instrument's file, with NaN in holes and lengths between the outermost nodes."""
+    try:
+        from SurfaceTopography import open_topography
+    except ImportError:
+        raise InputError(
+            f"{path}: only .npy and text can be read without SurfaceTopography:"
+            " pip install 'asperity[instruments]'"
+        ) from None
+    if not require_file(path).is_file():
+        raise InputError(f"{path}: is no file that could be read")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # readers complain about each other's formats
+            return _scan_of(path, open_topography(str(path)), wanted)
+    except InputError:
+        raise
+    except Exception as error:  # a broken file makes its readers raise nearly anything
+        fault = " ".join(str(error).split())[:80]
+        raise InputError(
+            f"{path}: SurfaceTopography cannot read it ({type(error).__name__}: {fault})"
+        ) from None
+
+
+def _scan_of(path: Path, reader: Any, wanted: str) -> _Scan:
+    """Read the wanted map of heights of an open file."""
+    maps = {channel.index: channel for channel in reader.channels if channel.dim == 2}
+    if not maps:
+        raise InputError(f"{path}: it holds line scans only; give a map of heights")
+    channels = [
+        # Before they knew kinds of data, readers of SurfaceTopography gave heights alone.
+        Channel(
+            index=index,
+            name=str(each.name),
+            heights=bool(getattr(each, "is_height_channel", True)),
+            unit=str(getattr(each, "data_unit", None) or ""),
+        )
+        for index, each in maps.items()
+    ]
+    taken = chosen(path, channels, wanted).index
+    channel = maps[taken]
+    given = {} if channel.physical_sizes is not None else {"physical_sizes": channel.nb_grid_pts}
+    topography = reader.topography(channel_index=taken, **given)
+    heights = np.ma.filled(np.ma.asarray(topography.heights(), dtype=np.float64), np.nan)
+    lengths = None
+    if channel.physical_sizes is not None:
+        nx, ny = heights.shape
+        width, length = (float(size) for size in topography.physical_sizes)
+        lengths = width * (nx - 1) / nx, length * (ny - 1) / ny
+    return _Scan(heights, lengths, topography.unit, origin=named(channels, taken))

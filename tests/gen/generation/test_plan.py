@@ -1,0 +1,285 @@
+"""The plan: pure in scene and row, and cut into blocks that hold every pending row once."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gen.generation.plan import CHUNK, Parameters, blocks, parameters, surface_random
+from gen.generation.run import BLOCK_BYTES, blocks_of
+from gen.scene import Scene, load
+
+
+def scene(samples: int = 1000, m: int = 1, extra: str = "") -> Scene:
+    return Scene.parse(f"samples = {samples}\nsamples_per_surface = {m}\n{extra}", "test")
+
+
+def columns(rows: Parameters) -> tuple[np.ndarray, ...]:
+    return rows.surface, rows.hurst, rows.sigma0, rows.delta
+
+
+def assert_slice(part: Parameters, whole: Parameters, start: int, stop: int) -> None:
+    for column, expected in zip(columns(part), columns(whole), strict=True):
+        assert column.shape == (stop - start,)
+        np.testing.assert_array_equal(column, expected[start:stop], strict=True)
+
+
+def test_first_rows_of_the_papers_database() -> None:
+    """Other numbers here mean that no database made so far can be continued."""
+    rows = parameters(load("paper"), 0, 3)
+    np.testing.assert_array_equal(rows.surface, [0, 1, 2])
+    np.testing.assert_allclose(
+        rows.hurst, [0.7203239930748728, 0.6465117409900214, 0.6770927403352416], rtol=1e-15
+    )
+    np.testing.assert_allclose(
+        rows.sigma0, [12.089954739115084, 10.0545284405591, 10.033495532330592], rtol=1e-15
+    )
+    np.testing.assert_allclose(
+        rows.delta, [19.135645934310062, 16.34904294864218, 17.09480985923459], rtol=1e-15
+    )
+
+
+@pytest.mark.parametrize("m", [1, 2, 5])
+def test_rows_are_cut_from_streams_drawn_in_full(m: int) -> None:
+    paper = scene(m=m)
+    for chunk in (0, 3):
+        random = np.random.default_rng(np.random.SeedSequence(paper.seed, spawn_key=(chunk, 1)))
+        hurst = 0.5 + (0.8 - 0.5) * random.random(CHUNK)
+        sigma0 = 10.0 + 5.0 * random.random(CHUNK)
+        piece, place = np.moveaxis(random.random((CHUNK, m, 2)), -1, 0)
+        delta = np.where(piece < 0.75, 5.0 + 20.0 * place, 25.0 + 20.0 * place)
+        rows = parameters(paper, chunk * CHUNK * m, (chunk + 1) * CHUNK * m)
+        surface = chunk * CHUNK + np.arange(CHUNK)
+        np.testing.assert_array_equal(rows.surface, np.repeat(surface, m))
+        np.testing.assert_array_equal(rows.hurst, np.repeat(hurst, m))
+        np.testing.assert_array_equal(rows.sigma0, np.repeat(sigma0, m))
+        np.testing.assert_array_equal(rows.delta, delta.ravel())
+
+
+@pytest.mark.parametrize("m", [1, 5])
+def test_any_slice_equals_the_whole(m: int) -> None:
+    stop = 2 * CHUNK * m + 100
+    whole = parameters(scene(m=m), 0, stop)
+    border = CHUNK * m
+    cuts = [0, 1, 2, m, 3 * m + 1, border - m - 1, border - 1, border, border + 1, 2 * border, stop]
+    for start, end in itertools.combinations_with_replacement(sorted(cuts), 2):
+        assert_slice(parameters(scene(m=m), start, end), whole, start, end)
+
+
+@settings(max_examples=100, deadline=None)
+@given(data=st.data(), m=st.sampled_from([1, 3, 5]))
+def test_any_drawn_slice_equals_the_whole(data: st.DataObject, m: int) -> None:
+    middle = CHUNK * m
+    limits = st.integers(-50, 50)
+    start, low, high, stop = sorted(middle + data.draw(limits) for _ in range(4))
+    whole = parameters(scene(m=m), start, stop)
+    assert_slice(parameters(scene(m=m), low, high), whole, low - start, high - start)
+
+
+def test_more_samples_leave_rows_as_they_are() -> None:
+    few, many = scene(samples=10, m=3), scene(samples=10_000_000, m=3)
+    assert_slice(parameters(few, 0, 10), parameters(many, 0, 1000), 0, 10)
+
+
+def test_more_samples_a_surface_leave_surfaces_as_they_are() -> None:
+    single, fivefold = parameters(scene(m=1), 0, 100), parameters(scene(m=5), 0, 500)
+    np.testing.assert_array_equal(fivefold.hurst[::5], single.hurst)
+    np.testing.assert_array_equal(fivefold.sigma0[::5], single.sigma0)
+
+
+def test_rows_of_a_surface_share_it() -> None:
+    rows = parameters(scene(m=5), 3, 23)
+    np.testing.assert_array_equal(rows.surface, [0, 0] + 5 * [1] + 5 * [2] + 5 * [3] + 3 * [4])
+    assert rows.surface.dtype == np.int64
+    for surface in range(5):
+        assert len(set(rows.hurst[rows.surface == surface])) == 1
+        assert len(set(rows.sigma0[rows.surface == surface])) == 1
+    assert len(set(rows.delta)) == 20
+
+
+def test_rows_far_into_the_plan() -> None:
+    """The last row that a scene can ask for costs no more than the first."""
+    rows = parameters(scene(samples=10**9), 10**9 - 2, 10**9)
+    np.testing.assert_array_equal(rows.surface, [10**9 - 2, 10**9 - 1])
+
+
+@pytest.mark.parametrize(("start", "stop"), [(-1, 3), (4, 3)])
+def test_rows_that_are_no_range_are_refused(start: int, stop: int) -> None:
+    with pytest.raises(ValueError, match="wanted 0 <= start <= stop"):
+        parameters(scene(), start, stop)
+
+
+def test_displacement_has_the_shares_of_its_pieces() -> None:
+    """Binomial spread at 200,000 rows is 0.1 %: the tolerance is five times that."""
+    rows = parameters(load("paper"), 0, 200_000)
+    assert rows.delta.min() >= 5.0
+    assert rows.delta.max() <= 45.0
+    assert np.mean(rows.delta < 25.0) == pytest.approx(0.75, abs=0.005)
+    for low, high, share in [(5.0, 15.0, 0.375), (25.0, 35.0, 0.125)]:
+        inside = (rows.delta >= low) & (rows.delta < high)
+        assert np.mean(inside) == pytest.approx(share, abs=0.005)
+
+
+def test_ranges_are_filled_evenly_and_independently() -> None:
+    rows = parameters(load("paper"), 0, 200_000)
+    for column, low, high in [(rows.hurst, 0.5, 0.8), (rows.sigma0, 10.0, 15.0)]:
+        share, _ = np.histogram(column, bins=10, range=(low, high))
+        np.testing.assert_allclose(share / column.size, 0.1, atol=0.005)
+    correlation = np.corrcoef([rows.hurst, rows.sigma0, rows.delta])
+    np.testing.assert_allclose(correlation, np.eye(3), atol=0.015)
+
+
+def test_range_of_one_value() -> None:
+    fixed = scene(
+        extra="[surface]\nhurst = [0.7, 0.7]\nsigma0 = [0.1, 0.1]\n"
+        "[delta]\npieces = [{share = 1.0, range = [0.3, 0.3]}]"
+    )
+    rows = parameters(fixed, 0, 1000)
+    assert set(rows.hurst) == {0.7}
+    assert set(rows.sigma0) == {0.1}
+    assert set(rows.delta) == {0.3}
+
+
+@settings(max_examples=100, deadline=None)
+@given(limits=st.lists(st.floats(0.0, 1.0), min_size=2, max_size=2).map(sorted))
+def test_rounding_keeps_within_the_range(limits: list[float]) -> None:
+    low, high = limits
+    rows = parameters(scene(extra=f"[surface]\nhurst = [{low!r}, {high!r}]"), 0, 200)
+    assert np.all((rows.hurst >= low) & (rows.hurst <= high))
+
+
+def test_other_seeds_give_other_rows() -> None:
+    here, there = (parameters(scene(extra=f"seed = {seed}"), 0, 100) for seed in (1, 2))
+    for column, other in zip(columns(here)[1:], columns(there)[1:], strict=True):
+        assert not np.any(column == other)
+
+
+def test_surfaces_have_streams_of_their_own() -> None:
+    paper = scene()
+    first = {surface_random(paper, surface).random() for surface in range(2000)}
+    assert len(first) == 2000
+    again = surface_random(paper, 7).standard_normal(5)
+    np.testing.assert_array_equal(again, surface_random(paper, 7).standard_normal(5))
+    np.testing.assert_array_equal(
+        again, surface_random(load("fine"), np.int64(7)).standard_normal(5)
+    )
+
+
+def test_no_surface_shares_a_stream_with_a_chunk() -> None:
+    """A key below 2^32 is one word, a chunk's key two; beyond 2^32 the two would meet."""
+
+    def state(*key: int) -> tuple[int, ...]:
+        return tuple(np.random.SeedSequence(2025, spawn_key=key).generate_state(4))
+
+    most = Scene.parse("samples = 1_000_000_000", "test").surfaces
+    assert most < 2**32
+    chunks = {state(chunk, 1) for chunk in range(-(-most // CHUNK))}
+    surfaces = {state(surface) for surface in [*range(20_000), most - 1]}
+    assert not chunks & surfaces
+    assert state(2**32 + 5) == state(5, 1)
+
+
+@st.composite
+def pending_plans(draw: st.DrawFn) -> tuple[list[tuple[int, int]], int, int]:
+    """Ascending ranges of pending rows, the number of planned rows, and of rows a surface."""
+    samples = draw(st.integers(1, 500))
+    borders = sorted(draw(st.lists(st.integers(0, samples), max_size=20)))
+    ranges = list(itertools.pairwise(borders))[:: draw(st.sampled_from([1, 2]))]
+    return ranges, samples, draw(st.sampled_from([1, 2, 5, 7]))
+
+
+@settings(max_examples=300, deadline=None)
+@given(plan=pending_plans(), workers=st.integers(1, 20), largest=st.integers(1, 100))
+def test_blocks_hold_every_pending_row_once(
+    plan: tuple[list[tuple[int, int]], int, int], workers: int, largest: int
+) -> None:
+    ranges, samples, m = plan
+    cut = list(
+        blocks(ranges, samples=samples, samples_per_surface=m, workers=workers, largest=largest)
+    )
+    held = [row for start, stop in cut for row in range(start, stop)]
+    assert held == sorted(set(held))
+    assert held == [row for start, stop in ranges for row in range(start, stop)]
+    ends = {stop for _, stop in ranges}
+    for start, stop in cut:
+        assert stop % m == 0 or stop in ends or m > largest
+        assert 0 < stop - start <= largest
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    samples=st.integers(1, 100_000),
+    m=st.sampled_from([1, 3, 5]),
+    workers=st.integers(1, 50),
+    largest=st.integers(1, 2000),
+)
+def test_blocks_shrink_to_the_end(samples: int, m: int, workers: int, largest: int) -> None:
+    cut = blocks(
+        [(0, samples)], samples=samples, samples_per_surface=m, workers=workers, largest=largest
+    )
+    sizes = [stop - start for start, stop in cut]
+    if largest < m:
+        return
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[-1] <= m
+    assert sizes[0] <= max(m, samples / (3 * workers))
+
+
+def test_blocks_of_ten_million_rows_are_few_and_lazy() -> None:
+    settings_ = {"samples": 10**7, "samples_per_surface": 5, "workers": 100, "largest": 1000}
+    whole = blocks([(0, 10**7)], **settings_)
+    assert next(whole) == (0, 1000)
+    assert sum(1 for _ in whole) < 1.2 * 10**7 / 1000
+
+
+def test_finished_rows_of_a_surface_are_left_alone() -> None:
+    cut = list(blocks([(3, 4), (11, 12)], samples=12, samples_per_surface=5, workers=1, largest=9))
+    assert cut == [(3, 4), (11, 12)]
+
+
+def test_nothing_pending_gives_no_blocks() -> None:
+    for pending in ([], [(0, 0)], [(7, 7), (10, 10)]):
+        cut = blocks(pending, samples=10, samples_per_surface=5, workers=1, largest=9)
+        assert list(cut) == []
+
+
+@pytest.mark.parametrize("pending", [[(0, 11)], [(-1, 3)], [(3, 2)], [(4, 6), (5, 7)]])
+def test_ranges_that_do_not_ascend_within_the_plan_are_refused(
+    pending: list[tuple[int, int]],
+) -> None:
+    with pytest.raises(ValueError, match="ascending ranges"):
+        list(blocks(pending, samples=10, samples_per_surface=1, workers=1, largest=9))
+
+
+@pytest.mark.parametrize("zero", ["samples_per_surface", "workers", "largest"])
+def test_blocks_need_workers_and_rows(zero: str) -> None:
+    numbers = {"samples": 10, "samples_per_surface": 1, "workers": 1, "largest": 9} | {zero: 0}
+    with pytest.raises(ValueError, match=f"{zero}=0"):
+        list(blocks([(0, 10)], **numbers))
+
+
+@pytest.mark.parametrize(
+    ("workers", "rows", "fewest", "most"),
+    [
+        (1, 10_000, 1, 64),
+        (8, 10_000, 1, 64),
+        (499, 1_000_000, 70, 160),  # the master has to answer 499 workers in the time of a block
+        (499, 10_000, 25, 64),  # 20 rows for each: larger blocks would leave most without any
+    ],
+)
+def test_blocks_grow_with_the_workers_that_one_master_answers(workers, rows, fewest, most):
+    paper = load("paper").model_copy(update={"samples": rows})
+    sizes = [stop - start for start, stop in blocks_of(paper, [(0, rows)], workers)]
+    assert sum(sizes) == rows
+    assert fewest <= min(sizes[:-1])
+    assert max(sizes) <= most
+
+
+def test_fields_bound_blocks_whatever_the_number_of_workers():
+    paper = load("paper")
+    store = paper.store.model_copy(update={"pressure": True, "heights": True})
+    heavy = paper.model_copy(update={"store": store})
+    sizes = [stop - start for start, stop in blocks_of(heavy, [(0, heavy.samples)], 5000)]
+    assert max(sizes) * 2 * 8 * 129**2 <= BLOCK_BYTES

@@ -1,0 +1,142 @@
+"""Rows against their own parts: plan, surface, statistics and solver called one by one."""
+
+import numpy as np
+import pytest
+
+import bem
+import gen.generation.sample
+import gen.runtime.overtime
+from gen.generation.plan import parameters
+from gen.generation.sample import compute_rows, surface_of
+from gen.scene import Scene, load
+from gen.schema import Reason, Status, columns_for
+from gen.statistics import describe
+
+STORE_ALL = "{mean_gap=true, largest_pressure=true, perimeter=true, heights=true, pressure=true}"
+
+
+def scene(text: str = "", samples: int = 12) -> Scene:
+    return Scene.parse(f"samples = {samples}\n{text}\n[surface]\nnodes = 17\n", "test")
+
+
+def test_a_row_is_what_its_parts_say():
+    made = scene(f"samples_per_surface = 3\nstore = {STORE_ALL}")
+    rows = compute_rows(made, 3, 9, rank=7)
+    assert rows.keys() == {column.name for column in columns_for(made.store)}
+    plan = parameters(made, 3, 9)
+    for row in range(6):
+        heights = surface_of(made, plan, row)
+        contact = bem.solve(heights, 1000.0, plan.delta[row])
+        assert rows["area_percent"][row] == contact.area_percent
+        assert rows["force"][row] == contact.force
+        assert rows["mean_gap"][row] == contact.mean_gap
+        assert rows["perimeter"][row] == contact.perimeter
+        assert rows["largest_pressure"][row] == contact.pressure.max()
+        np.testing.assert_array_equal(rows["pressure"][row], contact.pressure)
+        np.testing.assert_array_equal(rows["heights"][row], heights)
+        for name, value in describe(heights, made.spacing).values.items():
+            assert rows[name][row] == value
+    np.testing.assert_array_equal(rows["surface"], [1, 1, 1, 2, 2, 2])
+    assert set(rows["status"]) == {Status.DONE}
+    assert set(rows["rank"]) == {7}
+
+
+@pytest.mark.parametrize("m", [1, 5])
+def test_blocks_do_not_change_rows(m):
+    made = scene(f"samples_per_surface = {m}", samples=10)
+    whole = compute_rows(made, 0, 10)
+    parts = [compute_rows(made, start, start + 5) for start in (0, 5)]
+    for column in columns_for(made.store):
+        if column.deterministic:
+            joined = np.concatenate([part[column.name] for part in parts])
+            assert joined.tobytes() == whole[column.name].tobytes(), column.name
+
+
+def test_a_surface_is_made_once_for_its_samples(monkeypatch):
+    made = scene("samples_per_surface = 4")
+    calls = []
+    monkeypatch.setattr(
+        gen.generation.sample, "describe", lambda *a: calls.append(a) or describe(*a)
+    )
+    compute_rows(made, 0, 12)
+    assert len(calls) == 3
+
+
+def test_failures_are_rows_with_a_reason(monkeypatch):
+    monkeypatch.setattr(bem.half_space, "FEW_PER_ROOT", 0.0)  # else one iteration may be enough
+    starved = scene("[contact]\nmax_iterations = 1")
+    rows = compute_rows(starved, 0, 4)
+    assert set(rows["status"]) == {Status.FAILED}
+    assert set(rows["reason"]) == {Reason.NOT_CONVERGED}
+    assert np.isnan(rows["area_percent"]).all()
+    assert set(rows["iterations"]) == {1}
+    assert (rows["residual"] > 1e-6).all()
+
+
+def test_beyond_the_critical_displacement_is_a_reason():
+    made = scene(
+        '[contact]\nfar_field = "compliant"\n'
+        "[delta]\npieces = [{share = 1.0, range = [200.0, 300.0]}]"
+    )
+    rows = compute_rows(made, 0, 3)
+    assert set(rows["reason"]) == {Reason.NO_SOLUTION}
+
+
+def test_a_flat_surface_has_an_area_but_no_statistics():
+    made = Scene.parse("samples = 2\n[surface]\nnodes = 9\nsigma0 = [0.0, 0.0]", "test")
+    rows = compute_rows(made, 0, 2)
+    assert set(rows["reason"]) == {Reason.NO_STATISTICS}
+    assert set(rows["area_percent"]) == {100.0}
+    assert np.isnan(rows["peak_mean"]).all()
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, OverflowError, np.linalg.LinAlgError])
+def test_numerical_errors_are_rows(monkeypatch, error):
+    def fail(*_, **__):
+        raise error("no")
+
+    monkeypatch.setattr(bem, "solve", fail)
+    assert set(compute_rows(scene(), 0, 2)["reason"]) == {Reason.ARITHMETIC}
+
+
+@pytest.mark.parametrize("error", [TypeError, ValueError, IndexError])
+def test_a_bug_is_not_a_row(monkeypatch, error):
+    def fail(*_, **__):
+        raise error("bug")
+
+    monkeypatch.setattr(bem, "solve", fail)
+    with pytest.raises(error):
+        compute_rows(scene(), 0, 2)
+
+
+def test_a_spacing_beyond_all_statistics_is_a_reason():
+    made = Scene.parse("samples = 2\n[surface]\nnodes = 9\nside = 1e300", "test")
+    assert set(compute_rows(made, 0, 2)["reason"]) == {Reason.ARITHMETIC}
+
+
+def test_a_force_beyond_all_numbers_is_a_reason():
+    made = scene("[contact]\nmodulus = 1e308\n[delta]\npieces = [{share=1.0, range=[9e9, 9e9]}]")
+    assert set(compute_rows(made, 0, 2)["reason"]) == {Reason.ARITHMETIC}
+
+
+@pytest.mark.parametrize("row", [9, 10, 16, 31])
+def test_rows_close_to_the_critical_displacement_converge(row):
+    """The active set alone cycled on these, with a compliant far field and MIRCO's kernel."""
+    rows = compute_rows(load("paper-mirco"), row, row + 1)
+    assert rows["reason"][0] == Reason.NONE
+    assert rows["residual"][0] <= 1e-6
+
+
+def test_a_bug_in_the_timer_is_not_a_row(monkeypatch):
+    def fail(_, seconds, *repeated):
+        if seconds:
+            raise OverflowError("timestamp out of range")
+
+    monkeypatch.setattr(gen.runtime.overtime.signal, "setitimer", fail)
+    with pytest.raises(OverflowError):
+        compute_rows(scene(), 0, 1, limit=5.0)
+
+
+def test_a_limit_that_no_timer_takes_is_no_failed_row():
+    with pytest.raises(ValueError, match="at most"):
+        compute_rows(scene(), 0, 1, limit=1e10)

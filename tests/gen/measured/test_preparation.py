@@ -1,0 +1,247 @@
+"""Holes, levels, crops: what they leave as it is, what they change; and Hertz from a scan."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gen import cli
+from gen.measured.material import combined_modulus
+from gen.measured.preparation import filled_harmonically, prepare, rms_slope, tilt, warnings_about
+from gen.measured.topography import Topography
+from gen.runtime.errors import InputError
+from gen.surface import generate
+
+X, Y = np.meshgrid(np.arange(12) * 2.0, np.arange(9) * 0.5, indexing="ij")  # um
+SIDES = (22.0, 4.0)
+
+
+def topography(heights: np.ndarray, sides: tuple[float, float] = SIDES) -> Topography:
+    return Topography("scan", heights, sides)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.9))
+def test_filling_keeps_what_was_measured_and_stays_within_its_range(
+    seed: int, share: float
+) -> None:
+    random = np.random.default_rng(seed)
+    heights = random.normal(size=(8, 11))
+    measured = random.random(heights.shape) > share
+    measured[random.integers(8), random.integers(11)] = True
+    filled = filled_harmonically(np.where(measured, heights, np.nan), (2.0, 0.5))
+    assert np.array_equal(filled[measured], heights[measured])
+    rounding = 1e-9
+    assert filled.max() <= heights[measured].max() + rounding
+    assert filled.min() >= heights[measured].min() - rounding
+
+
+def test_holes_in_a_plane_are_filled_with_the_plane() -> None:
+    plane = 3 + 0.1 * X - 0.2 * Y
+    holes = plane.copy()
+    holes[3:7, 2:6] = holes[9, 7] = np.nan
+    np.testing.assert_allclose(filled_harmonically(holes, (2.0, 0.5)), plane, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("level", "shape"),
+    [
+        ("mean", np.full(X.shape, 4.0)),
+        ("plane", 4 + 0.1 * X - 0.3 * Y),
+        ("quadratic", 4 + 0.1 * X - 0.3 * Y + 0.02 * X * Y + 0.01 * X**2 - 0.2 * Y**2),
+    ],
+)
+def test_a_level_takes_its_shape_away_whatever_is_missing(level: str, shape: np.ndarray) -> None:
+    holes = shape.copy()
+    holes[4, 4] = holes[0, 8] = np.nan
+    levelled = prepare(topography(holes), level=level, fill=True)
+    np.testing.assert_allclose(levelled.heights, 0, atol=1e-11)
+    assert any(level in step for step in levelled.steps)
+
+
+def test_tilt_is_the_slope_of_the_plane() -> None:
+    assert tilt(topography(4 + 0.1 * X - 0.3 * Y)) == pytest.approx((0.1, -0.3))
+    assert rms_slope(topography(4 + 0.1 * X - 0.3 * Y)) == pytest.approx(np.hypot(0.1, 0.3))
+
+
+def test_crop_keeps_nodes_and_spacing() -> None:
+    cropped = prepare(topography(X + 100 * Y), crop="4:10,1:3.2", invert=True)
+    assert np.array_equal(cropped.heights, -(X + 100 * Y)[2:6, 2:7])
+    assert cropped.spacing == pytest.approx((2.0, 0.5))
+    assert len(cropped.steps) == 2
+
+
+@pytest.mark.parametrize("crop", ["4:10", "a:b,0:1", "4:5,0:4", "10:4,0:4", "90:99,0:4"])
+def test_crops_that_hold_nothing_are_refused(crop: str) -> None:
+    with pytest.raises(InputError, match="--crop"):
+        prepare(topography(X), crop=crop)
+
+
+def test_holes_that_stay_and_unknown_levels_are_refused() -> None:
+    with pytest.raises(InputError, match=r"scan: 1 of 108 heights are missing .* --fill"):
+        prepare(topography(np.where((X == 4) & (Y == 1), np.nan, X)))
+    with pytest.raises(InputError, match="--level 'cubic': give one of mean, plane, quadratic"):
+        prepare(topography(X), level="cubic")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_spikes_are_told_from_peaks(seed: int) -> None:
+    rough = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(seed))
+    surface = topography(rough, (1000.0, 1000.0))
+    assert not warnings_about(surface)
+    spiked = rough.copy()
+    spiked[30, 20] = rough.max() + 60
+    [warning] = warnings_about(replace(surface, heights=spiked))
+    assert "(30, 20) is a spike" in warning
+
+
+def test_steep_surfaces_are_told() -> None:
+    [warning] = warnings_about(topography(X))
+    assert warning.startswith("rms slope 1")
+
+
+def test_flat_and_smooth_surfaces_have_nothing_to_tell() -> None:
+    assert not warnings_about(topography(np.zeros(X.shape)))
+    assert not warnings_about(topography(-((X - 11) ** 2) / 1e3))
+
+
+def test_heights_in_metres_and_lists_of_points_are_told() -> None:
+    rough = generate("diamond-square", 33, 0.65, 2.0, np.random.default_rng(0))
+    [warning] = warnings_about(topography(1e-6 * rough, (100.0, 100.0)))
+    assert "in metres? --unit" in warning
+    points = np.column_stack([np.arange(200.0), np.arange(200.0) % 7, np.zeros(200)])
+    assert any("a list of x, y and z" in line for line in warnings_about(topography(points)))
+
+
+def test_much_that_is_missing_is_warned_of_and_more_refused() -> None:
+    for share, warned, refused in ((0.05, False, False), (0.3, True, False), (0.8, True, True)):
+        heights = np.where(np.random.default_rng(1).random(X.shape) < share, np.nan, 0.1 * X)
+        if refused:
+            with pytest.raises(InputError, match=r"are missing \(.* %\): .* insist by --fill-most"):
+                prepare(topography(heights), fill=True)
+        filled = prepare(topography(heights), fill=True, fill_most=refused)
+        told = [line for line in warnings_about(filled) if "were missing and are filled" in line]
+        assert len(told) == warned
+
+
+def test_moduli_combine() -> None:
+    assert combined_modulus([], []) == 1
+    assert combined_modulus([210e3], [0.3]) == pytest.approx(210e3 / 0.91)
+    both = 1 / (0.91 / 210e3 + 0.75 / 3e3)
+    assert combined_modulus([210e3, 3e3], [0.3, 0.5]) == pytest.approx(both)
+    assert combined_modulus([], [], 7.0) == 7
+    assert combined_modulus([2.0, 2.0], []) == 1
+
+
+@pytest.mark.parametrize(
+    ("young", "poisson", "e_star", "message"),
+    [
+        ([1.0, 2.0], [0.3], None, "--young was given 2 times, --poisson 1 times"),
+        ([1.0] * 3, [], None, "--young was given 3 times"),
+        ([0.0], [], None, "--young 0"),
+        ([1.0], [0.6], None, "--poisson 0.6"),
+        ([1.0], [], 2.0, "--e-star stands in place"),
+        ([], [], -2.0, "--e-star -2"),
+    ],
+)
+def test_moduli_that_no_material_has_are_refused(
+    young: list[float], poisson: list[float], e_star: float | None, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        combined_modulus(young, poisson, e_star)
+
+
+@pytest.fixture
+def scanned_sphere(tmp_path: Path) -> Path:
+    """R = 5 mm on 160 x 120 um: tilted, noisy, 2 % missing and a hole; heights in nm."""
+    random = np.random.default_rng(0)
+    x, y = np.meshgrid(np.linspace(-80, 80, 161), np.linspace(-60, 60, 161), indexing="ij")
+    heights = -(x**2 + y**2) / (2 * 5000.0) + 0.01 * x - 0.004 * y
+    heights += random.normal(0, 2e-4, x.shape)
+    heights[random.random(x.shape) < 0.02] = np.nan
+    heights[30:40, 100:115] = np.nan
+    np.save(tmp_path / "sphere.npy", 1e3 * heights)
+    return tmp_path / "sphere.npy"
+
+
+def test_a_scanned_sphere_is_hertz(
+    scanned_sphere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    prepared = ["--side", "160,120", "--unit", "nm", "--level", "plane", "--fill"]
+    moduli = ["--young", "210e3", "--poisson", "0.3", "--young", "70e3", "--poisson", "0.33"]
+    law, picture = tmp_path / "law.csv", tmp_path / "law.png"
+    outputs = ["--csv", str(law), "--plot", str(picture)]
+    arguments = [str(scanned_sphere), *prepared, *moduli, "--delta", "0.1:0.3:3", *outputs]
+    assert cli.main(["contact", *arguments]) == 0
+    assert "filled" in capsys.readouterr().out
+    rows = pd.read_csv(law)
+    modulus = combined_modulus([210e3, 70e3], [0.3, 0.33])
+    hertz = 4 / 3 * modulus * np.sqrt(5000.0) * rows.delta_um**1.5
+    np.testing.assert_allclose(rows.force_uN, hertz, rtol=0.02)
+    assert rows.prepared.str.contains("levelled by a plane").all()
+    assert picture.stat().st_size > 10_000
+    force = f"{rows.force_uN[0]}:{rows.force_uN[2]}:2"
+    again = ["contact", *arguments[: -len(outputs) - 2], "--force", force, "--csv", str(law)]
+    assert cli.main(again) == 0
+    np.testing.assert_allclose(pd.read_csv(law).delta_um, [0.1, 0.3], rtol=1e-4)
+
+
+def test_full_contact_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    heights = generate("diamond-square", 17, 0.65, 2.0, np.random.default_rng(0))
+    np.save(tmp_path / "surface.npy", heights)
+    arguments = ["contact", str(tmp_path / "surface.npy"), "--side", "1000", "--delta"]
+    assert cli.main([*arguments, "0.5"]) == 0
+    assert "touches" not in "".join(capsys.readouterr())
+    assert cli.main([*arguments, "0.5,200"]) == 0
+    said = " ".join("".join(capsys.readouterr()).split())
+    span = f"{np.ptp(heights):.4g}"
+    assert f"from Delta = 200 um on every node touches, the heights span {span} um" in said
+
+
+def test_loads_are_numbers_ranges_or_both(
+    scanned_sphere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    prepared = ["--side", "160,120", "--unit", "nm", "--level", "plane", "--fill"]
+    law = tmp_path / "law.csv"
+    arguments = [str(scanned_sphere), *prepared, "--delta", "0.05,0.1:0.3:3", "--csv", str(law)]
+    assert cli.main(["contact", *arguments]) == 0
+    np.testing.assert_allclose(pd.read_csv(law).delta_um, [0.05, 0.1, 0.2, 0.3])
+
+
+def test_describe_writes_a_row_of_statistics(scanned_sphere: Path, tmp_path: Path) -> None:
+    table = tmp_path / "row.csv"
+    arguments = ["--side", "160,120", "--unit", "nm", "--fill", "--csv", str(table)]
+    assert cli.main(["describe", str(scanned_sphere), *arguments]) == 0
+    row = pd.read_csv(table).iloc[0]
+    assert (row.nodes_x, row.nodes_y) == (161, 161)
+    assert (row.side_x_um, row.side_y_um) == (160, 120)
+    assert row.height_max > row.height_mean > 0
+
+
+@pytest.mark.parametrize(
+    ("load", "message"),
+    [
+        (["--delta", "1", "--force", "2"], "--delta and --force given: give one"),
+        ([], "no load given"),
+        (
+            ["--pressure", "1:2"],
+            "--pressure '1:2': give a number, several as 1,2,5, or",
+        ),
+        (["--pressure", "1:2:1"], "start:stop:count"),
+        (["--delta", "deep"], "--delta 'deep'"),
+        (["--delta", "1", "--plot", "no/where.png"], "no folder"),
+        (["--delta", "1", "--plot", "picture"], "ending in .png"),
+    ],
+)
+def test_loads_and_outputs_that_cannot_be_are_one_line(
+    scanned_sphere: Path, load: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["contact", str(scanned_sphere), "--side", "160,120", "--unit", "nm", "--fill"]
+    assert cli.main([*arguments, *load]) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
+    assert captured.out == ""

@@ -1,0 +1,59 @@
+"""The serial side of the farm's contract; tests/mpi has the same for several ranks."""
+
+import os
+import sys
+
+import pytest
+
+from gen.runtime import farm
+from gen.runtime.errors import InputError
+
+
+def test_every_task_is_done_once_and_drawn_lazily():
+    drawn, done = [], []
+
+    def tasks():
+        for task in range(5):
+            drawn.append(task)
+            assert len(drawn) == len(done) + 1
+            yield task
+
+    farm.run(lambda task: task**2, tasks(), lambda *pair: done.append(pair), farm.World())
+    assert done == [(task, task**2) for task in range(5)]
+
+
+def test_stopping_ends_before_the_next_task():
+    done = []
+    farm.run(
+        lambda task: task,
+        iter(range(100)),
+        lambda task, _: done.append(task),
+        farm.World(),
+        stopping=lambda: len(done) >= 3,
+    )
+    assert done == [0, 1, 2]
+
+
+def test_errors_pass_through():
+    def fail(task):
+        raise ZeroDivisionError(task)
+
+    with pytest.raises(ZeroDivisionError):
+        farm.run(fail, iter([1]), lambda *_: None, farm.World())
+
+
+def test_the_world_is_one_process_unless_a_launcher_says_otherwise(monkeypatch):
+    for name in farm.LAUNCHERS:
+        monkeypatch.delenv(name, raising=False)
+    for name in [name for name in sys.modules if name.partition(".")[0] == "mpi4py"]:
+        monkeypatch.delitem(sys.modules, name)
+    assert farm.this_world() == farm.World(0, 1, None)
+    assert "mpi4py" not in sys.modules
+
+
+def test_a_launcher_without_mpi4py_is_one_clear_line(monkeypatch):
+    monkeypatch.setitem(os.environ, "PMI_SIZE", "2")
+    monkeypatch.setitem(sys.modules, "mpi4py", None)
+    with pytest.raises(InputError, match="'mpich'") as caught:
+        farm.this_world()
+    assert "\n" not in str(caught.value)

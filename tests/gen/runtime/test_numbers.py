@@ -1,0 +1,127 @@
+"""Numbers as users type them, and what memory they may ask for."""
+
+import h5py
+import numpy as np
+import pytest
+
+from gen import cli
+from gen.runtime import memory
+from gen.runtime.errors import InputError
+from gen.runtime.numbers import DIGITS, MOST, magnitude, rows_from, shown, values_from, whole
+from gen.schema import RUNTIME
+
+HUGE = "9" * 5000
+ODD = ["", "x", "-1", "1.5", "1e3", "0x10", "1_0", "٣", HUGE, "9" * (DIGITS + 1)]
+
+
+@pytest.mark.parametrize("text", ODD)
+def test_what_is_no_whole_number_is_none(text):
+    assert whole(text) is None
+
+
+def test_whole_numbers_are_read():
+    assert [whole(text) for text in ("0", " 7 ", "0010")] == [0, 7, 10]
+
+
+@pytest.mark.parametrize("odd", ODD)
+def test_odd_rows_are_refused_in_one_line(odd):
+    with pytest.raises(InputError, match=r"^--rows .*give two row numbers") as refused:
+        rows_from(f"0:{odd}")
+    assert len(str(refused.value)) < 200
+
+
+def test_rows_are_read():
+    assert rows_from("") is None
+    assert rows_from("100:200") == (100, 200)
+
+
+def test_values_are_those_of_linspace():
+    assert values_from("5", "--delta", "") == [5.0]
+    assert values_from("1,2:3:5,-7", "--delta", "") == [1.0, *np.linspace(2, 3, 5), -7.0]
+
+
+@pytest.mark.parametrize(
+    "text", ["", "x", "1:2", "1:2:1", "1:2:0x3", "1:inf:3", "nan:2:3", "1:2:3:4", "1,", ":" * 3000]
+)
+def test_what_is_no_value_is_refused(text):
+    with pytest.raises(InputError, match=r"^--delta .*: advice$"):
+        values_from(text, "--delta", "advice")
+
+
+@pytest.mark.parametrize("text", ["1:2:2000000000", f"1:2:{MOST},1:2:3", "1," * MOST + "1"])
+def test_more_values_than_any_use_are_refused_before_they_take_memory(text):
+    with pytest.raises(InputError, match="give 100,000 values at most"):
+        values_from(text, "--delta", "advice")
+
+
+def test_a_count_of_too_many_digits_is_no_number():
+    with pytest.raises(InputError, match="advice"):
+        values_from(f"1:2:{HUGE}", "--delta", "advice")
+
+
+def test_long_texts_are_cut():
+    assert shown("1:2") == "'1:2'"
+    assert shown(HUGE) == "'" + "9" * 60 + "'... (5000 characters)"
+
+
+def test_magnitudes_leave_room_for_arithmetic():
+    assert all(magnitude(value) for value in (1e-9, 1.0, 1e12))
+    assert not any(magnitude(value) for value in (0.0, 1e-320, -1.0, 1e308, np.inf, np.nan))
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (0, "0 bytes"),
+        (330, "330 bytes"),
+        (66_000, "66.0 kB"),
+        (1.5e9, "1.5 GB"),
+        (2e15, "2,000.0 TB"),
+    ],
+)
+def test_sizes_have_a_unit_that_suits_them(number, words):
+    assert memory.size(number) == words
+
+
+def test_more_loads_than_memory_holds_are_refused_before_the_first(monkeypatch):
+    monkeypatch.setattr(memory, "allowed", lambda: 100_000_000)
+    memory.require_for_contacts(3, (257, 257))
+    with pytest.raises(InputError, match=r"100 loads on 257 x 257 nodes need about 237.8 MB"):
+        memory.require_for_contacts(100, (257, 257))
+
+
+def test_a_solve_out_of_memory_says_what_it_needs(tmp_path, monkeypatch, capsys):
+    def solve(*_, **__):
+        raise MemoryError
+
+    np.save(tmp_path / "surface.npy", np.arange(81.0).reshape(9, 9))
+    monkeypatch.setattr("bem.ladder", solve)
+    arguments = ["contact", str(tmp_path / "surface.npy"), "--side", "9", "--delta", "1"]
+    assert cli.main(arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "9 x 9 nodes does not fit into memory: it needs about 32.4 kB" in line
+
+
+def test_a_run_out_of_memory_says_what_it_needs_and_fails_no_row(tmp_path, monkeypatch, capsys):
+    def solve(*_, **__):
+        raise MemoryError
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text("samples = 3\n[surface]\nnodes = 9\n")
+    monkeypatch.setattr("gen.generation.sample.solve_contact", solve)
+    assert cli.main(["run", "scene.toml", "-o", "rows.h5"]) == 2
+    (line,) = (each for each in capsys.readouterr().err.splitlines() if each.startswith("gen: "))
+    assert "9 x 9 nodes does not fit into memory" in line
+    monkeypatch.undo()
+    assert cli.main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "rows.h5")]) == 0
+    assert "3 rows done, 0 failed" in capsys.readouterr().out
+
+
+def test_a_picture_needs_no_times(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text("samples = 4\n[surface]\nnodes = 9\n")
+    assert cli.main(["run", "scene.toml", "-o", "rows.h5"]) == 0
+    for rows in (slice(0, 1), slice(None)):
+        with h5py.File("rows.h5", "r+") as file:
+            file[RUNTIME]["solve_seconds"][rows] = np.nan
+        assert cli.main(["plot", "rows.h5", "-o", "rows.png"]) == 0, capsys.readouterr().err

@@ -1,0 +1,183 @@
+"""Files that commands write: never over an input, an output or another kind, and always whole."""
+
+import os
+import resource
+import signal
+import stat
+
+import numpy as np
+import pytest
+
+from bench.__main__ import main as bench
+from gen import cli, picture
+from gen.runtime import output
+from gen.runtime.errors import InputError
+from gen.runtime.output import Output, check_outputs
+from learn import cli as learn
+
+CONTACT = ["contact", "h.npy", "--side", "9", "--delta", "1"]
+LAW = ["law", "model.surrogate", "h.npy"]
+
+REPLACED = {
+    "h.npy": b"\x93NUMPY\x01\x00v\x00",
+    "rows.h5": b"\x89HDF\r\n\x1a\n\x02",
+    "old.png": b"\x89PNG\r\n\x1a\n",
+    "table.csv": b"a,b\n1,2\n",
+}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A surface, files of several kinds, links to them, and what no command may write to."""
+    monkeypatch.chdir(tmp_path)
+    for name, content in REPLACED.items():
+        (tmp_path / name).write_bytes(content)
+    np.save("h.npy", np.arange(81.0).reshape(9, 9))
+    (tmp_path / "heights.txt").write_text("0 1\n1 0\n")
+    os.link("heights.txt", "hard.txt")
+    (tmp_path / "soft.txt").symlink_to("heights.txt")
+    (tmp_path / "same.csv").symlink_to("table.csv")
+    (tmp_path / "loop.csv").symlink_to("loop.csv")
+    os.mkfifo("fifo.csv")
+    (tmp_path / "locked.csv").write_text("a\n")
+    (tmp_path / "locked.csv").chmod(0o444)
+    (tmp_path / "locked.png").write_bytes(REPLACED["old.png"])
+    (tmp_path / "locked.png").chmod(0o400)
+    return tmp_path
+
+
+def contents(folder):
+    return {
+        (each.name, each.lstat().st_mtime_ns): each.read_bytes() if each.is_file() else b""
+        for each in folder.iterdir()
+    }
+
+
+REFUSED = [
+    (cli, [*CONTACT, "--csv", "h.npy"], "is an input"),
+    (cli, ["describe", "h.npy", "--side", "9", "--csv", "h.npy"], "is an input"),
+    (cli, ["describe", "heights.txt", "--side", "9", "--csv", "hard.txt"], "is an input"),
+    (cli, ["describe", "heights.txt", "--side", "9", "--csv", "soft.txt"], "is an input"),
+    (cli, ["plot", "rows.h5", "-o", "rows.h5"], "is an input"),
+    (cli, [*CONTACT, "--csv", "rows.h5"], "holds HDF5, not text"),
+    (cli, [*CONTACT, "--csv", "old.png"], "holds a picture, not text"),
+    (cli, [*CONTACT, "--plot", "table.csv"], "holds text, not a picture"),
+    (cli, [*CONTACT, "--csv", "new.png", "--plot", "new.png"], "is what --csv writes too"),
+    (cli, [*CONTACT, "--csv", "locked.csv"], "is read-only"),
+    (cli, [*CONTACT, "--plot", "locked.png"], "is read-only"),
+    (cli, [*CONTACT, "--csv", "fifo.csv"], "is no regular file"),
+    (cli, [*CONTACT, "--csv", "/dev/null"], "is no regular file"),
+    (cli, [*CONTACT, "--csv", "loop.csv"], "loop"),
+    (cli, [*CONTACT, "--csv", "/"], "folder"),
+    (cli, [*CONTACT, "--csv", "nowhere/law.csv"], "folder that exists"),
+    (cli, [*CONTACT, "--plot", "nowhere/law.png"], "folder that exists"),
+    (cli, [*CONTACT, "--csv", "/proc/law.csv"], "cannot be written"),
+    (cli, [*CONTACT, "--csv", "n" * 300], "name too long"),
+    (learn, [*LAW, "--csv", "same.csv", "--header", "table.csv"], "is what --csv writes too"),
+    (learn, [*LAW, "--csv", "new.csv", "--header", "./new.csv"], "is what --csv writes too"),
+    (learn, [*LAW, "--header", "rows.h5"], "holds HDF5, not text"),
+    (learn, ["fit", "rows.h5", "-o", "rows.h5"], "is an input"),
+    (learn, ["fit", "other.h5", "-o", "rows.h5"], "holds HDF5, not a surrogate"),
+    (learn, ["predict", "model.surrogate", "heights.txt", "-o", "hard.txt"], "is an input"),
+    (learn, ["compare", "rows.h5", "-o", "table.csv"], "is a file: give a folder"),
+    (learn, ["tune", "rows.h5", "-o", "/proc/nowhere"], "cannot be written to"),
+    (learn, ["importance", "rows.h5", "-o", "/proc"], "cannot be written to"),
+]
+
+
+@pytest.mark.parametrize(("program", "arguments", "word"), REFUSED)
+def test_refused_before_any_work(folder, capsys, monkeypatch, program, arguments, word):
+    def work(*_arguments, **_settings):
+        raise AssertionError("worked before the refusal")
+
+    monkeypatch.setattr("gen.measured.topography.read", work)
+    before = contents(folder)
+    assert program.main(arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert word.lower() in line.lower()
+    assert contents(folder) == before
+
+
+@pytest.mark.parametrize(
+    ("command", "names"),
+    {
+        "hertz": ["hertz.csv", "hertz.png"],
+        "growth": ["growth.csv", "growth.png"],
+        "peers": ["peers.csv", "peers.png"],
+        "solver": ["solver.csv", "solver.json", "solver.png"],
+        "scale": ["costs.json", "scale.csv", "scale.png"],
+        "unstated": ["readings.csv", "unstated.png"],
+        "cost": ["cost.csv", "learning.csv", "cost.txt", "cost.png"],
+        "tolerance": ["tolerance.csv", "tolerance.txt", "tolerance.png"],
+        "generalisation": ["generalisation.csv"],
+        "throughput": ["throughput.csv"],
+        "memory": ["memory.csv"],
+    }.items(),
+)
+def test_reports_find_out_before_they_measure(folder, capsys, command, names):
+    for name in names:
+        report = folder / f"{command}-{name}"
+        report.mkdir()
+        (report / name).write_bytes(REPLACED["rows.h5"])
+        before = contents(report)
+        assert bench([command, "-o", str(report)]) == 2
+        assert "holds HDF5" in capsys.readouterr().err.splitlines()[-1]
+        assert contents(report) == before
+
+
+def test_a_picture_replaces_a_picture_and_keeps_link_and_mode(folder, capsys):
+    (folder / "old.png").chmod(0o640)
+    (folder / "link.png").symlink_to("old.png")
+    assert cli.main([*CONTACT, "--csv", "same.csv", "--plot", "link.png"]) == 0
+    assert (folder / "link.png").is_symlink()
+    assert (folder / "same.csv").is_symlink()
+    assert stat.S_IMODE((folder / "old.png").stat().st_mode) == 0o640
+    assert (folder / "old.png").stat().st_size > 1000
+    assert (folder / "table.csv").read_text().startswith("delta_um,")
+    assert not list(folder.glob(".asperity-*"))
+
+
+def test_a_full_disk_keeps_the_old_picture(folder):
+    figure = picture.new_figure(folder / "old.png")
+    before = contents(folder)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(InputError, match=r"old.png cannot be written: File too large"):
+            picture.save(figure, folder / "old.png")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert contents(folder) == before
+
+
+def test_an_error_midway_leaves_what_was_there(folder):
+    before = contents(folder)
+
+    def fail():
+        with output.whole(folder / "table.csv") as file:
+            file.write(b"half a table")
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert contents(folder) == before
+
+
+def test_files_in_an_input_folder_are_inputs(folder):
+    check_outputs([Output(folder / "table.csv", "-o")], [folder])  # results of earlier runs
+    for name in ("heights.txt", "hard.txt"):
+        with pytest.raises(InputError, match="is an input"):
+            check_outputs([Output(folder / name, "-o")], [folder])
+
+
+def test_an_empty_file_and_the_same_kind_are_replaced(folder):
+    (folder / "empty").touch()
+    kinds = ("text", "picture", "surrogate", "arrays")
+    for kind in kinds:
+        check_outputs([Output(folder / "empty", "-o", kind)])
+    np.savez(folder / "kept.npz", a=np.ones(2))
+    check_outputs([Output(folder / "kept.npz", "-o", "arrays")])
+    with pytest.raises(InputError, match="holds an archive of arrays, not a surrogate"):
+        check_outputs([Output(folder / "kept.npz", "-o", "surrogate")])
