@@ -47,6 +47,7 @@ def coherent(path: Path) -> bool:
     NFS and SMB do not see to that. What is mounted where is known on Linux only; elsewhere and in
     doubt the answer is yes.
     """
+    real = Path(os.path.realpath(path))  # loops of links are for others to refuse
     try:
         mounts = MOUNTS.read_text(errors="surrogateescape").splitlines()
     except OSError:
@@ -54,7 +55,7 @@ def coherent(path: Path) -> bool:
     kind, longest = "", 0
     for fields in (line.split(" ") for line in mounts):
         point = re.sub(r"\\([0-7]{3})", lambda code: chr(int(code[1], 8)), fields[4])
-        if path.resolve().is_relative_to(point) and len(point) >= longest:
+        if real.is_relative_to(point) and len(point) >= longest:
             kind, longest = fields[fields.index("-") + 1], len(point)
     return kind not in INCOHERENT
 

@@ -110,8 +110,9 @@ def generate_database(request: Request, world: farm.World) -> Outcome:
         job = stack.enter_context(_Job(request, world)) if world.is_master else None
         target: Target = world.broadcast(job and job.target)
         compute = partial(_compute_block, target.scene, world.rank, request.sample_limit)
+        blocks = job.blocks(world) if job is not None else iter(())
         delivered = delivery(target, world, compute)
-        return _work_off(job, delivered, world, interruption)
+        return _work_off(job, blocks, delivered, world, interruption)
 
 
 class _Job:
@@ -145,6 +146,10 @@ class _Job:
 
     def __exit__(self, *error: object) -> None:
         self._stack.close()
+
+    def blocks(self, world: farm.World) -> Iterator[Block]:
+        """Cut what the file lacks into tasks."""
+        return blocks_of(self.target.scene, self.pending, world.workers)
 
 
 def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Block]:
@@ -181,16 +186,21 @@ def _least_rows(nodes: int, rows: int, workers: int) -> int:
 
 def _work_off(
     job: _Job | None,
+    blocks: Iterator[Block],
     delivered: ThroughMaster | FromWorkers,
     world: farm.World,
     interruption: Interruption,
 ) -> Outcome:
-    """Run the farm; the outcome of the master is everybody's."""
+    """Run the farm; the outcome of the master is everybody's.
+
+    Where all processes have opened the file, all of them have to close it: between here and the
+    farm the master does nothing that could fail.
+    """
     with delivered:
         if job is None:
-            farm.run(delivered.work, iter(()), _ignore, world)
+            farm.run(delivered.work, blocks, _ignore, world)
         else:
-            ended = _supervise(job, delivered, world, interruption)
+            ended = _supervise(job, blocks, delivered, world, interruption)
     # All who wrote have closed the file: what stands in it now is how the run ended.
     outcome: Outcome = world.broadcast(None if job is None else _counted(job.target.path, ended))
     return outcome
@@ -206,6 +216,7 @@ def _counted(path: Path, ended: Outcome) -> Outcome:
 
 def _supervise(
     job: _Job,
+    blocks: Iterator[Block],
     delivered: ThroughMaster | FromWorkers,
     world: farm.World,
     interruption: Interruption,
@@ -225,7 +236,6 @@ def _supervise(
             overdue += tally.overdue
             progress.advance(block[1] - block[0] - tally.overdue, tally.failed)
 
-        blocks = blocks_of(job.target.scene, job.pending, world.workers)
         farm.run(delivered.work, blocks, take, world, stopping=interruption.requested)
         delivered.confirm()
     return Outcome(Counts(0, 0, 0), interruption.signal, overdue)

@@ -34,7 +34,7 @@ for name, (rank, home, attribute, error) in FAULTS.items():
         stack.enter_context(contextlib.redirect_stderr(err))
         if world.rank == rank:
             stack.enter_context(patch.object(home, attribute, side_effect=error))
-        code = cli.main(["run", "scene.toml", "-o", "rows.h5"])
+        code = cli.main(["run", "scene.toml", "-o", "rows.h5", "--writer", "single"])
     ends = world.gather((code, err.getvalue()))
     if world.rank == 0:
         print(json.dumps([name, ends]), flush=True)
