@@ -2,6 +2,7 @@
 
 import os
 import sys
+import time
 from collections.abc import Collection, Sequence
 from contextlib import suppress
 from functools import cache
@@ -30,6 +31,10 @@ EXTRAS = {
     "xgboost": "learn",
 }
 """Packages that only some commands need, and the extra that brings each."""
+
+FORWARDING = 0.5
+"""Time that a launcher has for passing on a last line [s]: what it holds when it hears of the abort
+is lost."""
 
 
 def main(
@@ -87,6 +92,7 @@ def _ended(world: farm.World, code: int, message: str) -> int:
         if not message:
             raise
         _complain(f"{message} (rank {world.rank})")
+        time.sleep(FORWARDING)
         world.communicator.Abort(code)
         sys.exit(code)
 
