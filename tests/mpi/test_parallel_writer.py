@@ -64,7 +64,7 @@ from gen.database import ParallelWriter
 flushes = []
 def die_between_columns_and_status(self):
     flushes.append(1)
-    if farm.this_world().rank == 1 and len(flushes) == 3:
+    if farm.this_world().rank > 0 and len(flushes) == 3:  # whichever worker comes that far
         os.kill(os.getpid(), signal.SIGKILL)
 ParallelWriter._flush = die_between_columns_and_status
 sys.exit(cli.main(["run", "scene.toml", "-o", sys.argv[1]]))
