@@ -16,6 +16,8 @@ LEVELS = ("mean", "plane", "quadratic")
 # The highest node is taken for a spike when it stands so many robust standard deviations further
 # above its neighbours' median than nodes usually do. Self-affine surfaces stay below 5.
 SPIKE = 7.0
+# Rows of nodes whose neighbours are looked at together: large maps are in memory a few times only.
+ROWS = 64
 # Half-space theory takes slopes for small; rough surfaces of the paper have 0.07 to 0.26.
 STEEP = 0.3
 # Polished mirrors have 1e-4: what is flatter has probably lost the unit of its heights.
@@ -253,15 +255,18 @@ def _spike(heights: Heights) -> tuple[int, int, float] | None:
     """Where the highest node is, and how far above its neighbours' median, if that is a spike."""
     padded = np.pad(heights, 1, mode="reflect", reflect_type="odd")  # slopes go on
     nx, ny = heights.shape
-    neighbours = np.stack(
-        [
-            padded[1 + i : 1 + i + nx, 1 + j : 1 + j + ny]
-            for i in (-1, 0, 1)
-            for j in (-1, 0, 1)
-            if i or j
-        ]
-    )
-    above = heights - np.median(neighbours, axis=0)
+    above = np.empty(heights.shape)
+    for first in range(0, nx, ROWS):
+        rows = min(ROWS, nx - first)
+        neighbours = np.stack(
+            [
+                padded[1 + i + first : 1 + i + first + rows, 1 + j : 1 + j + ny]
+                for i in (-1, 0, 1)
+                for j in (-1, 0, 1)
+                if i or j
+            ]
+        )
+        above[first : first + rows] = heights[first : first + rows] - np.median(neighbours, axis=0)
     above -= np.median(above)
     usual = 1.4826 * float(np.median(np.abs(above)))
     row, column = np.unravel_index(int(np.argmax(heights)), heights.shape)

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gen import cli
+from gen.measured import preparation
 from gen.measured.material import combined_modulus
 from gen.measured.preparation import filled_harmonically, prepare, rms_slope, tilt, warnings_about
 from gen.measured.topography import Topography
@@ -245,3 +246,15 @@ def test_loads_and_outputs_that_cannot_be_are_one_line(
     assert message in captured.err
     assert captured.err.count("\n") == 1
     assert captured.out == ""
+
+
+@pytest.mark.parametrize("rows", [1, 3, 64, 1000])
+def test_spikes_are_found_whichever_rows_are_looked_at_together(
+    monkeypatch: pytest.MonkeyPatch, rows: int
+) -> None:
+    heights = np.random.default_rng(0).normal(size=(65, 33))
+    heights[64, 7] += 90
+    expected = preparation._spike(heights)
+    monkeypatch.setattr(preparation, "ROWS", rows)
+    assert preparation._spike(heights) == expected
+    assert expected[:2] == (64, 7)
