@@ -123,8 +123,8 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
         return 2, _in_words(name, error)
     except MemoryError as error:
         allowed = memory.size(memory.allowed())
-        fault = f"{str(error) or 'no more is given'}; {allowed} are allowed here, shared with all else"
-        return 2, f"{name}: this needs more memory than there is: {fault}"
+        fault = f"{str(error) or 'no more is given'}; {allowed} are allowed here"
+        return 2, f"{name}: this needs more memory than there is: {fault}, shared with all else"
     return code, ""
 
 
