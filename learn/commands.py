@@ -246,7 +246,7 @@ def law(
     from learn.surrogate import Surrogate
     from learn.surrogate.conformal import checked_level
     from learn.surrogate.law import Order, make
-    from learn.surrogate.law_table import show, write
+    from learn.surrogate.law.table import show, write
     from learn.surrogate.sources import Options
 
     check_outputs([Output(table, "--csv"), Output(header, "--header")], inputs)

@@ -10,8 +10,8 @@ import pytest
 from gen import cli as gen_cli
 from gen.runtime.errors import InputError
 from learn import cli
-from learn.surrogate.curves import QUANTITIES, tabulated
-from learn.surrogate.points import Points
+from learn.surrogate.law.curves import QUANTITIES, tabulated
+from learn.surrogate.law.points import Points
 
 SCENE = "samples = 60\nsamples_per_surface = 2\n[surface]\nnodes = 9\n"
 RESULT = "area/tuned/decision-tree.json"

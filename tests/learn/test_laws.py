@@ -14,8 +14,8 @@ from gen.generation.plan import parameters
 from gen.generation.sample import solve_contact, surface_of
 from gen.scene import Scene
 from learn import Surrogate, cli
-from learn.surrogate import inversion
-from learn.surrogate.points import Points
+from learn.surrogate.law import inversion
+from learn.surrogate.law.points import Points
 
 STEEL = ["--young", "210e3", "--poisson", "0.3"]
 LOADS = ["--pressure", "100:2000:4"]

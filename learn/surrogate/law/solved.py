@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.progress import RunProgress
-from learn.surrogate.curves import Curves, held, tabulated
-from learn.surrogate.points import Points, solved
-from learn.surrogate.subjects import Subject
+from learn.surrogate.law.curves import Curves, held, tabulated
+from learn.surrogate.law.points import Points, solved
+from learn.surrogate.law.subjects import Subject
 
 Values = NDArray[np.float64]
 Load = Literal["delta", "pressure"]

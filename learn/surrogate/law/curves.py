@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
-from learn.surrogate.points import Points
+from learn.surrogate.law.points import Points
 
 Values = NDArray[np.float64]
 

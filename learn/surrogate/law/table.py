@@ -10,9 +10,9 @@ import numpy as np
 
 from gen.runtime.console import wide_console
 from gen.runtime.table import Row, write_csv
-from learn.surrogate import header
-from learn.surrogate.curves import COLUMNS, Curve, Curves
-from learn.surrogate.law import Law
+from learn.surrogate.law import c_header
+from learn.surrogate.law.contact_law import Law
+from learn.surrogate.law.curves import COLUMNS, Curve, Curves
 from learn.surrogate.ranges import brief
 
 if TYPE_CHECKING:
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 ENDS = ("", "_low", "_high", "_slope")
 
 
-def write(law: Law, table: Path | None, c_header: Path | None) -> list[Path]:
+def write(law: Law, table: Path | None, header: Path | None) -> list[Path]:
     """Write a law as CSV and as a C header, where asked for."""
     written = []
     if table is not None:
         write_csv(table, list(_rows(law)))
         written.append(table)
-    if c_header is not None:
-        header.write(c_header, law)
-        written.append(c_header)
+    if header is not None:
+        c_header.write(header, law)
+        written.append(header)
     return written
 
 

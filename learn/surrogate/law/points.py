@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from gen.measured.single import solve_loads, warnings_about
 from gen.measured.topography import Topography
 from gen.runtime.errors import InputError
+from learn.surrogate.law.subjects import Subject
 from learn.surrogate.model import OnSurface
-from learn.surrogate.subjects import Subject
 
 if TYPE_CHECKING:
     from bem import Contact

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
 from gen.runtime.progress import RunProgress
-from learn.surrogate import inversion
-from learn.surrogate.curves import Curves, continued, monotone, tabulated
+from learn.surrogate.law import inversion
+from learn.surrogate.law.curves import Curves, continued, monotone, tabulated
+from learn.surrogate.law.points import Points, predicted
+from learn.surrogate.law.subjects import Subject
 from learn.surrogate.model import OnSurface, Surrogate
-from learn.surrogate.points import Points, predicted
-from learn.surrogate.subjects import Subject
 
 Values = NDArray[np.float64]
 

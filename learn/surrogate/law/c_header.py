@@ -20,8 +20,8 @@ from gen.runtime import output
 from gen.runtime.provenance import git_commit, versions
 
 if TYPE_CHECKING:
-    from learn.surrogate.curves import Curve, Curves
-    from learn.surrogate.law import Law
+    from learn.surrogate.law.contact_law import Law
+    from learn.surrogate.law.curves import Curve, Curves
 
 SHORT = {
     "area_percent": "area",

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
-from learn.surrogate import predicted_law, solved_law
-from learn.surrogate.curves import Curves
+from learn.surrogate.law import predicted, solved
+from learn.surrogate.law.curves import Curves
+from learn.surrogate.law.subjects import Subjects, found_in
 from learn.surrogate.model import Surrogate
 from learn.surrogate.sources import Options, deltas_from, pressures_from
-from learn.surrogate.subjects import Subjects, found_in
 
 Values = NDArray[np.float64]
 
@@ -105,14 +105,14 @@ def make(surrogate: Surrogate | None, order: Order, say: Callable[[str], None]) 
         deltas = _usual_deltas(surrogate, subjects)
     if order.solver:
         material = order.e_star is not None
-        over_delta, over_pressure, notes = solved_law.tables(
+        over_delta, over_pressure, notes = solved.tables(
             subjects.surfaces, deltas, pressures, order.level, e_star, material=material
         )
         how = "solved contact by contact"
     else:
         assert surrogate is not None
         assert deltas is not None
-        over_delta, over_pressure, notes = predicted_law.tables(
+        over_delta, over_pressure, notes = predicted.tables(
             surrogate, subjects.surfaces, deltas, pressures, order.level, e_star
         )
         how = f"predicted by {surrogate.card['title']}"

@@ -16,7 +16,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.surrogate.points import Points
+from learn.surrogate.law.points import Points
 
 Values = NDArray[np.float64]
 
