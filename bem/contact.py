@@ -7,12 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bem.convolution import displacement_filter
-from bem.equilibrium import (
-    Equilibrium,
-    Start,
-    on_compliant_far_field,
-    on_rigid_far_field,
-)
+from bem.displacement_control import on_compliant_far_field, on_rigid_far_field
+from bem.equilibrium import Equilibrium, Start
 from bem.influence import Kernel
 from bem.load_control import under_given_force
 from bem.problem import (

@@ -10,9 +10,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from bem.active_set import solve_complementarity
 from bem.half_space import HalfSpace
 from bem.influence import Kernel
-from bem.solver import solve_complementarity
 
 FLAT_PUNCH_RTOL = 1e-13
 

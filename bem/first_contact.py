@@ -64,7 +64,7 @@ def settle_few(
 
     Parameters
     ----------
-    operators, interference, rtol : see `bem.solver.solve_complementarity`
+    operators, interference, rtol : see `bem.active_set.solve_complementarity`
     iterate : improved in place, its residual then exact
     most_sets : bound on the contact sets, which count as iterations
     """

@@ -6,15 +6,16 @@ from functools import cache
 
 import numpy as np
 
+from bem.active_set import FROM_NEAR, FROM_SCRATCH, solve_complementarity
 from bem.direct import FEW_NODES, solve_directly
-from bem.equilibrium import Equilibrium, Start, on_rigid_far_field, overlap, started, unfold
+from bem.displacement_control import on_rigid_far_field
+from bem.equilibrium import Equilibrium, Start, overlap, started, unfold
 from bem.far_field import flat_punch
 from bem.first_contact import take_first_steps
 from bem.half_space import HalfSpace
 from bem.influence import InfluenceMatrix
 from bem.iterate import Iterate
 from bem.problem import Problem
-from bem.solver import FROM_NEAR, FROM_SCRATCH, solve_complementarity
 
 # Looser residuals leave displacements from which no better one can be guessed.
 LOOSEST_RTOL = 1e-2

@@ -19,7 +19,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from scipy import optimize
 
 import bem
-from bem import equilibrium, half_space, influence
+from bem import displacement_control, half_space, influence
 from bem.convolution import Filter, displacement_filter
 from bem.direct import FEW_NODES
 from bem.influence import KERNELS, Kernel
@@ -198,7 +198,7 @@ def test_solve_few_candidates(
     assert_exact(contact)
     if benchmark.enabled:
         dense, full = (seconds_of(partial(bem.solve, heights, SIDE, each)) for each in (few, delta))
-    monkeypatch.setattr(equilibrium, "FEW_NODES", 0)
+    monkeypatch.setattr(displacement_control, "FEW_NODES", 0)
     iterated = bem.solve(heights, SIDE, few)
     assert iterated.contact_nodes == contact.contact_nodes
     record_effort(benchmark, [contact])

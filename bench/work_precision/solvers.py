@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
+from bem.active_set import solve_complementarity
 from bem.half_space import HalfSpace
 from bem.influence import Kernel
 from bem.iterate import Operators
-from bem.solver import solve_complementarity
 from bench.work_precision.case import Case, Field
 
 Nodes = NDArray[np.intp]
@@ -94,7 +94,7 @@ class ActiveSet:
     control: str = "displacement"
 
     def solve(self, case: Case, rtol: float) -> Answer:
-        """By `bem.solver.solve_complementarity`; rtol as for `bem.solve`."""
+        """By `bem.active_set.solve_complementarity`; rtol as for `bem.solve`."""
         began = time.perf_counter()
         interference = case.interference
         nodes = np.flatnonzero(interference > 0)

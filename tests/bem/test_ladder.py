@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bem
-from bem import direct, equilibrium
+from bem import direct, displacement_control, equilibrium
 from bem.analytic import Paraboloid, distances_to_centre
 from bem.half_space import HalfSpace
 from bem.influence import KERNELS, Kernel
@@ -127,7 +127,7 @@ def test_a_start_that_claims_to_be_the_solution_is_found_out() -> None:
     claimed = ROUGH - ROUGH.max() + 30.0  # as of a solution with every node in contact
     near = 0.9 * alone.pressure
     start = equilibrium.Start(near, claimed)
-    found = equilibrium.on_rigid_far_field(pose(ROUGH, 1000.0, 30.0), 30.0, start)
+    found = displacement_control.on_rigid_far_field(pose(ROUGH, 1000.0, 30.0), 30.0, start)
     assert found.converged
     assert found.iterate.convolutions > 1
     np.testing.assert_array_equal(found.pressure > 0, alone.pressure > 0)
@@ -144,8 +144,8 @@ def starts(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Iterate, float]]:
         seen.append((replace(start), float(off)))
         return start
 
-    original = equilibrium.started
-    monkeypatch.setattr(equilibrium, "started", started)
+    original = displacement_control.started
+    monkeypatch.setattr(displacement_control, "started", started)
     return seen
 
 
@@ -187,7 +187,7 @@ def test_few_nodes_are_solved_alike_by_both_methods(
     arguments = {"spacing": 1.0, "kernel": kernel, "rtol": 1e-12}
     found = bem.solve(heights, 1.0, delta, **arguments)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(equilibrium, "FEW_NODES", 0)
+        patch.setattr(displacement_control, "FEW_NODES", 0)
         iterated = bem.solve(heights, 1.0, delta, **arguments)
     assert found.iterations <= direct.CONTACT_SETS or kernel == "concentrated-force"
     largest = iterated.pressure.max()

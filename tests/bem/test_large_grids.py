@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bem
-from bem import equilibrium
+from bem import displacement_control
 from bem.convolution import fast_period
 from bem.influence import KERNELS, Kernel
 from gen.surface import generate
@@ -27,7 +27,7 @@ def test_a_nested_start_changes_no_answer(
     delta = 0.6 * float(heights.max() - heights.min())
     settings = {"spacing": 1.0, "kernel": kernel, "rtol": 1e-9}
     plain = bem.solve(heights, SIDE, delta, **settings)  # type: ignore[arg-type]
-    monkeypatch.setattr(equilibrium, "NESTED", 9)
+    monkeypatch.setattr(displacement_control, "NESTED", 9)
     nested = bem.solve(heights, SIDE, delta, **settings)  # type: ignore[arg-type]
     assert nested.residual <= 1e-9
     assert nested.force == pytest.approx(plain.force, rel=1e-7)
@@ -42,8 +42,8 @@ def test_a_peak_between_the_coarser_nodes_starts_from_nothing(
     heights[20:23, 20:23] = 1.0
     heights[21, 21] = 3.0  # odd in both directions: every second node misses it
     heights -= np.random.default_rng(0).random(heights.shape) / 10
-    monkeypatch.setattr(equilibrium, "NESTED", 3)
-    monkeypatch.setattr(equilibrium, "FEW_NODES", 0)
+    monkeypatch.setattr(displacement_control, "NESTED", 3)
+    monkeypatch.setattr(displacement_control, "FEW_NODES", 0)
     contact = bem.solve(heights, 40.0, 1.5)
     assert contact.contact_nodes == 1
 
@@ -54,7 +54,7 @@ def test_between_nodes_straight_lines_stay_straight(nodes: int, axis: int) -> No
     coarse = np.zeros((3, 3)).take(np.zeros((nodes + 1) // 2, int), axis)
     line = np.arange((nodes + 1) // 2) * 2.0 + 1
     coarse += np.expand_dims(line, 1 - axis)
-    filled = np.moveaxis(equilibrium._between(coarse, axis, nodes), axis, 0)
+    filled = np.moveaxis(displacement_control._between(coarse, axis, nodes), axis, 0)
     expected = np.minimum(np.arange(nodes) + 1, line[-1])
     assert filled.shape == (nodes, 3)
     assert np.array_equal(filled, np.tile(expected[:, None], 3))

@@ -11,12 +11,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import bem
+from bem.active_set import descend, solve_complementarity
 from bem.far_field import critical_delta, flat_punch
 from bem.half_space import HalfSpace
 from bem.influence import Kernel
 from bem.iterate import Iterate
 from bem.problem import FarField
-from bem.solver import descend, solve_complementarity
 from tests.bem import dense
 from tests.bem.surfaces import SURFACES, surface
 

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 
 import bem
+from bem.active_set import FROM_NEAR, descend, solve_complementarity
 from bem.factor import ContactFactor
 from bem.far_field import critical_delta
 from bem.influence import Kernel
 from bem.iterate import Iterate
-from bem.solver import FROM_NEAR, descend, solve_complementarity
 from gen.runtime.overtime import at_most
 from tests.bem import dense
 from tests.bem.surfaces import SURFACES, Shape, surface
