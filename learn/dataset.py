@@ -11,11 +11,9 @@ from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import REASONS, Column, Status, statistics_columns
+from learn.arrays import Indices, Values
 from learn.features import FeatureSet, chosen
 from learn.features.sets import build, target_scale
-
-Values = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 INPUTS: tuple[str, ...] = ("delta", *(column.name for column in statistics_columns()))
 """The 23 inputs: Delta and the 22 statistics, in the order of the paper's Table 1."""

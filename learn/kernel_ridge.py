@@ -5,12 +5,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import norm as matrix_norm
 from scipy.linalg.lapack import dpocon, dpotrf, dpotrs
 from sklearn.kernel_ridge import KernelRidge
 
-Values = NDArray[np.float64]
+from learn.arrays import Values
 
 EPSILON = float(np.finfo(float).eps)
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from learn import features
+from learn.arrays import Values
 from learn.comparison.spaces import Space
-from learn.dataset import Values
 from learn.models import NORMALISATIONS
 
 

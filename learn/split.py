@@ -6,10 +6,10 @@ Rows of one surface stay together, so that no model is tested on a surface that 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
-from learn.dataset import Dataset, Indices
+from learn.arrays import Folds, Indices
+from learn.dataset import Dataset
 
 FOLDS = 5
 TEST_SHARE = 0.2
@@ -30,7 +30,7 @@ class Split:
 
     train: Indices
     test: Indices
-    folds: NDArray[np.int8]
+    folds: Folds
     seed: int
     by_surface: bool
 
@@ -73,7 +73,7 @@ def draw(dataset: Dataset, seed: int = 0, train_rows: int | None = None) -> Spli
     return Split(train, test, _folds(groups[train]), seed, by_surface)
 
 
-def _folds(groups: Indices) -> NDArray[np.int8]:
+def _folds(groups: Indices) -> Folds:
     """Cut rows, sorted by group, into folds of about the same size that share no group."""
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
     middles = (starts + np.append(starts[1:], groups.size)) / 2

@@ -4,12 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from learn.dataset import Dataset, Indices
+from learn.arrays import Indices, Values
+from learn.dataset import Dataset
 from learn.features import chosen
-
-Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

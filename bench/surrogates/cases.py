@@ -12,7 +12,8 @@ from bench.surrogates.databases import OTHER_SEED, generated
 from bench.surrogates.fitting import Parts, read, request_for
 from gen.database import Reader
 from gen.scene import Piece, load
-from learn.dataset import Dataset, Indices
+from learn.arrays import Indices
+from learn.dataset import Dataset
 
 HURST_BORDER = 0.7
 """Surfaces below it train, surfaces above it test."""

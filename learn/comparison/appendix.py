@@ -11,17 +11,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.runtime.farm import World
 from learn import dataset, memory, split
+from learn.arrays import Values
 from learn.comparison.folder import Folder, conditions
 from learn.comparison.pictures import new_figure, save
 from learn.metrics import Scores, scores
 from learn.models import MODELS, pipeline
 from learn.request import Request, pressed_for
-
-Values = NDArray[np.float64]
 
 CASES: dict[str, dict[str, Any]] = {
     "radial basis function": {"kernel": "rbf", "gamma": 0.5, "alpha": 1e-10},

@@ -20,11 +20,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.runtime import documents, output
 from gen.runtime.errors import InputError
 from gen.runtime.table import cell
+from learn.arrays import Values
 from learn.comparison import records
 from learn.dataset import Dataset
 from learn.features import chosen
@@ -141,7 +141,7 @@ class Folder:
         """Read the result of a model, None if there is none."""
         return documents.read(self.path / kind / f"{model}.json", *records.KINDS[kind])
 
-    def prediction(self, kind: str, model: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def prediction(self, kind: str, model: str) -> tuple[Values, Values]:
         """Read truth and prediction of the test rows, (m,) each."""
         path = self.path / kind / f"{model}.csv"
         try:

@@ -14,7 +14,6 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.runtime.farm import World
 from learn import dataset, features, memory, split
@@ -25,8 +24,6 @@ from learn.comparison.winner import settings_of
 from learn.metrics import Scores, scores
 from learn.models import chosen, pipeline
 from learn.request import Request, pressed_for
-
-Values = NDArray[np.float64]
 
 SHUFFLES = 5
 SIZES = (30, 23, 20, 16, 12, 8, 6, 4, 3, 2, 1)

@@ -6,9 +6,9 @@ from contextlib import contextmanager
 from gen.runtime import farm
 from gen.runtime.progress import RunProgress
 from learn import dataset, memory, split
+from learn.arrays import Values
 from learn.comparison import training_data
 from learn.comparison.folder import Folder, conditions
-from learn.dataset import Values
 from learn.models import Model
 from learn.request import Request
 from learn.target import scaling_of

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.metrics import r2_score
 
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.progress import RunProgress
 from learn import memory
+from learn.arrays import Values
 from learn.comparison.pruning import Grid, Settings, key, shared_fit
 from learn.comparison.staged import shared_predictions
 from learn.comparison.task import Task, expected_work
@@ -27,8 +27,6 @@ from learn.comparison.training_data import Training, held
 from learn.comparison.trials import Trial, Trials
 from learn.models import MODELS, Model, pipeline
 from learn.split import FOLDS
-
-Values = NDArray[np.float64]
 
 REMARK_LENGTH = 300
 """Characters of a warning or an error that are kept."""

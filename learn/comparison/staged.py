@@ -8,12 +8,10 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from learn import kernel_ridge
+from learn.arrays import Values
 from learn.models import STEP, Model
-
-Values = NDArray[np.float64]
 
 
 def shared_predictions(

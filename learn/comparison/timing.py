@@ -13,15 +13,13 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from learn import memory
+from learn.arrays import Values
 from learn.comparison.pruning import Settings
 from learn.comparison.training_data import held
 from learn.metrics import Scores, scores
 from learn.models import MODELS, pipeline
-
-Values = NDArray[np.float64]
 
 FITS = (3, 7)
 """Fewest and most fits of a time."""

@@ -2,13 +2,9 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gen.runtime import farm
+from learn.arrays import Folds, Values
 from learn.target import UNSCALED, Scaling
-
-Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +24,7 @@ class Training:
 
     inputs: Values
     target: Values
-    folds: NDArray[np.int8]
+    folds: Folds
     test_inputs: Values
     test_target: Values
     normalisation: str = "l2"

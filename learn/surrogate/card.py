@@ -10,8 +10,9 @@ import numpy as np
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import printable
 from gen.scene import Scene
+from learn.arrays import Indices
 from learn.comparison.folder import versions
-from learn.dataset import Dataset, Indices, modulus
+from learn.dataset import Dataset, modulus
 from learn.features import chosen
 from learn.metrics import scores
 from learn.models import MODELS

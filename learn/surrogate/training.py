@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from gen.runtime.errors import InputError
 from gen.runtime.farm import World
 from learn import dataset, memory, split
+from learn.arrays import Indices, Values
 from learn.comparison.folder import Folder
-from learn.dataset import Dataset, Indices
+from learn.dataset import Dataset
 from learn.models import chosen as chosen_models
 from learn.request import Request, pressed_for
 from learn.surrogate import card
@@ -20,8 +21,6 @@ from learn.surrogate.fitting import fit_target
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.model import Surrogate
 from learn.surrogate.settings import tuned_conditions
-
-Values = NDArray[np.float64]
 
 CALIBRATION_SHARE = 0.1
 """Share of the training rows that calibrates the intervals instead."""
