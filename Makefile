@@ -18,7 +18,7 @@ test: .venv/test-installed
 slurm-test: .venv/test-installed
 	$(BIN)/python -m pytest tests/slurm
 
-# The short form of `python -m bench faults`.
+# The short form of `python -m tests.faults`.
 campaign: .venv/test-installed
 	$(BIN)/python -m pytest -m campaign
 
@@ -26,7 +26,7 @@ check: .venv/test-installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest bench --benchmark-disable
+	$(BIN)/python -m pytest bench/suites --benchmark-disable
 
 # On Debian: .venv-parallel, in which h5py writes from all MPI ranks. No wheel does that: h5py is
 # built once for these versions of Debian's HDF5 and Open MPI, and its wheel is kept in WHEELS.

@@ -31,8 +31,6 @@ COMMANDS = (
     farm.speedup,
     farm.writers,
     farm.outputs,
-    farm.faults,
-    farm.fuzz,
 )
 
 for _command in COMMANDS:

@@ -1,4 +1,4 @@
-"""Commands on the farm and its database: faults, scale, writing."""
+"""Commands on the farm and its database: scale, writing, outputs."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,96 +7,6 @@ import typer
 
 from bench.commands.options import Folder, numbers, remark
 from gen.runtime.errors import InputError
-
-
-def faults(
-    rounds: Annotated[
-        int | None, typer.Option(min=1, help="Faults to inject, 168 unless given.")
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of kinds, victims and moments.")] = 0,
-    minutes: Annotated[float, typer.Option(min=0.0, help="No round begins later.")] = 30.0,
-    only: Annotated[
-        list[str] | None, typer.Option(metavar="KIND", help="A kind of the table, alone.")
-    ] = None,
-) -> int:
-    """Disturb runs at random and see whether anything is lost, wrong or done twice.
-
-    Signals to a run alone, to worker, master and mpiexec; full disks, files cut off, second
-    writers; files replaced, moved, made read-only; pipes, wrong options, a full disk under standard
-    error; samples that raise, give NaN, do not converge, never end. Exit code 0 if as many faults
-    as asked for were injected and nothing was wrong, 1 otherwise.
-    """
-    import tempfile
-
-    from bench.faults.campaign import KINDS, ROUNDS, campaign
-    from bench.faults.table import line, summary
-
-    wanted, done = rounds or ROUNDS, []
-    with tempfile.TemporaryDirectory() as folder:
-        for interrupted in campaign(
-            Path(folder),
-            wanted,
-            seed=seed,
-            kinds=only or tuple(KINDS),
-            minutes=minutes,
-            remark=remark,
-        ):
-            done.append(interrupted)
-            typer.echo(line(len(done), interrupted))
-    typer.echo(summary(done))
-    missed = wanted - sum(interrupted.hit for interrupted in done)
-    if missed > 0:
-        typer.echo(f"{missed} of {wanted} faults could not be injected")
-    return 1 if missed > 0 or any(interrupted.fault for interrupted in done) else 0
-
-
-def fuzz(
-    minutes: Annotated[float, typer.Option(min=0.0, help="No case begins later.")] = 10.0,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all damage.")] = 0,
-    cases: Annotated[
-        int | None, typer.Option(min=1, help="Number of cases at most; no bound unless given.")
-    ] = None,
-    first: Annotated[int, typer.Option(min=0, help="Number of the first case.")] = 0,
-    only: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="KIND", help="scene, database, surrogate, surface, comparison or page, alone."
-        ),
-    ] = None,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Where findings are written.")
-    ] = Path("fuzz-findings"),
-) -> int:
-    """Damage files at random, run commands on them, and see that none crashes, hangs or babbles.
-
-    Right are success, or exit code 2 with one clear line (of `gen check`, 1 too). What else happens
-    is kept with its command, DIR/NNN-KIND, and makes the exit code 1. The same seed and number of a
-    case do the same damage.
-    """
-    import tempfile
-    import time
-
-    from bench.fuzz.corpus import KINDS
-    from bench.fuzz.findings import Findings
-    from bench.fuzz.search import fuzz as search
-
-    if output.exists():
-        raise InputError(f"{output} exists: give a new folder")
-    found, began = Findings(output), time.monotonic()
-    last = None if cases is None else first + cases
-    with tempfile.TemporaryDirectory() as folder:
-        for case in search(
-            Path(folder),
-            seed=seed,
-            kinds=only or tuple(KINDS),
-            seconds=60.0 * minutes,
-            first=first,
-            last=last,
-        ):
-            if line := found.add(case, Path(folder) / "case"):
-                remark(line)
-    typer.echo(found.summary(time.monotonic() - began))
-    return 1 if found.signatures else 0
 
 
 def writers(

@@ -18,10 +18,10 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def measure(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "pytest", "bench/test_solver.py", "-q", "--benchmark-only"]
+    suite = ["-m", "pytest", "bench/suites/test_solver.py", "-q", "--benchmark-only"]
     rounds = ["--benchmark-min-rounds=1", "--benchmark-max-time=0.01"]
     return subprocess.run(
-        [*command, *rounds, "-k", "10-smoke", *arguments],
+        [sys.executable, *suite, *rounds, "-k", "10-smoke", *arguments],
         cwd=ROOT,
         env={name: value for name, value in os.environ.items() if "PYTEST" not in name},
         capture_output=True,

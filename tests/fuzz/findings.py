@@ -5,7 +5,7 @@ import shutil
 from collections import Counter
 from pathlib import Path
 
-from bench.fuzz.search import Case
+from tests.fuzz.search import Case
 
 
 class Findings:

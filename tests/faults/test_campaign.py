@@ -1,4 +1,4 @@
-"""A short form of the fault campaign, and its judges; `python -m bench faults` is the long one."""
+"""A short form of the fault campaign, and its judges; `python -m tests.faults` is the long one."""
 
 import json
 from unittest import mock
@@ -8,19 +8,19 @@ import pytest
 from launch import mpiexec
 
 import gen.generation.sample
-from bench.faults import program
-from bench.faults.campaign import KINDS, campaign
-from bench.faults.rows import columns_of, difference, finished, row_fault
-from bench.faults.runs import Ended
-from bench.faults.stage import code_fault, refusal_fault
-from bench.faults.storage import PAGE, copy_with_holes
-from bench.faults.table import line, summary
 from gen import cli
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows
 from gen.runtime.errors import InputError
 from gen.scene import load
 from gen.schema import Reason, Status
+from tests.faults import program
+from tests.faults.campaign import KINDS, campaign
+from tests.faults.rows import columns_of, difference, finished, row_fault
+from tests.faults.runs import Ended
+from tests.faults.stage import code_fault, refusal_fault
+from tests.faults.storage import PAGE, copy_with_holes
+from tests.faults.table import line, summary
 
 SHORT = (
     "SIGKILL to a worker",

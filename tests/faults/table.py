@@ -7,8 +7,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from bench.faults.campaign import KINDS, Round
-from bench.faults.runs import BOUND
+from tests.faults.campaign import KINDS, Round
+from tests.faults.runs import BOUND
 
 
 def line(number: int, done: Round) -> str:

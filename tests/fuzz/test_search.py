@@ -1,4 +1,4 @@
-"""A short form of the fuzzer, and its judge; `python -m bench fuzz` is the long one."""
+"""A short form of the fuzzer, and its judge; `python -m tests.fuzz` is the long one."""
 
 import json
 import signal
@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.__main__ import main
-from bench.fuzz import child
-from bench.fuzz.child import Ended, fault, run
-from bench.fuzz.corpus import KINDS
-from bench.fuzz.findings import Findings
-from bench.fuzz.mutation import BY_ENDING, damaged, resigned
-from bench.fuzz.search import Case, fuzz
 from gen.runtime.errors import InputError
 from learn.surrogate.storage import load, save
+from tests.fuzz import child
+from tests.fuzz.__main__ import main
+from tests.fuzz.child import Ended, fault, run
+from tests.fuzz.corpus import KINDS
+from tests.fuzz.findings import Findings
+from tests.fuzz.mutation import BY_ENDING, damaged, resigned
+from tests.fuzz.search import Case, fuzz
 
 RUN = ("gen", "run", "scene.toml")
 
@@ -108,7 +108,7 @@ def test_a_finding_is_kept_once_with_its_command(tmp_path):
 def test_the_command_refuses_what_it_cannot_do(tmp_path, capsys):
     with pytest.raises(InputError, match="no kind 'poem'; there are scene"):
         list(fuzz(tmp_path, kinds=("poem",)))
-    assert main(["fuzz", "-o", str(tmp_path)]) == 2
+    assert main(["-o", str(tmp_path)]) == 2
     assert "exists: give a new folder" in capsys.readouterr().err
 
 

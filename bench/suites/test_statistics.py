@@ -1,6 +1,6 @@
 """Time to generate and to describe a surface, with the answers asserted.
 
-    pytest bench/test_statistics.py
+    pytest bench/suites/test_statistics.py
 
 Budget of `describe` at the paper's size: 1 ms on one core.
 """

@@ -10,12 +10,12 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.faults.rows import Columns, columns_of, finished
-from bench.faults.runs import BOUND, PROGRAM, Ended, Hang, Run
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.runtime.errors import InputError
 from gen.scene import Scene
+from tests.faults.rows import Columns, columns_of, finished
+from tests.faults.runs import BOUND, PROGRAM, Ended, Hang, Run
 
 SCENE = """samples = {samples}
 samples_per_surface = 2
@@ -79,7 +79,7 @@ class Stage:
             ended = run.wait()
         reference = columns_of(folder / "reference.h5")
         if ended.code or reference is None:
-            raise InputError(f"faults: an undisturbed run fails: {ended.text.strip()}")
+            raise InputError(f"an undisturbed run fails: {ended.text.strip()}")
         self.reference: Columns = reference
 
     def columns(self) -> Columns | None:
@@ -109,7 +109,7 @@ class Stage:
         options : of the command
         scene : the scene's file
         output : the database
-        ailments : rows, and what they suffer from: see `bench.faults.program`
+        ailments : rows, and what they suffer from: see `tests.faults.program`
         errors : where standard error goes, None for the run's own record
         """
         program: tuple[str, ...] = PROGRAM
@@ -119,7 +119,7 @@ class Stage:
                 for row, name in ailments.items()
             }
             (self.folder / "ailments.json").write_text(json.dumps(known))
-            program = ("-m", "bench.faults.program", "ailments.json")
+            program = ("-m", "tests.faults.program", "ailments.json")
         arguments = ("run", scene, "-o", output, *options)
         return Run(self.folder, ranks, *arguments, program=program, errors=errors)
 

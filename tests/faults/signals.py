@@ -4,9 +4,9 @@ import signal
 import time
 from signal import SIGCONT, SIGINT, SIGKILL, SIGSTOP, SIGTERM, SIGUSR1
 
-from bench.faults.rows import count_finished, difference
-from bench.faults.runs import await_lock
-from bench.faults.stage import RANKS, Found, Stage, code_fault
+from tests.faults.rows import count_finished, difference
+from tests.faults.runs import await_lock
+from tests.faults.stage import RANKS, Found, Stage, code_fault
 
 ALONE = "alone"
 

@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from bench.faults.rows import Columns, columns_of, difference, finished, row_fault
-from bench.faults.runs import Ended, await_lock, is_locked
-from bench.faults.stage import RANKS, Found, NotPossible, Stage, code_fault, refusal_fault
+from tests.faults.rows import Columns, columns_of, difference, finished, row_fault
+from tests.faults.runs import Ended, await_lock, is_locked
+from tests.faults.stage import RANKS, Found, NotPossible, Stage, code_fault, refusal_fault
 
 FULL = Path("/dev/full")
 """A device that is always full."""

@@ -171,7 +171,7 @@ def _launcher(ranks: int) -> list[str]:
     beside = Path(sys.executable).with_name("mpiexec")
     launcher = str(beside) if beside.exists() else shutil.which("mpiexec")
     if launcher is None:
-        raise InputError("faults: no mpiexec; install the extra 'mpich'")
+        raise InputError("no mpiexec; install the extra 'mpich'")
     return [launcher, "-n", str(ranks), sys.executable, "-m", "mpi4py"]
 
 

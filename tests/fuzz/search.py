@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.fuzz import child, corpus
-from bench.fuzz.corpus import KINDS, Kind
-from bench.fuzz.mutation import damaged
 from gen.runtime.errors import InputError
+from tests.fuzz import child, corpus
+from tests.fuzz.corpus import KINDS, Kind
+from tests.fuzz.mutation import damaged
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def fuzz(
         For an unknown kind, or if sound files cannot be made.
     """
     if unknown := set(kinds) - set(KINDS):
-        raise InputError(f"fuzz: no kind {sorted(unknown)[0]!r}; there are {', '.join(KINDS)}")
+        raise InputError(f"no kind {sorted(unknown)[0]!r}; there are {', '.join(KINDS)}")
     for program in {command[0] for kind in kinds for command in KINDS[kind].commands}:
         child.load(program)
     sound = folder / "sound"

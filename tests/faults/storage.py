@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from bench.faults.rows import columns_of, difference, row_fault
-from bench.faults.runs import Ended, await_lock, is_locked
-from bench.faults.stage import Found, NotPossible, Stage, code_fault, refusal_fault
 from gen.schema import row_bytes
+from tests.faults.rows import columns_of, difference, row_fault
+from tests.faults.runs import Ended, await_lock, is_locked
+from tests.faults.stage import Found, NotPossible, Stage, code_fault, refusal_fault
 
 PAGE = 4096
 SMALLEST = 64 * 1024

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.faults import places, samples, signals, storage
-from bench.faults.rows import count_finished, difference, finished, row_fault
-from bench.faults.runs import BOUND, Hang
-from bench.faults.stage import SAMPLES, Found, NotPossible, Stage
 from gen.runtime.errors import InputError
+from tests.faults import places, samples, signals, storage
+from tests.faults.rows import count_finished, difference, finished, row_fault
+from tests.faults.runs import BOUND, Hang
+from tests.faults.stage import SAMPLES, Found, NotPossible, Stage
 
 KINDS: dict[str, Callable[[Stage], Found]] = {
     "SIGKILL to a run alone": signals.kill_alone,
@@ -98,7 +98,7 @@ def campaign(
     All rounds, and at last one of the kind "" in which the database is finished and compared
     """
     if unknown := set(kinds) - set(KINDS):
-        raise InputError(f"faults: no kind {sorted(unknown)[0]!r}; there are {', '.join(KINDS)}")
+        raise InputError(f"no kind {sorted(unknown)[0]!r}; there are {', '.join(KINDS)}")
     random = np.random.default_rng(seed)
     stage = Stage(folder, samples, random)
     limit = time.monotonic() + 60.0 * minutes

@@ -1,4 +1,4 @@
-"""`python -m bench.faults.program AILMENTS ...`: `python -m gen ...` in which some samples ail.
+"""`python -m tests.faults.program AILMENTS ...`: `python -m gen ...` in which some samples ail.
 
 AILMENTS is a JSON file of far-field displacements, by which a sample is known, and what it suffers
 from. All else is the program as it is: the seam is `gen.generation.sample.solve_contact`.

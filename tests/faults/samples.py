@@ -4,10 +4,10 @@ import time
 
 import numpy as np
 
-from bench.faults.rows import Columns, difference, finished, row_fault
-from bench.faults.runs import await_lock
-from bench.faults.stage import Found, Stage, code_fault
 from gen.schema import Reason
+from tests.faults.rows import Columns, difference, finished, row_fault
+from tests.faults.runs import await_lock
+from tests.faults.stage import Found, Stage, code_fault
 
 LIMIT = 2.0
 """Wall-clock limit of a sample that never ends [s]; ordinary ones take milliseconds."""

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.fuzz.child import run
 from gen.runtime.errors import InputError
 from gen.scene import Scene
+from tests.fuzz.child import run
 
 SCENE = """title = "Sound"
 samples = 60
@@ -171,4 +171,4 @@ def make(folder: Path, kinds: tuple[str, ...] = tuple(KINDS)) -> None:
         if command[command.index("-o") + 1] in wanted:
             ended = run(command, folder, PATIENCE, memory=None)
             if ended.code:
-                raise InputError(f"fuzz: {' '.join(command)} fails: {ended.errors.strip()}")
+                raise InputError(f"{' '.join(command)} fails: {ended.errors.strip()}")

@@ -1,0 +1,1 @@
+"""The tests, and two programs beside them: `python -m tests.faults`, `python -m tests.fuzz`."""

@@ -1,0 +1,64 @@
+"""`python -m tests.faults`: the fault campaign, from 168 faults down to a single kind."""
+
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gen.runtime import command_line, farm, startup
+from tests.faults.campaign import KINDS, ROUNDS, campaign
+from tests.faults.table import line, summary
+
+app = typer.Typer(add_completion=False, rich_markup_mode=None)
+
+
+@app.command()
+def faults(
+    rounds: Annotated[
+        int | None, typer.Option(min=1, help="Faults to inject, 168 unless given.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of kinds, victims and moments.")] = 0,
+    minutes: Annotated[float, typer.Option(min=0.0, help="No round begins later.")] = 30.0,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="KIND", help="A kind of the table, alone.")
+    ] = None,
+) -> int:
+    """Disturb runs at random and see whether anything is lost, wrong or done twice.
+
+    Signals to a run alone, to worker, master and mpiexec; full disks, files cut off, second
+    writers; files replaced, moved, made read-only; pipes, wrong options, a full disk under standard
+    error; samples that raise, give NaN, do not converge, never end. Exit code 0 if as many faults
+    as asked for were injected and nothing was wrong, 1 otherwise.
+    """
+    wanted, done = rounds or ROUNDS, []
+    with tempfile.TemporaryDirectory() as folder:
+        for interrupted in campaign(
+            Path(folder),
+            wanted,
+            seed=seed,
+            kinds=only or tuple(KINDS),
+            minutes=minutes,
+            remark=lambda words: typer.echo(words, err=True),
+        ):
+            done.append(interrupted)
+            typer.echo(line(len(done), interrupted))
+    typer.echo(summary(done))
+    missed = wanted - sum(interrupted.hit for interrupted in done)
+    if missed > 0:
+        typer.echo(f"{missed} of {wanted} faults could not be injected")
+    return 1 if missed > 0 or any(interrupted.fault for interrupted in done) else 0
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run one command line; return its exit code."""
+    return command_line.main(app, "faults", arguments, alone=True)
+
+
+if __name__ == "__main__":
+    startup.start(deaf=False)
+    code = main(sys.argv[1:])
+    farm.leave()
+    sys.exit(code)
