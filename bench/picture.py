@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.style import COLOURS
-from gen.runtime.errors import InputError
+from gen.runtime import figure as figures
 from gen.runtime.output import make_folder, write
 
 DPI = 150
@@ -21,14 +21,12 @@ def new_figure(width: float = 6.4, height: float = 4.8) -> Any:
     InputError
         If matplotlib is not installed.
     """
-    try:
-        from cycler import cycler
-        from matplotlib import rcParams
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise InputError("drawing needs matplotlib: install the extra 'plot'") from None
+    figure = figures.new_figure(width, height)
+    from cycler import cycler
+    from matplotlib import rcParams
+
     rcParams["axes.prop_cycle"] = cycler(color=COLOURS)
-    return Figure(figsize=(width, height), layout="constrained")
+    return figure
 
 
 def save(figure: Any, path: Path) -> Path:

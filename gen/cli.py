@@ -1,11 +1,12 @@
-"""The commands of `python -m gen`. Each imports what it needs, and only that."""
+"""Commands of `python -m gen`; a command imports only the modules that it needs."""
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import typer
 
+from gen import options
 from gen.runtime import command_line, farm, overtime
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import rows_from
@@ -14,100 +15,39 @@ from gen.runtime.terminal import echo
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
-Database = Annotated[Path, typer.Argument(metavar="FILE", help="A database (HDF5).")]
-SurfaceFile = Annotated[
-    Path,
-    typer.Argument(
-        metavar="SURFACE",
-        help="Heights: .npy, text, or an instrument's file (x3p, sur, al3d, opd, plu, gwy ...).",
-    ),
-]
-Side = Annotated[
-    str,
-    typer.Option(
-        metavar="UM",
-        help="Scan length in um where the file has none; two for an oblong patch: 1000,500.",
-    ),
-]
-Unit = Annotated[
-    str, typer.Option(metavar="UNIT", help="Of the file where it says none: m, mm, um, nm or A.")
-]
-Channel = Annotated[
-    str, typer.Option(metavar="NAME", help="Channel of a file with several, or its index.")
-]
-OverrideScale = Annotated[
-    bool, typer.Option("--override-scale", help="Let --side and --unit overrule the file's own.")
-]
-Fill = Annotated[bool, typer.Option("--fill", help="Close holes harmonically.")]
-FillMost = Annotated[
-    bool, typer.Option("--fill-most", help="Fill even if more than half is missing.")
-]
-Level = Annotated[
-    str, typer.Option(metavar="HOW", help="Take away the mean, the plane or the quadratic fit.")
-]
-Crop = Annotated[
-    str, typer.Option(metavar="X0:X1,Y0:Y1", help="Keep this part only, in um from the first node.")
-]
-Invert = Annotated[
-    bool, typer.Option("--invert", help="Turn upside down: heights point into the material.")
-]
-Table = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write a table too.")]
-
 
 def main(arguments: Sequence[str]) -> int:
-    """Run one command line; return its exit code."""
+    """Run one command line and return its exit code.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Command, arguments and options, without the name of the program.
+    """
     return command_line.main(app, "gen", arguments, together=["run"])
 
 
 @app.callback()
 def describe_program() -> None:
-    """Databases of rough-surface contact: generate them, look into them, try one problem."""
+    """Generate databases of rough-surface contact, inspect them, and solve single problems."""
 
 
 @app.command()
 def run(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE",
-            help="quick, paper, fine, paper-mirco, extreme, or the path of a TOML file.",
-        ),
-    ],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="The database to write.")
-    ],
-    rows: Annotated[
-        str, typer.Option(metavar="A:B", help="Only the rows A to B - 1: a job array's share.")
-    ] = "",
-    retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Compute failed rows again.")
-    ] = False,
-    force: Annotated[
-        bool, typer.Option("--force", help="Go on with a file of another physics number.")
-    ] = False,
-    sample_limit: Annotated[
-        float | None,
-        typer.Option(
-            metavar="SECONDS",
-            help="Leave samples pending that take longer; which do depends on the machine.",
-        ),
-    ] = None,
-    writer: Annotated[
-        Literal["auto", "single", "parallel"],
-        typer.Option(
-            help="Who writes: rank 0 (single), every worker its own rows (parallel, where h5py"
-            " has MPI), or the latter where it can be had (auto)."
-        ),
-    ] = "auto",
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say what would be generated, and write nothing.")
-    ] = False,
+    scene: options.Scene,
+    output: options.NewDatabase,
+    rows: options.Rows = "",
+    retry_failed: options.RetryFailed = False,
+    force: options.Force = False,
+    sample_limit: options.SampleLimit = None,
+    writer: options.Writer = "auto",
+    dry_run: options.DryRun = False,
 ) -> int:
-    """Generate a database, or go on where an earlier run stopped.
+    """Generate a database, or continue an interrupted run.
 
-    Alone it works serially; started as `mpiexec -n 9 python -m mpi4py -m gen run ...` rank 0 hands
-    out the samples, the others compute, and either of them write. Interrupted, it finishes what is
-    in flight; the same command goes on.
+    A single process works serially. Under `mpiexec -n 9 python -m mpi4py -m gen run ...` rank 0
+    hands out the samples and 8 workers compute them. An interrupted run finishes the samples that
+    it has begun; the same command continues it.
     """
     world = farm.this_world()
     share = rows_from(rows)
@@ -136,8 +76,8 @@ def run(
 
 
 @app.command()
-def info(file: Database) -> None:
-    """Show what a database holds: rows, ranges beside the paper's, times, scene, versions."""
+def info(file: options.Database) -> None:
+    """Summarise a database: rows, ranges beside the paper's, times, scene, versions."""
     from gen import display
     from gen.database import Reader
 
@@ -147,63 +87,44 @@ def info(file: Database) -> None:
 
 @app.command()
 def contact(
-    surface: SurfaceFile,
-    side: Side = "",
-    delta: Annotated[
-        str, typer.Option(metavar="UM", help="Far-field displacement from first touch in um.")
-    ] = "",
-    force: Annotated[str, typer.Option(metavar="UN", help="Or the normal force in uN.")] = "",
-    pressure: Annotated[
-        str, typer.Option(metavar="MPA", help="Or the mean pressure over the whole patch in MPa.")
-    ] = "",
-    young: Annotated[
-        list[float] | None,
-        typer.Option(metavar="MPA", help="Young's modulus, twice for two elastic bodies [1]."),
-    ] = None,
-    poisson: Annotated[
-        list[float] | None, typer.Option(metavar="NU", help="Poisson's ratio, as often [0].")
-    ] = None,
-    e_star: Annotated[
-        float | None, typer.Option(metavar="MPA", help="Or E* of both bodies together.")
-    ] = None,
-    unit: Unit = "",
-    channel: Channel = "",
-    override_scale: OverrideScale = False,
-    fill: Fill = False,
-    fill_most: FillMost = False,
-    level: Level = "",
-    crop: Crop = "",
-    invert: Invert = False,
-    kernel: Annotated[
-        str, typer.Option(help="uniform-pressure or concentrated-force.")
-    ] = "uniform-pressure",
-    far_field: Annotated[str, typer.Option(help="rigid or compliant.")] = "rigid",
-    rtol: Annotated[float, typer.Option(help="Residual to reach, over Delta.")] = 2e-7,
-    max_iterations: Annotated[int, typer.Option(help="Bound on the solver's iterations.")] = 1000,
-    table: Table = None,
-    picture: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE", help="Draw heights, spots, a section.")
-    ] = None,
+    surface: options.SurfaceFile,
+    side: options.Side = "",
+    delta: options.Delta = "",
+    force: options.NormalForce = "",
+    pressure: options.Pressure = "",
+    young: options.Young = None,
+    poisson: options.Poisson = None,
+    e_star: options.EStar = None,
+    unit: options.Unit = "",
+    channel: options.Channel = "",
+    override_scale: options.OverrideScale = False,
+    fill: options.Fill = False,
+    fill_most: options.FillMost = False,
+    level: options.Level = "",
+    crop: options.Crop = "",
+    invert: options.Invert = False,
+    kernel: options.Kernel = "uniform-pressure",
+    far_field: options.FarField = "rigid",
+    rtol: options.Tolerance = 2e-7,
+    max_iterations: options.MaxIterations = 1000,
+    table: options.Table = None,
+    picture: options.Picture = None,
 ) -> None:
     """Solve contact problems of one surface: area, force, pressure, gap, residual.
 
     Give one of --delta, --force and --pressure: a number, or for a law start:stop:count or several
-    with commas.
+    numbers with commas.
     """
     from gen import display
     from gen.measured import single
     from gen.measured.material import combined_modulus
-    from gen.measured.preparation import prepare, warnings_about
+    from gen.measured.preparation import prepare, surface_warnings
     from gen.measured.topography import read
     from gen.runtime.table import write_csv
 
     load, values = single.chosen_load({"delta": delta, "force": force, "pressure": pressure})
     check_outputs([Output(table, "--csv"), Output(picture, "--plot", "picture")], [surface])
-    if picture is not None:
-        from gen.measured.contact_picture import Subject, draw_contacts
-        from gen.picture import new_figure
-
-        figure = new_figure(picture)
+    figure = None if picture is None else _contact_figure(picture)
     settings: dict[str, Any] = {
         "modulus": combined_modulus(young or [], poisson or [], e_star),
         "kernel": kernel,
@@ -211,48 +132,53 @@ def contact(
         "rtol": rtol,
         "max_iterations": max_iterations,
     }
+    measured = read(surface, side, unit, channel=channel, override_scale=override_scale)
     topography = prepare(
-        read(surface, side, unit, channel=channel, override_scale=override_scale),
-        crop=crop,
-        invert=invert,
-        level=level,
-        fill=fill,
-        fill_most=fill_most,
+        measured, crop=crop, invert=invert, level=level, fill=fill, fill_most=fill_most
     )
     material = bool(young or e_star)
-    contacts, warnings = display.followed(
+    contacts, warnings = display.follow_contacts(
         topography,
-        warnings_about(topography),
+        surface_warnings(topography),
         single.solve_loads(topography, load, values, **settings),
         len(values),
         material=material,
     )
     if table is not None:
-        rows = [single.contact_row(topography, contact, warnings) for contact in contacts]
-        write_csv(table, rows)
+        write_csv(table, [single.contact_row(topography, solved, warnings) for solved in contacts])
     if picture is not None:
+        from gen.measured.contact_picture import Subject, draw_contacts
+
         subject = Subject(topography.name, load, material, warnings)
         draw_contacts(figure, contacts, subject, picture)
 
 
+def _contact_figure(picture: Path) -> Any:
+    """Return the figure of `contact --plot`, or refuse the picture before anything is solved."""
+    from gen.runtime.figure import new_figure, require_picture_name
+
+    require_picture_name(picture)
+    return new_figure(11, 8.2, dpi=110)
+
+
 @app.command()
 def describe(
-    surface: SurfaceFile,
-    side: Side = "",
-    unit: Unit = "",
-    channel: Channel = "",
-    override_scale: OverrideScale = False,
-    fill: Fill = False,
-    fill_most: FillMost = False,
-    level: Level = "",
-    crop: Crop = "",
-    invert: Invert = False,
-    table: Table = None,
+    surface: options.SurfaceFile,
+    side: options.Side = "",
+    unit: options.Unit = "",
+    channel: options.Channel = "",
+    override_scale: options.OverrideScale = False,
+    fill: options.Fill = False,
+    fill_most: options.FillMost = False,
+    level: options.Level = "",
+    crop: options.Crop = "",
+    invert: options.Invert = False,
+    table: options.Table = None,
 ) -> None:
-    """Print the 22 roughness statistics of a surface, with their units."""
+    """Print the 22 roughness statistics of a surface with their units."""
     from gen import display
     from gen.measured import single
-    from gen.measured.preparation import prepare, tilt, warnings_about
+    from gen.measured.preparation import prepare, surface_warnings, tilt
     from gen.measured.topography import read
     from gen.runtime.table import write_csv
 
@@ -261,7 +187,7 @@ def describe(
     topography = prepare(
         measured, crop=crop, invert=invert, level=level, fill=fill, fill_most=fill_most
     )
-    warnings = warnings_about(topography)
+    warnings = surface_warnings(topography)
     display.print_preparation(topography, warnings)
     description = single.describe(topography)
     display.print_statistics(topography.heights, topography.spacing, tilt(measured), description)
@@ -271,12 +197,10 @@ def describe(
 
 @app.command()
 def plot(
-    file: Database,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="PNG", help="The picture to write.")
-    ],
+    file: options.Database,
+    output: options.NewPicture,
 ) -> None:
-    """Draw what a database holds: one surface, its pressure, the areas, the solve times."""
+    """Draw a database: one surface and its pressure, all areas, all solve times."""
     from gen.picture import draw_database
 
     check_outputs([Output(output, "--output", "picture")], [file])
@@ -286,7 +210,7 @@ def plot(
 
 @app.command()
 def columns() -> None:
-    """Print the table of columns of a database, in Markdown."""
+    """Print the columns of a database as a table in Markdown."""
     from gen.schema import markdown_table
 
     for line in markdown_table().splitlines():
@@ -295,15 +219,13 @@ def columns() -> None:
 
 @app.command()
 def check(
-    file: Database,
-    recompute: Annotated[
-        int, typer.Option(metavar="N", min=0, help="Rows to compute again, bit for bit.")
-    ] = 16,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the choice of rows.")] = 0,
+    file: options.Database,
+    recompute: options.Recompute = 16,
+    seed: options.Seed = 0,
 ) -> int:
-    """Check a database: statuses, values, its plan, and N random rows computed again.
+    """Check a database: statuses, values and plan, and recompute N random rows.
 
-    Exit code 0 if all is well, 1 if not.
+    The exit code is 0 if everything is right, 1 if not.
     """
     from gen.database import Reader
     from gen.generation.check import faults
@@ -325,12 +247,10 @@ def check(
 
 @app.command()
 def merge(
-    files: Annotated[list[Path], typer.Argument(metavar="FILES", help="Databases of one scene.")],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="The database to write.")
-    ],
+    files: options.Databases,
+    output: options.NewDatabase,
 ) -> None:
-    """Join databases whose rows were computed by different jobs."""
+    """Join databases with rows of one scene that different jobs computed."""
     from gen import database
 
     pending, done, failed = database.merge(output, files)
@@ -339,15 +259,13 @@ def merge(
 
 @app.command()
 def estimate(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name, or a TOML file.")],
-    ranks: Annotated[
-        int, typer.Option(min=1, help="Processes of the run; rank 0 computes nothing.")
-    ] = 1,
+    scene: options.SceneName,
+    ranks: options.Ranks = 1,
 ) -> None:
-    """Measure a few samples and say what the run takes: time, memory, disk."""
+    """Measure a few samples and predict time, memory and disk space of a run."""
     from gen import display
     from gen.generation import forecast
     from gen.scene import load
 
-    asked_for = load(scene)
-    display.print_estimate(forecast.plan_of(asked_for), forecast.estimate(asked_for, ranks))
+    loaded = load(scene)
+    display.print_estimate(forecast.plan_of(loaded), forecast.estimate(loaded, ranks))

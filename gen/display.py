@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
-from gen.measured.single import warnings_about
+from gen.measured.single import contact_warnings
 from gen.runtime.console import console as new_console
 from gen.runtime.memory import size
 from gen.runtime.progress import RunProgress
 from gen.schema import REASONS, RUNTIME, Column, Status, statistics_columns
 
-if TYPE_CHECKING:  # a table of statistics needs no solver, one of a contact no HDF5
+if TYPE_CHECKING:  # statistics are printed without the solver, contacts without HDF5
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
     from rich.console import Console
 
     from bem import Contact
+    from gen.arrays import Heights
     from gen.database import Reader
     from gen.generation.forecast import Estimate, Plan
     from gen.generation.run import Outcome
@@ -32,12 +32,14 @@ if TYPE_CHECKING:  # a table of statistics needs no solver, one of a contact no 
 
 
 def print_outcome(path: Path, outcome: Outcome) -> None:
-    """Say how a run ended, and how to go on.
+    """Say how a run ended, and how to continue it.
 
     Parameters
     ----------
-    path : the database
-    outcome : of the run
+    path : Path
+        Database.
+    outcome : Outcome
+        Counts of rows and the signal that ended the run, if any.
     """
     console = _console()
     pending, done, failed = outcome.counts
@@ -55,11 +57,12 @@ def print_outcome(path: Path, outcome: Outcome) -> None:
 
 
 def print_database(reader: Reader) -> None:
-    """Print what a database holds.
+    """Print a summary of a database: rows, times, scene, versions, ranges of all columns.
 
     Parameters
     ----------
-    reader : the open database
+    reader : gen.database.Reader
+        Open database.
     """
     console = _console()
     counts = reader.counts()
@@ -91,12 +94,14 @@ def print_database(reader: Reader) -> None:
 
 
 def print_plan(plan: Plan, path: Path | None = None) -> None:
-    """Print a scene's plan in numbers.
+    """Print the numbers of samples, surfaces and nodes of a plan, its loads and the file's size.
 
     Parameters
     ----------
-    plan : from `gen.generation.forecast.plan_of`
-    path : the database that would be written
+    plan : Plan
+        Plan of a scene, from `gen.generation.forecast.plan_of`.
+    path : Path, optional
+        Database that would be written.
     """
     console = _console()
     low, mean, high = plan.delta
@@ -111,11 +116,14 @@ def print_plan(plan: Plan, path: Path | None = None) -> None:
 
 
 def print_estimate(plan: Plan, estimate: Estimate) -> None:
-    """Print what a run is going to take.
+    """Print the time and the memory that a run is going to need.
 
     Parameters
     ----------
-    plan, estimate : from `gen.generation.forecast`
+    plan : Plan
+        Plan of a scene, from `gen.generation.forecast.plan_of`.
+    estimate : Estimate
+        Its costs, from `gen.generation.forecast.estimate`.
     """
     print_plan(plan)
     console = _console()
@@ -128,17 +136,19 @@ def print_estimate(plan: Plan, estimate: Estimate) -> None:
 
 
 def print_contact(contact: Contact, seconds: float) -> None:
-    """Print one contact problem's solution.
+    """Print the solution of one contact problem.
 
     Parameters
     ----------
-    contact : the solution
-    seconds : what it took [s]
+    contact : bem.Contact
+        Solution.
+    seconds : float
+        Time that the solution took [s].
     """
     problem = contact.problem
     nodes = contact.pressure.shape
     cell = problem.spacing[0] * problem.spacing[1]
-    # The patch is as large as its nodes' cells: the share A_e of nodes is a share of this.
+    # A_e is a share of nodes, so the patch counts as the cells of all its nodes.
     nominal = contact.pressure.size * cell
     touching = contact.contact_nodes * cell
     table = Table(box=None, show_header=False, pad_edge=False)
@@ -168,7 +178,15 @@ def print_contact(contact: Contact, seconds: float) -> None:
 
 
 def print_preparation(topography: Topography, warnings: list[str]) -> None:
-    """Print where a surface comes from, what was done to it, and what to beware of."""
+    """Print the steps from a file to a surface, and the warnings about it on standard error.
+
+    Parameters
+    ----------
+    topography : Topography
+        Surface.
+    warnings : list of str
+        One line for each warning.
+    """
     console = _console()
     for step in topography.steps:
         console.print(f"{topography.name}: {step}")
@@ -178,7 +196,7 @@ def print_preparation(topography: Topography, warnings: list[str]) -> None:
         )
 
 
-def followed(
+def follow_contacts(
     topography: Topography,
     warnings: list[str],
     solutions: Iterable[tuple[Contact, float]],
@@ -186,21 +204,30 @@ def followed(
     *,
     material: bool,
 ) -> tuple[list[Contact], list[str]]:
-    """Collect the contacts of a surface, with progress; print how it was prepared, and them.
+    """Collect the contacts of a surface with a progress bar, then print surface and contacts.
 
-    One contact alone is printed in full, several as one table. Nothing is printed before the
-    first, since its load may be refused.
+    A single contact is printed in full, several as one table. Nothing is printed before the first
+    contact is solved, since its load may be refused.
 
     Parameters
     ----------
-    topography : the surface
-    warnings : about it
-    solutions : its contacts and the time each took, `count` of them
-    material : whether the modulus is that of a material
+    topography : Topography
+        Surface.
+    warnings : list of str
+        Warnings about the surface.
+    solutions : iterable of (bem.Contact, float)
+        Contacts of the surface and the time of each [s].
+    count : int
+        Number of solutions.
+    material : bool
+        Whether the user gave a modulus.
 
     Returns
     -------
-    The contacts, and all warnings about the surface and them.
+    contacts : list of bem.Contact
+        All contacts.
+    warnings : list of str
+        Warnings about the surface and about its contacts.
     """
     contacts = []
     seconds = 0.0
@@ -212,7 +239,7 @@ def followed(
             for contact, _ in solutions:
                 contacts.append(contact)
                 progress.advance(1, 0)
-    warnings = warnings + warnings_about(topography, contacts, material=material)
+    warnings = warnings + contact_warnings(topography, contacts, material=material)
     print_preparation(topography, warnings)
     if count == 1:
         print_contact(contacts[0], seconds)
@@ -222,7 +249,13 @@ def followed(
 
 
 def print_law(contacts: Sequence[Contact]) -> None:
-    """Print contacts of one surface under many loads, a line each."""
+    """Print contacts of one surface as a table with a line for each load.
+
+    Parameters
+    ----------
+    contacts : sequence of bem.Contact
+        Contacts of the surface.
+    """
     table = Table(box=None, pad_edge=False)
     titles = "Delta um", "force uN", "pressure MPa", "area %", "largest MPa", "mean gap um"
     for title in titles:
@@ -242,19 +275,23 @@ def print_law(contacts: Sequence[Contact]) -> None:
 
 
 def print_statistics(
-    heights: NDArray[np.float64],
+    heights: Heights,
     spacing: tuple[float, float],
     tilt: tuple[float, float],
     description: Description,
 ) -> None:
-    """Print the 22 statistics of a surface.
+    """Print the 22 roughness statistics of a surface.
 
     Parameters
     ----------
-    heights : (nx, ny) [um]
-    spacing : along x and y [um]
-    tilt : slope of the plane fitted to what was measured, along x and y [1]
-    description : what `gen.statistics.describe` found
+    heights : ndarray, shape (nx, ny)
+        Heights without holes [um].
+    spacing : tuple of float
+        Distance of the nodes along x and y [um].
+    tilt : tuple of float
+        Slopes of the least-squares plane of the surface as measured, along x and y [1].
+    description : gen.statistics.Description
+        Statistics of the heights.
     """
     console = _console()
     console.print(
@@ -274,13 +311,13 @@ def print_statistics(
 
 
 def _console() -> Console:
-    """Plain text on standard output, unbroken where it goes on into a file or a pipe."""
+    """Return a console for plain text; lines that go to a file or a pipe are not broken."""
     width = None if sys.stdout.isatty() else 1000
     return new_console(markup=False, highlight=False, width=width)
 
 
 def _scene_lines(scene: dict[str, Any]) -> list[str]:
-    """A scene as a few lines: single keys, then a line for each table."""
+    """Return the lines that show a scene: single keys first, then one line for each table."""
     tables = {name: value for name, value in scene.items() if isinstance(value, dict)}
     single = {name: value for name, value in scene.items() if name not in {"title", *tables}}
     lines = [", ".join(f"{name} = {json.dumps(value)}" for name, value in single.items())]
@@ -291,7 +328,7 @@ def _scene_lines(scene: dict[str, Any]) -> list[str]:
 
 
 def _times(reader: Reader) -> str:
-    """Solve times of the done rows, in words."""
+    """Return the times of the done rows in words."""
     done = reader.column("status") == Status.DONE
     if not done.any():
         return "no row is done"
@@ -304,7 +341,7 @@ def _times(reader: Reader) -> str:
 
 
 def _ranges_table(reader: Reader) -> Table:
-    """Smallest and largest value of every column over the done rows, beside the paper's."""
+    """Tabulate the range of every column over the done rows beside that of the paper."""
     table = Table(box=None, pad_edge=False)
     for title in ("column", "unit", "from", "to", "paper from", "paper to"):
         table.add_column(title, justify="left" if title in {"column", "unit"} else "right")
@@ -315,6 +352,7 @@ def _ranges_table(reader: Reader) -> Table:
     return table
 
 
-def _limits(found: tuple[float, float], column: Column) -> list[str]:
-    limits = [*found, *(column.paper_range or ())]
+def _limits(limits_here: tuple[float, float], column: Column) -> list[str]:
+    """Return four cells: the range here, then that of the paper, empty if it has none."""
+    limits = [*limits_here, *(column.paper_range or ())]
     return [f"{limit:.6g}" for limit in limits] + [""] * (4 - len(limits))

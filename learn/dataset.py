@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.database import Reader
+from gen.measured.material import plane_strain_modulus
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import REASONS, Column, Status, statistics_columns
@@ -170,7 +171,7 @@ def read(
 
 def modulus(scene: Scene) -> float:
     """E* of a scene [MPa]."""
-    return scene.contact.modulus / (1 - scene.contact.poisson**2)
+    return plane_strain_modulus(scene.contact.modulus, scene.contact.poisson)
 
 
 def _features(wanted: FeatureSet, inputs: Values, side: float, pressed: Values | None) -> Values:

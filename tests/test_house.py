@@ -24,7 +24,7 @@ ONE_HOME = {
     "threadpoolctl": {"bem/sections.py"},
     "tomllib": {"gen/scene.py"},
     "SurfaceTopography": {"gen/measured/topography.py"},
-    "matplotlib": {"gen/picture.py", "learn/comparison/pictures.py", "bench"},
+    "matplotlib": {"gen/runtime/figure.py", "bench"},
     "sklearn": {"learn", "bench"},
     "xgboost": {"learn/models.py"},
 }

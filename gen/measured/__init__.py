@@ -1,1 +1,1 @@
-"""Surfaces that were measured: instruments' files, their preparation, contacts of one surface."""
+"""Measured surfaces: reading instruments' files, preparing heights, contacts of one surface."""

@@ -1,4 +1,4 @@
-"""Channels of a file that holds several maps: which one is read, and how that is said."""
+"""Channels of a file that holds several maps: choosing one, and telling the user which."""
 
 from __future__ import annotations
 
@@ -11,7 +11,19 @@ from gen.runtime.errors import InputError
 
 @dataclass(frozen=True)
 class Channel:
-    """One map of a file, with its index there and the unit of its values ("" if unknown)."""
+    """One map of a file.
+
+    Attributes
+    ----------
+    index : int
+        Index of the map in the file.
+    name : str
+        Name of the map.
+    heights : bool
+        Whether the map holds heights.
+    unit : str
+        Unit of its values, "" if unknown.
+    """
 
     index: int
     name: str
@@ -19,34 +31,57 @@ class Channel:
     unit: str
 
     @property
-    def listed(self) -> str:
-        """Index and name, and why it has no heights where it has none."""
+    def label(self) -> str:
+        """Index and name, followed by the unit if the map holds no heights."""
         values = "" if self.heights else f" (in {self.unit or 'no length'}, no heights)"
         return f"{self.index} {self.name!r}{values}"
 
 
-def chosen(path: Path, channels: Sequence[Channel], wanted: str) -> Channel:
-    """The channel of a name or index, or the first one with heights."""
-    listed = ", ".join(channel.listed for channel in channels)
+def choose_channel(path: Path, channels: Sequence[Channel], wanted: str) -> Channel:
+    """Return the channel with a name or index; by default the first one with heights.
+
+    Parameters
+    ----------
+    path : Path
+        File, for messages.
+    channels : sequence of Channel
+        All channels of the file.
+    wanted : str
+        Name or index of a channel, "" for the default.
+
+    Raises
+    ------
+    InputError
+        If there is no such channel, it holds no heights, or several have the name.
+    """
+    labels = ", ".join(channel.label for channel in channels)
     if not wanted:
         first = next((channel for channel in channels if channel.heights), None)
         if first is None:
-            raise InputError(f"{path}: holds no heights; its channels are {listed}")
+            raise InputError(f"{path}: holds no heights; its channels are {labels}")
         return first
-    found = [channel for channel in channels if channel.name == wanted]
-    found = found or [channel for channel in channels if str(channel.index) == wanted]
-    if len(found) != 1:
-        why = "several channels have this name; give an index" if found else "no such channel"
-        raise InputError(f"--channel {wanted!r}: {why}; {path} holds {listed}")
-    if not found[0].heights:
-        raise InputError(f"--channel {wanted!r}: holds no heights; {path} holds {listed}")
-    return found[0]
+    matches = [channel for channel in channels if channel.name == wanted]
+    matches = matches or [channel for channel in channels if str(channel.index) == wanted]
+    if len(matches) != 1:
+        why = "several channels have this name; give an index" if matches else "no such channel"
+        raise InputError(f"--channel {wanted!r}: {why}; {path} holds {labels}")
+    if not matches[0].heights:
+        raise InputError(f"--channel {wanted!r}: holds no heights; {path} holds {labels}")
+    return matches[0]
 
 
-def named(channels: Sequence[Channel], taken: int) -> str:
-    """Which channel was taken, for files that hold several."""
+def choice_in_words(channels: Sequence[Channel], index: int) -> str:
+    """Say which channel was read and which were not; "" for a file with only one.
+
+    Parameters
+    ----------
+    channels : sequence of Channel
+        All channels of the file.
+    index : int
+        Index of the channel that was read.
+    """
     if len(channels) == 1:
         return ""
-    name = next(channel.name for channel in channels if channel.index == taken)
-    others = ", ".join(channel.listed for channel in channels if channel.index != taken)
-    return f" of channel {taken} {name!r} (not {others})"
+    name = next(channel.name for channel in channels if channel.index == index)
+    rest = ", ".join(channel.label for channel in channels if channel.index != index)
+    return f" of channel {index} {name!r} (not {rest})"

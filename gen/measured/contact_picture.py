@@ -10,37 +10,43 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gen.picture import draw_map, maps_of, save, shortened
+from gen.arrays import Values
+from gen.maps import contact_maps, draw_map
+from gen.runtime.figure import save
+from gen.runtime.terminal import shortened
 
 if TYPE_CHECKING:
     from bem import Contact
 
-# Longer over wider side from which on both maps stand side by side, or one below the other.
 OBLONG = 1.8
-# Beyond it a map to scale is a sliver: its shorter side is stretched, and the title says so.
+"""Ratio of the sides from which the two maps stand side by side, or one below the other."""
 SLIVER = 9.0
-# Largest over smallest load from which on a law has logarithmic axes.
+"""Ratio of the sides beyond which the shorter side is stretched, as the title then says."""
 DECADES = 99.0
-# Share of the lines at either border that a section avoids: pressures pile up along them.
+"""Ratio of the largest to the smallest load from which a law has logarithmic axes."""
 BORDER = 0.1
+"""Share of the lines at both borders that a section avoids, since pressures are high there."""
 WIDTH = 11.0
-"""Of a picture with its section below the maps [inches]."""
+"""Width of a picture whose section is below the maps [inches]."""
 SECTION = 6.0
 """Width of a section beside the maps [inches]."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What a picture of contacts is about.
+    """Surface, load and material of a picture of contacts.
 
     Attributes
     ----------
-    name : of the surface
-    load : "delta", "force" or "pressure", what was given
-    material : whether the modulus is that of a material
-    warnings : what to know before trusting the contacts, a line each
+    name : str
+        Name of the surface.
+    load : {"delta", "force", "pressure"}
+        Quantity that was given.
+    material : bool
+        Whether the user gave a modulus.
+    warnings : sequence of str
+        One line for each reason to distrust the contacts.
     """
 
     name: str
@@ -52,24 +58,29 @@ class Subject:
 def draw_contacts(
     figure: Any, contacts: Sequence[Contact], subject: Subject, picture: Path
 ) -> None:
-    """Draw a surface, its contact spots and a section under the last load; of several, the law.
+    """Draw a surface, its contact and a section under the last load, and the law of several loads.
 
     Parameters
     ----------
-    figure : from `gen.picture.new_figure`
-    contacts : of one surface, one or more
-    subject : their surface, load and material
-    picture : the image to write
+    figure : matplotlib.figure.Figure
+        Empty figure.
+    contacts : sequence of bem.Contact
+        Contacts of one surface, at least one.
+    subject : Subject
+        Surface, load and material.
+    picture : Path
+        Picture to write.
     """
     last = contacts[-1]
     axes, letters = _panels(figure, _sides(last), law=len(contacts) > 1)
     figure.suptitle(_title(contacts, subject), fontsize=11, parse_math=False)
     if subject.warnings:
-        lines = [textwrap.fill(f"warning: {each}", 160) for each in subject.warnings]
+        lines = [textwrap.fill(f"warning: {warning}", 160) for warning in subject.warnings]
         figure.supxlabel("\n".join(lines), fontsize=8, color="tab:red", parse_math=False)
     spots = f"contact: {last.area_percent:.3g} % of {last.pressure.size} nodes"
-    for name, drawn in zip(("heights", "spots"), maps_of(last, "heights", spots), strict=True):
-        draw_map(axes[name], drawn, letters)
+    heights_map, pressure_map = contact_maps(last, "heights", spots)
+    draw_map(axes["heights"], heights_map, letters)
+    draw_map(axes["spots"], pressure_map, letters)
     _stretch(axes, _sides(last))
     _draw_section(axes["section"], last)
     if len(contacts) > 1:
@@ -78,27 +89,30 @@ def draw_contacts(
 
 
 def _sides(contact: Contact) -> tuple[float, float]:
-    """Lengths along x and y [um]."""
+    """Return the lengths along x and y [um]."""
     (nx, ny), (dx, dy) = contact.pressure.shape, contact.problem.spacing
     return dx * (nx - 1), dy * (ny - 1)
 
 
 def _panels(figure: Any, sides: tuple[float, float], *, law: bool) -> tuple[dict[str, Any], int]:
-    """Place the panels as the shape of the surface asks for.
+    """Place the panels to suit the shape of the surface.
 
     Returns
     -------
-    The axes by name, and how many letters a line of a map's title holds.
+    axes : dict of matplotlib.axes.Axes
+        Axes of the maps, the section and the law by name.
+    letters : int
+        Number of letters that fit into a line of a map's title.
     """
     ratio = min(max(sides[1] / sides[0], 1 / SLIVER), SLIVER)
     if ratio > OBLONG:
         height = min(max(3.6 * ratio, 8.0), 9.5) if law else 6.0
-        column = 0.75 * height / ratio + 2.4  # the latter for the colours and their label
+        column = 0.75 * height / ratio + 2.4  # plus the colour bar and its label
         figure.set_size_inches(2 * column + SECTION, height)
         left, right = figure.subfigures(1, 2, width_ratios=[2 * column, SECTION])
         maps = left.subplots(1, 2)
         shares = [1.5, 1, 1, 1] if law else [1]
-        others = np.atleast_1d(right.subplots(len(shares), 1, height_ratios=shares))
+        below = np.atleast_1d(right.subplots(len(shares), 1, height_ratios=shares))
         letters = int(9 * column)
     else:
         wide = ratio < 1 / OBLONG
@@ -107,14 +121,14 @@ def _panels(figure: Any, sides: tuple[float, float], *, law: bool) -> tuple[dict
         figure.set_size_inches(WIDTH, sum(heights) + 0.8)
         top, middle, *bottom = figure.subfigures(len(heights), 1, height_ratios=heights)
         maps = top.subplots(2, 1) if wide else top.subplots(1, 2)
-        others = np.array([middle.subplots(), *(bottom[0].subplots(1, 3) if law else [])])
+        below = np.array([middle.subplots(), *(bottom[0].subplots(1, 3) if law else [])])
         letters = 120 if wide else 56
     names = ("heights", "spots", "section", "area", "answer", "gap")
-    return dict(zip(names, [*maps, *others], strict=False)), letters
+    return dict(zip(names, [*maps, *below], strict=False)), letters
 
 
 def _stretch(axes: dict[str, Any], sides: tuple[float, float]) -> None:
-    """Fill the panels with maps that would be slivers to scale."""
+    """Let very narrow maps fill their panels, and say so in their titles."""
     if max(sides) < SLIVER * min(sides):
         return
     for name in ("heights", "spots"):
@@ -125,7 +139,7 @@ def _stretch(axes: dict[str, Any], sides: tuple[float, float]) -> None:
 
 
 def _title(contacts: Sequence[Contact], subject: Subject) -> str:
-    """File, load and material, in lines that fit."""
+    """Return the title: file, load and material in lines that fit."""
     last = contacts[-1]
     cells = last.pressure.size * math.prod(last.problem.spacing)
     load = (
@@ -141,7 +155,7 @@ def _title(contacts: Sequence[Contact], subject: Subject) -> str:
 
 
 def _si(value: float, unit: str) -> str:
-    """Four digits of a number with the prefix that suits it."""
+    """Format a number with four digits and a metric prefix."""
     power = 0 if value == 0 else min(max(math.floor(math.log10(abs(value)) / 3), -4), 4)
     prefix = ("p", "n", "µ", "m", "", "k", "M", "G", "T")[power + 4]
     return f"{value / 1000.0**power:.4g} {prefix}{unit}"
@@ -150,12 +164,20 @@ def _si(value: float, unit: str) -> str:
 def section_line(contact: Contact) -> tuple[int, int]:
     """Choose the line of nodes along which to draw a section.
 
-    It is the line that carries most force among those along the longer side, or if these have no
-    contact off the border, along the shorter one.
+    Among the lines along the longer side, the one with the largest force is chosen; if these have
+    no contact off the border, the one with the largest force along the shorter side.
+
+    Parameters
+    ----------
+    contact : bem.Contact
+        Solution to draw.
 
     Returns
     -------
-    The axis along which the line runs, and its index on the other axis.
+    along : int
+        Axis along which the line runs.
+    index : int
+        Index of the line on the other axis.
     """
     sides = _sides(contact)
     longer = 0 if sides[0] >= sides[1] else 1
@@ -169,12 +191,12 @@ def section_line(contact: Contact) -> tuple[int, int]:
 
 
 def _draw_section(axis: Any, contact: Contact) -> None:
-    """Both bodies along a line through the contact."""
+    """Draw both bodies along a line through the contact."""
     along, place = section_line(contact)
     line: tuple[Any, ...] = (slice(None), place) if along == 0 else (place, slice(None))
     spacing = contact.problem.spacing
     position = spacing[along] * np.arange(contact.pressure.shape[along])
-    # The half-space's surface rests at 0, the rough body comes down from above.
+    # The half-space's surface is at 0 before contact, and the rough body comes down from above.
     deformed = -contact.displacement[line]
     rough = deformed + contact.gap[line]
     margin = 0.08 * float(np.ptp([deformed.min(), deformed.max(), rough.max(), 0.0]))
@@ -203,7 +225,7 @@ def _draw_section(axis: Any, contact: Contact) -> None:
 
 
 def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> None:
-    """Area, force or displacement, and mean gap against the load that was given."""
+    """Draw area, force or far-field displacement, and mean gap over the load that was given."""
     cells = contacts[0].pressure.size * math.prod(contacts[0].problem.spacing)
     quantities = {
         "delta": ([contact.delta for contact in contacts], "displacement Δ [µm]"),
@@ -228,13 +250,13 @@ def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> No
 
 def _draw_curve(
     axis: Any,
-    loads: NDArray[np.float64],
-    answers: NDArray[np.float64],
+    loads: Values,
+    answers: Values,
     *,
     decades: bool,
     color: str,
 ) -> None:
-    """Draw one quantity over the loads, from 0 on or over decades."""
+    """Draw one quantity over the loads, on axes from 0 or over decades."""
     axis.plot(loads, answers, ".-", color=color)
     axis.grid(alpha=0.3)
     if decades:

@@ -1,4 +1,4 @@
-"""The plane-strain modulus of one elastic body on a rigid one, or of two elastic bodies."""
+"""The plane-strain modulus E* of one elastic body on a rigid one, or of two elastic bodies."""
 
 from collections.abc import Sequence
 
@@ -6,25 +6,47 @@ from gen.runtime.errors import InputError
 from gen.runtime.numbers import magnitude
 
 
-def combined_modulus(
-    young: Sequence[float], poisson: Sequence[float], e_star: float | None = None
-) -> float:
-    """E* with 1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2, one term where the other body is rigid.
+def plane_strain_modulus(young: float, poisson: float) -> float:
+    """Compute E* = E / (1 - nu^2) of one elastic body.
 
     Parameters
     ----------
-    young : one or two Young's moduli; 1 MPa unless given [MPa]
-    poisson : as many Poisson's ratios, or none for 0 [1]
-    e_star : E* itself, in place of both [MPa]
+    young : float
+        Young's modulus E [MPa].
+    poisson : float
+        Poisson's ratio nu [1].
 
     Returns
     -------
-    E* [MPa]
+    float
+        E* [MPa].
+    """
+    return young / (1 - poisson**2)
+
+
+def combined_modulus(
+    young: Sequence[float], poisson: Sequence[float], e_star: float | None = None
+) -> float:
+    """Compute E* of a contact, 1/E* = 1/E1* + 1/E2*; the second term is 0 if one body is rigid.
+
+    Parameters
+    ----------
+    young : sequence of float
+        One or two Young's moduli [MPa]; 1 MPa if empty.
+    poisson : sequence of float
+        As many Poisson's ratios as moduli [1]; 0 if empty.
+    e_star : float, optional
+        E* itself, in place of `young` and `poisson` [MPa].
+
+    Returns
+    -------
+    float
+        E* [MPa].
 
     Raises
     ------
     InputError
-        For numbers that no material has, or too many of them
+        If a number is impossible for a material, or the numbers of moduli and ratios do not fit.
     """
     if e_star is not None:
         if young or poisson:
@@ -44,4 +66,4 @@ def combined_modulus(
             raise InputError(f"--young {modulus:g}: the modulus must be above 0 MPa, and finite")
         if not -1 < ratio <= 0.5:
             raise InputError(f"--poisson {ratio:g}: must be above -1 and at most 0.5")
-    return 1 / sum((1 - nu**2) / e for e, nu in zip(moduli, ratios, strict=True))
+    return 1 / sum(1 / plane_strain_modulus(e, nu) for e, nu in zip(moduli, ratios, strict=True))

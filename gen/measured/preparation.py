@@ -1,32 +1,42 @@
-"""Make a measured topography ready for contact, each step asked for and recorded."""
+"""Prepare a measured topography for contact: only the steps that the user asks for, recorded."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.measured.topography import Heights, Topography
+from gen.arrays import Heights, Values
+from gen.measured.topography import Topography
 from gen.runtime.errors import InputError
 
 LEVELS = ("mean", "plane", "quadratic")
 
-# The highest node is taken for a spike when it stands so many robust standard deviations further
-# above its neighbours' median than nodes usually do. Self-affine surfaces stay below 5.
 SPIKE = 7.0
-# Rows of nodes whose neighbours are looked at together: large maps are in memory a few times only.
+"""Height of the highest node above the median of its neighbours from which it is called a spike, in
+robust standard deviations of this quantity over all nodes; self-affine surfaces stay below 5."""
+
 ROWS = 64
-# Half-space theory takes slopes for small; rough surfaces of the paper have 0.07 to 0.26.
+"""Rows of nodes whose neighbours are gathered at a time, which bounds the memory."""
+
 STEEP = 0.3
-# Polished mirrors have 1e-4: what is flatter has probably lost the unit of its heights.
+"""Rms slope above which half-space theory, made for small slopes, is in doubt; the paper's rough
+surfaces have 0.07 to 0.26."""
+
 FLAT = 1e-5
-# Shares of missing heights above which filling is warned of, and refused unless insisted upon.
-MANY = 0.1
-MOST = 0.5
-# Rows of so many triples are hardly a strip three nodes wide.
+"""Rms slope below which the unit of the heights was probably lost; polished mirrors have 1e-4."""
+
+MANY_HOLES = 0.1
+"""Share of missing heights above which filling them deserves a warning."""
+
+MOST_HOLES = 0.5
+"""Share of missing heights above which filling them is refused unless the user insists."""
+
 TRIPLES = 100
+"""Rows from which a file with three columns is a list of points rather than a narrow map."""
 
 
 def prepare(
@@ -38,23 +48,35 @@ def prepare(
     fill: bool = False,
     fill_most: bool = False,
 ) -> Topography:
-    """Crop, invert, level and fill, in this order, whatever of it is asked for.
+    """Crop, invert, level and fill a topography, in this order.
 
-    A surface of which more than `MANY` is filled gets a warning.
+    A surface of which more than `MANY_HOLES` is filled gets a warning.
 
     Parameters
     ----------
-    crop : "x0:x1,y0:y1", the part to keep, from the first node on [um]
-    invert : turn the surface upside down, where the file's heights point into the material
-    level : take away the "mean", the least-squares "plane" or "quadratic" of the measured nodes
-    fill : close holes harmonically: no filled node is higher or lower than a hole's rim
-    fill_most : fill even where more than half of the heights are missing
+    topography : Topography
+        Surface as it was measured.
+    crop : str
+        Part to keep, "x0:x1,y0:y1" from the first node on [um].
+    invert : bool
+        Turn the surface upside down, for files whose heights point into the material.
+    level : {"", "mean", "plane", "quadratic"}
+        Least-squares fit of the measured nodes to subtract.
+    fill : bool
+        Close holes harmonically: no filled node is above or below the rim of its hole.
+    fill_most : bool
+        Fill even if more than half of the heights are missing.
+
+    Returns
+    -------
+    Topography
+        Surface without holes, with the steps that were taken.
 
     Raises
     ------
     InputError
-        For a part that is empty, a level that is none of these, holes that stay, or more holes than
-        heights
+        If the part is empty, the level is unknown, holes are left, or there are more holes than
+        heights.
     """
     if crop:
         topography = _cropped(topography, crop)
@@ -72,76 +94,101 @@ def prepare(
     return topography
 
 
-def warnings_about(topography: Topography) -> list[str]:
-    """What a user should know before trusting a contact of this surface, a line each."""
-    notes = list(topography.warnings)
+def surface_warnings(topography: Topography) -> list[str]:
+    """List reasons to distrust contacts of a surface: spikes, slopes, wrong units, lists of points.
+
+    Parameters
+    ----------
+    topography : Topography
+        Surface without holes.
+
+    Returns
+    -------
+    list of str
+        One line for each warning, those of reading and preparing included.
+    """
+    warnings = list(topography.warnings)
     spike = _spike(topography.heights)
     if spike is not None:
         row, column, above = spike
-        notes.append(
+        warnings.append(
             f"the highest node ({row}, {column}) is a spike, {above:.4g} um above its neighbours:"
             " Delta counts from its tip; crop it, or mark it as missing and --fill"
         )
     slope = rms_slope(topography)
     if slope > STEEP:
-        notes.append(
+        warnings.append(
             f"rms slope {slope:.2g}: the theory of the half-space takes slopes for small"
             f" (below {STEEP:g}); check the unit of heights and lengths"
         )
     if 0 < slope < FLAT:
-        notes.append(
+        warnings.append(
             f"rms slope {slope:.2g}: flatter than a mirror; are the heights in metres? --unit says"
         )
     rows, columns = topography.heights.shape
     if columns == 3 and rows >= TRIPLES:
-        notes.append(
+        warnings.append(
             f"{rows} x 3 nodes: if this is a list of x, y and z, give the heights as a grid"
         )
-    return notes
+    return warnings
 
 
 def rms_slope(topography: Topography) -> float:
-    """Root mean square of the gradient between neighbouring nodes [1]."""
+    """Compute the root mean square of the slopes between neighbouring nodes [1]."""
     squares = 0.0
     for axis, spacing in enumerate(topography.spacing):
-        with np.errstate(over="ignore"):  # a slope without end is warned of like any that is steep
+        with np.errstate(over="ignore"):  # an infinite slope gets the warning of every steep one
             squares += float(np.nanmean((np.diff(topography.heights, axis=axis) / spacing) ** 2))
     return float(np.sqrt(squares))
 
 
 def tilt(topography: Topography) -> tuple[float, float]:
-    """Slope of the least-squares plane along x and y [1]."""
+    """Fit a plane to the measured nodes and return its slopes along x and y [1]."""
     _, coefficients = _least_squares(topography.heights, _plane)
     width, length = topography.sides
     return 2 * float(coefficients[1]) / width, 2 * float(coefficients[2]) / length
 
 
 def filled_harmonically(heights: Heights, spacing: tuple[float, float]) -> Heights:
-    """Solve Laplace's equation in the holes, their rims given, the patch's border free.
+    """Fill holes with the solution of Laplace's equation between the heights of their rims.
+
+    The border of the patch is free: no flux crosses it.
 
     Parameters
     ----------
-    heights : (nx, ny), NaN in holes, some finite [um]
-    spacing : along x and y [um]
+    heights : ndarray, shape (nx, ny)
+        Heights with NaN in the holes, at least one of them finite [um].
+    spacing : tuple of float
+        Distance of the nodes along x and y [um].
 
     Returns
     -------
-    (nx, ny) without NaN; finite heights are kept
+    ndarray, shape (nx, ny)
+        Heights without NaN; measured heights are kept [um].
     """
-    from scipy.sparse import coo_matrix
     from scipy.sparse.linalg import spsolve
 
-    holes = np.isnan(heights)
-    unknown = np.flatnonzero(holes)
+    unknown = np.flatnonzero(np.isnan(heights))
+    filled = heights.copy()
+    filled.reshape(-1)[unknown] = spsolve(*_laplace_equations(heights, spacing, unknown))
+    return filled
+
+
+def _laplace_equations(
+    heights: Heights, spacing: tuple[float, float], unknown: NDArray[np.intp]
+) -> tuple[Any, Values]:
+    """Assemble the five-point Laplace equation at the unknown nodes: sparse matrix, right side."""
+    from scipy.sparse import coo_matrix
+
     number = np.full(heights.size, -1)
     number[unknown] = np.arange(unknown.size)
     diagonal, right = np.zeros(unknown.size), np.zeros(unknown.size)
-    flat, columns = heights.reshape(-1), heights.shape[1]
-    rows: list[NDArray[np.intp]] = []
-    others: list[NDArray[np.intp]] = []
-    weights: list[Heights] = []
-    for axis, stride in ((0, columns), (1, 1)):
-        position = unknown // columns if axis == 0 else unknown % columns
+    flat, line = heights.reshape(-1), heights.shape[1]
+    rows: list[NDArray[np.intp]] = [np.arange(unknown.size)]
+    columns: list[NDArray[np.intp]] = [np.arange(unknown.size)]
+    weights: list[Values] = [diagonal]
+    for axis, stride in ((0, line), (1, 1)):
+        position = unknown // line if axis == 0 else unknown % line
         weight = spacing[axis] ** -2
         for step, inside in ((-1, position > 0), (1, position < heights.shape[axis] - 1)):
             here = np.flatnonzero(inside)
@@ -150,43 +197,36 @@ def filled_harmonically(heights: Heights, spacing: tuple[float, float]) -> Heigh
             known = number[there] < 0
             np.add.at(right, here[known], weight * flat[there[known]])
             rows.append(here[~known])
-            others.append(number[there[~known]])
+            columns.append(number[there[~known]])
             weights.append(np.full(int((~known).sum()), -weight))
-    everyone = np.arange(unknown.size)
-    matrix = coo_matrix(
-        (
-            np.concatenate([diagonal, *weights]),
-            (np.concatenate([everyone, *rows]), np.concatenate([everyone, *others])),
-        )
-    ).tocsc()
-    filled = heights.copy()
-    filled.reshape(-1)[unknown] = spsolve(matrix, right)
-    return filled
+    places = np.concatenate(rows), np.concatenate(columns)
+    return coo_matrix((np.concatenate(weights), places)).tocsc(), right
 
 
 def _changed(topography: Topography, heights: Heights, step: str) -> Topography:
+    """Return the topography with new heights and one more recorded step."""
     return replace(topography, heights=heights, steps=(*topography.steps, step))
 
 
 def _filled(topography: Topography, *, insisted: bool) -> Topography:
-    """Fill holes; refuse more holes than heights unless the user insisted, and warn of many."""
+    """Fill holes; warn of many, and refuse more holes than heights unless the user insists."""
     missing, size = topography.missing, topography.heights.size
     share = f"{100 * missing / size:.3g} %"
-    if missing > MOST * size and not insisted:
+    if missing > MOST_HOLES * size and not insisted:
         raise InputError(
             f"{topography.name}: {missing} of {size} heights are missing ({share}): --fill would"
             " make up more than was measured; crop, measure again, or insist by --fill-most"
         )
     heights = filled_harmonically(topography.heights, topography.spacing)
     filled = _changed(topography, heights, f"filled {missing} nodes ({share}) harmonically")
-    if missing <= MANY * size:
+    if missing <= MANY_HOLES * size:
         return filled
     warning = f"{share} of the heights were missing and are filled: filled parts are too smooth"
     return replace(filled, warnings=(*filled.warnings, warning))
 
 
 def _cropped(topography: Topography, text: str) -> Topography:
-    """The nodes within "x0:x1,y0:y1" [um]."""
+    """Cut out the nodes within "x0:x1,y0:y1" [um]."""
     try:
         limits = [[float(end) for end in part.split(":")] for part in text.split(",")]
     except ValueError:
@@ -213,18 +253,26 @@ def _cropped(topography: Topography, text: str) -> Topography:
     return _changed(cropped, heights, step)
 
 
-def _plane(x: Heights, y: Heights) -> list[Heights]:
+def _plane(x: Values, y: Values) -> list[Values]:
     return [np.ones_like(x), x, y]
 
 
-def _quadratic(x: Heights, y: Heights) -> list[Heights]:
+def _quadratic(x: Values, y: Values) -> list[Values]:
     return [*_plane(x, y), x * x, x * y, y * y]
 
 
 def _least_squares(
-    heights: Heights, terms: Callable[[Heights, Heights], list[Heights]]
-) -> tuple[Heights, Heights]:
-    """The fit to the measured nodes at all nodes, and its coefficients over -1 to 1 an axis."""
+    heights: Heights, terms: Callable[[Values, Values], list[Values]]
+) -> tuple[Heights, Values]:
+    """Fit terms to the measured nodes.
+
+    Returns
+    -------
+    fit : ndarray, shape (nx, ny)
+        Fit at all nodes [um].
+    coefficients : ndarray
+        One for each term, with coordinates from -1 to 1 along both axes [um].
+    """
     x, y = np.meshgrid(*(np.linspace(-1, 1, nodes) for nodes in heights.shape), indexing="ij")
     columns = terms(x, y)
     measured = ~np.isnan(heights)
@@ -239,6 +287,7 @@ def _least_squares(
 
 
 def _levelled(topography: Topography, level: str) -> Topography:
+    """Subtract a least-squares fit of the measured nodes."""
     if level not in LEVELS:
         raise InputError(f"--level {level!r}: give one of {', '.join(LEVELS)}")
     heights = topography.heights
@@ -252,8 +301,15 @@ def _levelled(topography: Topography, level: str) -> Topography:
 
 
 def _spike(heights: Heights) -> tuple[int, int, float] | None:
-    """Where the highest node is, and how far above its neighbours' median, if that is a spike."""
-    padded = np.pad(heights, 1, mode="reflect", reflect_type="odd")  # slopes go on
+    """Find out whether the highest node is a spike.
+
+    Returns
+    -------
+    tuple of (int, int, float), optional
+        Row, column, and height above the median of its neighbours [um]; None if it is no spike.
+    """
+    # The odd reflection continues slopes beyond the border.
+    padded = np.pad(heights, 1, mode="reflect", reflect_type="odd")
     nx, ny = heights.shape
     above = np.empty(heights.shape)
     for first in range(0, nx, ROWS):

@@ -1,4 +1,4 @@
-"""One surface from a file: its contact under one load or many, its statistics."""
+"""Contacts of one measured surface under one load or several, and rows of its tables."""
 
 from __future__ import annotations
 
@@ -21,23 +21,31 @@ if TYPE_CHECKING:
 LOADS = ("delta", "force", "pressure")
 ADVICE = "give a number, several as 1,2,5, or start:stop:count"
 
-# Hardness is rarely above a hundredth of E*: steel of 2 GPa has 230 GPa, and only glasses,
-# ceramics and rubber bear more.
 YIELDING = 100
+"""E* over the pressure from which a warning is due: the hardness of steel is 2 GPa at 230 GPa, and
+only glasses, ceramics and rubber bear more than a hundredth of E*."""
 
 
 def chosen_load(given: dict[str, str]) -> tuple[str, list[float]]:
-    """The one load that was given, and its values.
+    """Return the name and the values of the load that the user gave.
 
     Parameters
     ----------
-    given : text of each option, "" where it was not: a number, start:stop:count, or several with
-        commas
+    given : dict of str
+        Text of each option of `LOADS`, "" if omitted: a number, start:stop:count, or several
+        numbers with commas.
+
+    Returns
+    -------
+    name : str
+        One of `LOADS`.
+    values : list of float
+        Values of the load, in the option's unit.
 
     Raises
     ------
     InputError
-        For none of them, several, or text that is no number
+        If none or several of the options were given, or a text is not a number.
     """
     chosen = [name for name in LOADS if given[name]]
     if len(chosen) != 1:
@@ -54,19 +62,26 @@ def solve_loads(
 
     Parameters
     ----------
-    topography : without holes
-    load : "delta" [um], "force" [uN] or "pressure" [MPa]
-    values : of the load
-    settings : what else `bem.solve` takes
+    topography : Topography
+        Surface without holes.
+    load : {"delta", "force", "pressure"}
+        Quantity that is given.
+    values : sequence of float
+        Its values: far-field displacement [um], normal force [uN] or mean pressure [MPa].
+    **settings
+        Further arguments of `bem.solve`.
 
     Yields
     ------
-    (contact, seconds) : each solution and the time it took
+    contact : bem.Contact
+        Solution under one load.
+    seconds : float
+        Time that the solution took [s].
 
     Raises
     ------
     InputError
-        If a number is not allowed, or there is no solution
+        If a number is not allowed, there is no solution, or memory is too short.
     """
     import bem
 
@@ -83,40 +98,48 @@ def solve_loads(
         raise InputError(f"{topography.name}: {fault}") from None
 
 
-def warnings_about(
+def contact_warnings(
     topography: Topography, contacts: Sequence[Contact], *, material: bool
 ) -> list[str]:
-    """What a user should know before trusting contacts of this surface, a line each.
+    """List reasons to distrust contacts of a surface: full contact, and pressures that yield.
 
     Parameters
     ----------
-    topography : the surface
-    contacts : of it, one or more
-    material : whether the modulus is that of a material, so that pressures mean something
+    topography : Topography
+        The surface.
+    contacts : sequence of bem.Contact
+        At least one contact of the surface.
+    material : bool
+        Whether the user gave a modulus; without one, pressures are in units of E*.
+
+    Returns
+    -------
+    list of str
+        One line for each warning.
     """
-    notes = []
+    warnings = []
     full = [contact.delta for contact in contacts if contact.contact_nodes == contact.pressure.size]
     if full:
         span = f"{np.ptp(topography.heights):.4g}"
-        notes.append(
+        warnings.append(
             f"from Delta = {min(full):.4g} um on every node touches, the heights span {span} um:"
             " check the load and the unit of the heights"
         )
     limit = contacts[0].problem.modulus / YIELDING
-    over = [contact for contact in contacts if contact.largest_pressure > limit]
-    if over and material:
-        largest = max(contact.largest_pressure for contact in over)
-        begun = f"from Delta = {min(contact.delta for contact in over):.4g} um on, "
-        notes.append(
-            f"{begun if len(contacts) > 1 else ''}the largest pressure ({largest:.4g} MPa) is above"
+    beyond = [contact for contact in contacts if contact.largest_pressure > limit]
+    if beyond and material:
+        largest = max(contact.largest_pressure for contact in beyond)
+        start = f"from Delta = {min(contact.delta for contact in beyond):.4g} um on, "
+        warnings.append(
+            f"{start if len(contacts) > 1 else ''}the largest pressure ({largest:.4g} MPa) is above"
             f" E*/{YIELDING:g} = {limit:.4g} MPa, where most materials yield: the true contact area"
             " is larger than this elastic one"
         )
-    return notes
+    return warnings
 
 
 def describe(topography: Topography) -> Description:
-    """The 22 statistics of a surface without holes."""
+    """Compute the 22 roughness statistics of a surface without holes."""
     from gen import statistics
 
     return statistics.describe(topography.heights, topography.spacing)
@@ -125,7 +148,7 @@ def describe(topography: Topography) -> Description:
 def statistics_row(
     topography: Topography, description: Description, warnings: Sequence[str]
 ) -> Row:
-    """What `--csv` writes and `learn predict` takes: statistics, grid, steps and warnings."""
+    """Return the row of a table of statistics: values, grid, steps of preparation, warnings."""
     nx, ny = topography.heights.shape
     return {
         **description.values,
@@ -139,7 +162,7 @@ def statistics_row(
 
 
 def contact_row(topography: Topography, contact: Contact, warnings: Sequence[str]) -> Row:
-    """One line of a law: the load, all that the contact says in numbers, and all warnings."""
+    """Return the row of a table of contacts: load, area, pressures, gap, residual, warnings."""
     problem = contact.problem
     cells = contact.pressure.size * problem.spacing[0] * problem.spacing[1]
     return {

@@ -1,7 +1,7 @@
-"""Matrices of heights in text, and the headers that microscopes' programs write above them.
+"""Read matrices of heights from text, with the headers that microscopes' programs write above them.
 
-The headers of Gwyddion's ASCII export (in all its languages), of SPIP, Attocube, Nova and WSxM are
-read. In all of these, x runs along the lines.
+Headers of Gwyddion's ASCII export (in all its languages), of SPIP, Attocube, Nova and WSxM are
+understood. In all of these, x runs along the lines.
 """
 
 from __future__ import annotations
@@ -15,11 +15,9 @@ from types import MappingProxyType
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gen.arrays import Values
 from gen.runtime.errors import InputError
-
-Numbers = NDArray[np.float64]
 
 LABELS: Mapping[str, str] = MappingProxyType(
     {
@@ -40,15 +38,16 @@ LABELS: Mapping[str, str] = MappingProxyType(
         "format": "file format",
     }
 )
-"""What a header states, and the words by which programs say it, in lower case."""
+"""Labels of a header, in lower case, for each quantity that we read from it."""
 MEANINGS = {word: meaning for meaning, words in LABELS.items() for word in words.split("|")}
+"""Quantity of each label."""
 
 ENTRY = re.compile(r"(?P<label>[^:=：]{1,40}?)\s*[:=：]\s*(?P<value>.*)")
 QUANTITY = re.compile(r"(?P<number>[-+]?\d*[.,]?\d+(?:[eE][-+]?\d+)?)\s*(?P<unit>.*)")
 BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
-"""The first line of files whose header stands there without `#`."""
+"""First line of files whose header has no `#` in front."""
 SAYS_LENGTHS = re.compile(r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|\d\s*m)\b|Å")
-"""Remarks of which a user should know, although no program's header has them."""
+"""Unit of length in a comment that we do not understand; the user is warned of it."""
 POINTS = (
     "give the heights as a grid, one row of them a line (an .xyz file of points on a regular grid"
     " is read by SurfaceTopography)"
@@ -57,48 +56,51 @@ POINTS = (
 
 @dataclass(eq=False)
 class Matrix:
-    """Numbers of a text file, and what the header above them says.
+    """Numbers of a text file with the entries of the header above them.
 
     Attributes
     ----------
-    numbers : (lines, columns)
-    entries : what the header states, by the meanings in `LABELS`
-    remarks : comments that are not understood and name a unit of length
+    numbers : ndarray, shape (lines, columns)
+        Numbers as the file holds them [unit of the header].
+    entries : dict of str
+        Entries of the header by their quantity, a key of `LABELS`.
+    remarks : tuple of str
+        Comments that we do not understand and that name a unit of length.
     """
 
-    numbers: Numbers
+    numbers: Values
     entries: dict[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
     @property
     def channel(self) -> str:
-        """Name of the channel, "" where the header has none."""
+        """Name of the channel, "" if the header has none."""
         return self.entries.get("channel", "")
 
     @property
     def value_unit(self) -> tuple[float, str]:
-        """Factor and unit of the numbers; the unit is "" where the header has none."""
+        """Factor and unit of the numbers; the unit is "" if the header has none."""
         if "value unit" not in self.entries and "nm per value" in self.entries:
             return _quantity(self.entries["nm per value"])[0] or 1.0, "nm"
         return 1.0, _unit(self.entries.get("value unit", ""))
 
     @property
     def widths(self) -> tuple[tuple[float, str], tuple[float, str]] | None:
-        """Lengths along the lines and across, pixels in full, each with its unit ("" if unknown).
+        """Lengths along the lines and across them with their units ("" if unknown).
 
-        None where the header does not state both.
+        The lengths count whole pixels; None if the header lacks one of them.
         """
         lines, columns = self.numbers.shape
         spaced = "x spacing" in self.entries
         names = ("x spacing", "y spacing") if spaced else ("width", "height")
         (width, x_unit), (height, y_unit) = (
-            _quantity(self.entries.get(each, "")) for each in names
+            _quantity(self.entries.get(name, "")) for name in names
         )
         if not (0 < width < math.inf and 0 < height < math.inf):
             return None
         if spaced:
             width, height = width * columns, height * lines
-        usual = "nm" if "format" in self.entries else ""  # of SPIP, which states no unit of lengths
+        usual = "nm" if "format" in self.entries else ""  # SPIP states no unit of lengths
         x_unit = x_unit or _unit(self.entries.get("x unit", "")) or usual
         y_unit = y_unit or _unit(self.entries.get("y unit", "")) or x_unit
         return (width, x_unit), (height, y_unit)
@@ -109,22 +111,30 @@ def matrices(content: bytes, path: Path) -> list[Matrix]:
 
     Parameters
     ----------
-    content : of the file
-    path : for messages
+    content : bytes
+        Content of the file.
+    path : Path
+        Name of the file, for messages.
+
+    Returns
+    -------
+    list of Matrix
+        Matrices in the order of the file.
 
     Raises
     ------
     InputError
-        For words among the numbers, rows of unequal length, or fewer rows than a header states
+        If there are words among the numbers, rows of unequal length, or fewer rows than a header
+        states.
     """
-    found: list[Matrix] = []
+    read: list[Matrix] = []
     rows: list[list[float]] = []
     entries: dict[str, str] = {}
     remarks: list[str] = []
     for number, comment, fields in _lines(content):
         stated = _entry(comment)
         if stated and rows and stated[0] in {"channel", "width"}:
-            found.append(_matrix(path, rows, entries, remarks))
+            read.append(_matrix(path, rows, entries, remarks))
             rows, entries, remarks = [], {}, []
         if stated:
             entries.setdefault(*stated)
@@ -132,13 +142,13 @@ def matrices(content: bytes, path: Path) -> list[Matrix]:
             remarks.append(" ".join(comment.split())[:60])
         if fields:
             rows.append(_row(fields, path, number, rows))
-    if rows or not found:  # a header at the end of a file has no numbers
-        found.append(_matrix(path, rows, entries, remarks))
-    return found
+    if rows or not read:  # a header at the end of a file has no numbers
+        read.append(_matrix(path, rows, entries, remarks))
+    return read
 
 
 def _lines(content: bytes) -> Iterator[tuple[int, str, list[str]]]:
-    """Number, comment and fields of each line that has one of them."""
+    """Yield number, comment and fields of every line that has a comment or fields."""
     lines = content.decode("utf-8-sig", errors="replace").splitlines()
     first = next((line for line in lines if line.strip()), "")
     bare = BARE.match(first) is not None
@@ -154,22 +164,24 @@ def _lines(content: bytes) -> Iterator[tuple[int, str, list[str]]]:
 def _matrix(
     path: Path, rows: list[list[float]], entries: dict[str, str], remarks: list[str]
 ) -> Matrix:
-    """Numbers under a header; refused if there are others than it states."""
+    """Return the numbers under a header; refuse more or fewer of them than it states."""
     matrix = Matrix(np.array(rows, dtype=np.float64), entries)
     if not rows:
         return matrix
-    if matrix.widths is None:  # one of two lengths, say
+    if matrix.widths is None:  # for example, one of the two lengths is missing
         halves = [f"{name}: {entries[name]}" for name in ("width", "height") if name in entries]
         remarks = halves + remarks
-    there = matrix.numbers.shape
+    shape_read = matrix.numbers.shape
     stated = tuple(_quantity(entries.get(name, ""))[0] or None for name in ("lines", "columns"))
-    # Without lengths these may be anybody's words, for whom x runs down the columns, as for us.
-    allowed = [there] if matrix.widths else [there, there[::-1]]
-    if not any(all(a in {None, b} for a, b in zip(stated, each, strict=True)) for each in allowed):
-        lines, columns = ("?" if each is None else f"{each:g}" for each in stated)
+    # Without lengths the header may be somebody's own, with x down the columns, as in our files.
+    allowed = [shape_read] if matrix.widths else [shape_read, shape_read[::-1]]
+    if not any(
+        all(a in {None, b} for a, b in zip(stated, shape, strict=True)) for shape in allowed
+    ):
+        lines, columns = ("?" if length is None else f"{length:g}" for length in stated)
         raise InputError(
             f"{path}: its header states {lines} lines of {columns} numbers, it holds"
-            f" {' of '.join(str(length) for length in there)}; give the whole file"
+            f" {' of '.join(str(length) for length in shape_read)}; give the whole file"
         )
     if entries.get("to be scaled", "").lower() in {"yes", "1", "true"}:
         raise InputError(
@@ -180,7 +192,7 @@ def _matrix(
 
 
 def _entry(comment: str) -> tuple[str, str] | None:
-    """Meaning and value of a header's line, None if it has no meaning here."""
+    """Return quantity and value of a line of a header, None if we do not read it."""
     match = ENTRY.fullmatch(comment)
     if match is None or match["label"].lower() not in MEANINGS:
         return None
@@ -188,7 +200,7 @@ def _entry(comment: str) -> tuple[str, str] | None:
 
 
 def _quantity(text: str) -> tuple[float, str]:
-    """Number and unit in a header's value; (0, "") if there is none."""
+    """Return number and unit of a value in a header, (0, "") if it holds no number."""
     match = QUANTITY.fullmatch(text)
     if match is None:
         return 0.0, ""
@@ -196,14 +208,14 @@ def _quantity(text: str) -> tuple[float, str]:
 
 
 def _unit(text: str) -> str:
-    """A unit without brackets; a micro sign in a foreign encoding mended."""
+    """Strip brackets from a unit, and mend a micro sign in a foreign encoding."""
     return text.strip(" []()").replace("\ufffdm", "µm")
 
 
 def _row(fields: list[str], path: Path, line: int, above: list[list[float]]) -> list[float]:
-    """Numbers of one line, as many as in those above."""
+    """Return the numbers of one line; refuse another number of them than in the lines above."""
     if not above and 2 <= len(fields) <= 3 and fields[0].strip().lower().startswith("x"):
-        names = ", ".join(each.strip() for each in fields)[:40]
+        names = ", ".join(field.strip() for field in fields)[:40]
         raise InputError(
             f"{path}, line {line}: {names}: looks like the columns of a profile or of a list of"
             f" points; {POINTS}"
@@ -221,7 +233,7 @@ def _row(fields: list[str], path: Path, line: int, above: list[list[float]]) -> 
 
 
 def _fields(line: str) -> list[str]:
-    """Fields of one line; the separator after the last one may be left out."""
+    """Split a line into fields; a separator may end the line."""
     separator = next((mark for mark in ";," if mark in line), None)
     if separator is None:
         return line.split()
@@ -237,6 +249,7 @@ def _is_number(field: str) -> bool:
 
 
 def _complain(field: str, path: Path, line: int) -> NoReturn:
+    """Raise the error for a field that is not a number."""
     shown = repr(field.strip())[:40]
     raise InputError(
         f"{path}, line {line}: {shown} is not a number; give numbers separated by whitespace,"

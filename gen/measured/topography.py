@@ -1,7 +1,7 @@
-"""Measured topographies: heights and lengths from an instrument's file, in um, whatever it says.
+"""Read measured topographies: heights and lengths of an instrument's file, converted to um.
 
-Our own formats are read by `gen.surface`, with headers by `gen.measured.text`; all others by
-SurfaceTopography, whose home is here.
+`gen.surface` reads .npy files and text, `gen.measured.text` the headers above text;
+SurfaceTopography, whose home is here, reads all further formats.
 """
 
 from __future__ import annotations
@@ -12,38 +12,43 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen import surface
+from gen.arrays import Heights
 from gen.measured import text
-from gen.measured.channel import Channel, chosen, named
+from gen.measured.channel import Channel, choice_in_words, choose_channel
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 from gen.runtime.numbers import magnitude
 
-Heights = NDArray[np.float64]
 Sides = tuple[float, float]
 
 UNITS = {"m": 1e6, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "A": 1e-4, "Å": 1e-4}
-"""um in each unit of length."""
+"""Length of each unit [um]."""
 CHANCE = 8
-"""Heights that hardly ever rise one after the other, as coordinates do."""
+"""Numbers that hardly ever rise or fall throughout, unless they are coordinates."""
 STRIP = 100
-"""Rows from which on two or three columns are no strip of a map, whatever they hold."""
+"""Rows from which two or three columns are a list of points rather than a narrow map."""
 OWN_SUFFIXES = {".npy", ".txt", ".dat", ".csv", ".asc", ""}
+"""Suffixes of files that need no SurfaceTopography."""
 
 
 @dataclass(frozen=True, eq=False)
 class Topography:
-    """A surface from a file, in um.
+    """A surface from a file.
 
     Attributes
     ----------
-    name : of the file
-    heights : (nx, ny), NaN where nothing was measured [um]
-    sides : lengths from the first to the last node along x and y [um]
-    steps : what it is and what was done to it, a line each
-    warnings : what to know before trusting it, a line each
+    name : str
+        Name of the file.
+    heights : ndarray, shape (nx, ny)
+        Heights, NaN at holes [um].
+    sides : tuple of float
+        Lengths from the first to the last node along x and y [um].
+    steps : tuple of str
+        One line for each step from the file to these heights.
+    warnings : tuple of str
+        One line for each reason to distrust the heights.
     """
 
     name: str
@@ -60,22 +65,29 @@ class Topography:
 
     @property
     def missing(self) -> int:
-        """Nodes without a height."""
+        """Number of nodes without a height."""
         return int(np.count_nonzero(np.isnan(self.heights)))
 
 
 @dataclass(frozen=True, eq=False)
 class _Scan:
-    """A map as a file holds it, in the file's own units.
+    """A map in the file's own units.
 
     Attributes
     ----------
-    heights : (nx, ny), NaN where nothing was measured [unit]
-    lengths : from the first to the last node along x and y, None where the file has none
-    unit : of the heights, None where the file names none
-    length_unit : of the lengths, None for that of the heights
-    origin : of what was read, in words
-    remarks : comments of the file that are not understood and name a unit of length
+    heights : ndarray, shape (nx, ny)
+        Heights, NaN at holes [unit].
+    lengths : tuple of float, optional
+        Lengths from the first to the last node along x and y [length_unit]; None if the file has
+        none.
+    unit : str, optional
+        Unit of the heights, None if the file names none.
+    length_unit : str, optional
+        Unit of the lengths, None for that of the heights.
+    origin : str
+        Channel and header that were read, in words.
+    remarks : tuple of str
+        Comments of the file that we do not understand and that name a unit of length.
     """
 
     heights: Heights
@@ -94,62 +106,81 @@ def read(
     channel: str = "",
     override_scale: bool = False,
 ) -> Topography:
-    """Read a file; lengths that it does not hold have to be given, and only those.
+    """Read a surface from a file.
+
+    Lengths and unit are to be given if the file lacks them; otherwise they are refused.
 
     Parameters
     ----------
-    path : .npy, text, or a file that SurfaceTopography reads (x3p, sur, al3d, opd, plu, gwy ...)
-    side : scan length, or two separated by a comma [um]; for files that hold no lengths
-    unit : of the heights where the file does not say, and of its lengths if it holds some; .npy
-        and text are in um unless a header or `unit` says otherwise
-    channel : name or index of the channel to read; the first one with heights if left out
-    override_scale : let `side` and `unit` overrule those of the file, with a warning
+    path : Path
+        File: .npy, text, or a format that SurfaceTopography reads (x3p, sur, al3d, opd, plu, gwy
+        and more).
+    side : str
+        Scan length, or two of them with a comma [um], for files without lengths.
+    unit : str
+        Unit of the heights, and of the lengths of the file, for files that name none; .npy and
+        text are in um by default.
+    channel : str
+        Name or index of the channel to read; the first one with heights by default.
+    override_scale : bool
+        Let `side` and `unit` overrule those of the file, with a warning.
+
+    Returns
+    -------
+    Topography
+        Surface in um, with holes if the file has any.
 
     Raises
     ------
     InputError
         If the file cannot be read or holds no map of heights, its channel is unknown, or a length
-        or unit is missing, wrong, or given twice
+        or unit is missing, wrong, or given although the file has it.
     """
     if override_scale and not (side or unit):
         raise InputError("--override-scale: give --side, --unit or both, to overrule the file's")
     own = path.suffix.lower() in OWN_SUFFIXES and not _is_foreign(path)
-    scan = _own_scan(path, channel) if own else _measured(path, channel)
+    scan = _own_scan(path, channel) if own else _instrument_scan(path, channel)
     _check(path, scan.heights)
     overruled: list[str] = []
-    named = _agreed_unit(path, scan, unit, overruled if override_scale else None)
-    sides = _agreed_sides(path, scan, named, side, overruled if override_scale else None)
+    heights_unit = _agreed_unit(path, scan, unit, overruled if override_scale else None)
+    sides = _agreed_sides(path, scan, heights_unit, side, overruled if override_scale else None)
     with np.errstate(over="ignore"):
-        heights = scan.heights * _factor(named or "um", "--unit")
+        heights = scan.heights * _factor(heights_unit or "um", "--unit")
     if np.isinf(heights).any() or not all(0 < length < np.inf for length in sides):
         raise InputError(
             f"{path}: its heights or lengths are beyond what numbers hold; give others"
         )
-    steps = [_account(path, scan, heights, named)]
-    steps += [f"OVERRULED by --override-scale: {each}" for each in overruled]
-    notes = [f"the file's own scale is overruled: {each}" for each in overruled]
-    notes += [
+    steps = [_first_step(scan, heights, heights_unit)]
+    steps += [f"OVERRULED by --override-scale: {change}" for change in overruled]
+    distrust = [f"the file's own scale is overruled: {change}" for change in overruled]
+    distrust += [
         f"the file says {remark!r}, which is not read: check --side and --unit against it"
         for remark in scan.remarks
     ]
-    return Topography(str(path), heights, sides, tuple(steps), tuple(notes))
+    return Topography(str(path), heights, sides, tuple(steps), tuple(distrust))
 
 
-def _account(path: Path, scan: _Scan, heights: Heights, unit: str | None) -> str:
-    """What was read, in one line."""
+def _first_step(scan: _Scan, heights: Heights, unit: str | None) -> str:
+    """Describe the map that was read in one line: nodes, channel, units, holes."""
     nx, ny = heights.shape
-    said = f"heights in {unit}" if unit else "heights taken as um"
+    units = f"heights in {unit}" if unit else "heights taken as um"
     if scan.lengths is not None:
-        said = f"lengths in {unit}"
+        units = f"lengths in {unit}"
         if scan.length_unit not in {None, unit}:
-            said = f"lengths in {scan.length_unit}, heights in {unit}"
+            units = f"lengths in {scan.length_unit}, heights in {unit}"
     holes = int(np.count_nonzero(np.isnan(heights)))
     share = f"{holes} missing ({100 * holes / heights.size:.3g} %)"
-    return f"read {nx} x {ny} nodes{scan.origin}, {said}, {share}"
+    return f"read {nx} x {ny} nodes{scan.origin}, {units}, {share}"
 
 
 def sides_from(text: str) -> Sides:
-    """Scan lengths along x and y from "1000" or "1000,500" [um]."""
+    """Return the scan lengths along x and y [um] from "1000" or "1000,500".
+
+    Raises
+    ------
+    InputError
+        If the text is anything else, or a length is not above 0.
+    """
     try:
         lengths = [float(part) for part in text.split(",")]
     except ValueError:
@@ -162,7 +193,7 @@ def sides_from(text: str) -> Sides:
 
 
 def _check(path: Path, heights: Heights) -> None:
-    """Two rows and two columns at least, and some height."""
+    """Refuse heights that are no map of at least 2 x 2 nodes, or all missing."""
     if heights.ndim != 2 or min(heights.shape) < 2:
         shape = " x ".join(str(length) for length in heights.shape)
         raise InputError(f"{path}: holds {shape} heights; give 2-D heights, 2 x 2 or more")
@@ -171,16 +202,16 @@ def _check(path: Path, heights: Heights) -> None:
 
 
 def _factor(unit: str, name: str) -> float:
-    """um in a unit of length."""
+    """Return the length of a unit [um]."""
     if unit not in UNITS:
         raise InputError(f"{name} {unit!r}: give one of {', '.join(UNITS)}")
     return UNITS[unit]
 
 
 def _agreed_unit(path: Path, scan: _Scan, given: str, overruled: list[str] | None) -> str | None:
-    """Unit of the heights of a file that may name it; None where .npy or text is taken as um.
+    """Return the unit of the heights, from the file or the user; None if it is um by default.
 
-    What `given` overrules is added to `overruled`, unless that is None, which forbids it.
+    If the user's unit overrules the file's, that is appended to `overruled`; None forbids it.
     """
     own = scan.unit
     if given:
@@ -204,14 +235,14 @@ def _agreed_unit(path: Path, scan: _Scan, given: str, overruled: list[str] | Non
 def _agreed_sides(
     path: Path, scan: _Scan, unit: str | None, side: str, overruled: list[str] | None
 ) -> Sides:
-    """Lengths between the outermost nodes of a file that may hold them [um].
+    """Return the lengths between the outermost nodes [um], from the file or the user.
 
-    What `side` overrules is added to `overruled`, unless that is None, which forbids it.
+    If the user's lengths overrule the file's, that is appended to `overruled`; None forbids it.
     """
     if scan.lengths is None:
         if not side:
-            said = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
-            raise InputError(f"{path}: holds no lengths; give --side, the scan length in um{said}")
+            hint = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
+            raise InputError(f"{path}: holds no lengths; give --side, the scan length in um{hint}")
         return _sides_of(path, scan.heights.shape, side)
     factor = _factor(scan.length_unit or unit or "um", f"{path}: unit")
     own = scan.lengths[0] * factor, scan.lengths[1] * factor
@@ -231,7 +262,7 @@ def _agreed_sides(
 
 
 def _sides_of(path: Path, shape: tuple[int, ...], side: str) -> Sides:
-    """Lengths of a map from --side; of one that is not square, both have to be given [um]."""
+    """Return the lengths from --side [um]; require both for a map that is not square."""
     lengths = sides_from(side)
     nx, ny = shape
     if nx != ny and "," not in side:
@@ -244,20 +275,20 @@ def _sides_of(path: Path, shape: tuple[int, ...], side: str) -> Sides:
 
 
 def _own_scan(path: Path, wanted: str) -> _Scan:
-    """The map in a .npy or text file, with what its header says."""
+    """Read the map in a .npy or text file, with the entries of its header."""
     matrices = surface.read(path)
     units = [matrix.value_unit for matrix in matrices]
     channels = [
         Channel(place, matrix.channel or f"matrix {place}", not unit or unit in UNITS, unit)
         for place, (matrix, (_, unit)) in enumerate(zip(matrices, units, strict=True))
     ]
-    taken = chosen(path, channels, wanted).index
+    taken = choose_channel(path, channels, wanted).index
     matrix, (factor, unit) = matrices[taken], units[taken]
-    # Refused by `read`; and a hole that is a signalling NaN is a hole.
+    # An overflow is refused by `read`; a signalling NaN is a hole like every NaN.
     with np.errstate(over="ignore", invalid="ignore"):
         heights = factor * surface.checked(matrix.numbers, path, holes=True)
     widths, remarks = matrix.widths, matrix.remarks
-    origin = named(channels, taken)
+    origin = choice_in_words(channels, taken)
     if widths is None:
         _refuse_points(path, heights)
         return _Scan(heights, unit=unit or None, origin=origin, remarks=remarks)
@@ -277,22 +308,22 @@ def _own_scan(path: Path, wanted: str) -> _Scan:
 
 
 def _refuse_points(path: Path, heights: Heights) -> None:
-    """Refuse two or three columns that are coordinates rather than a strip of heights."""
-    for columns, how in ((heights, "columns"), (heights.T, "rows")):
+    """Refuse two or three columns that are coordinates rather than a narrow map of heights."""
+    for columns, direction in ((heights, "columns"), (heights.T, "rows")):
         points, axes = columns.shape
         if axes > 3 or points < 3:
             continue
         rising = _is_axis(columns[:, 0])
-        what = "a profile, x and z," if axes == 2 else "a list of points, x, y and z,"
+        kind = "a profile, x and z," if axes == 2 else "a list of points, x, y and z,"
         if (points > axes and (rising or (axes == 3 and _is_grid(columns)))) or points >= STRIP:
             raise InputError(
-                f"{path}: holds {points} x {axes} numbers in {how}: looks like {what} not a map"
-                f" of heights; {text.POINTS}"
+                f"{path}: holds {points} x {axes} numbers in {direction}: looks like {kind} not a"
+                f" map of heights; {text.POINTS}"
             )
 
 
 def _is_axis(values: Heights) -> bool:
-    """Whether numbers rise or fall as coordinates do: many of them, or in even steps."""
+    """Tell whether numbers rise or fall like coordinates: many of them, or in even steps."""
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.diff(values)
         even = np.allclose(steps, steps[0], rtol=1e-3, atol=0)
@@ -300,14 +331,14 @@ def _is_axis(values: Heights) -> bool:
 
 
 def _is_grid(columns: Heights) -> bool:
-    """Whether the first two columns hold each node of a rectangular grid once."""
+    """Tell whether the first two columns hold every node of a rectangular grid once."""
     x, y = np.unique(columns[:, 0]), np.unique(columns[:, 1])
     pairs = np.unique(columns[:, :2], axis=0)
     return min(x.size, y.size) > 1 and x.size * y.size == len(columns) == len(pairs)
 
 
 def _is_foreign(path: Path) -> bool:
-    """Whether a file with one of our endings is binary all the same, as an instrument's .dat."""
+    """Tell whether a .dat file is an instrument's binary one rather than text."""
     try:
         with require_file(path).open("rb") as file:
             start = file.read(1024)
@@ -317,8 +348,8 @@ def _is_foreign(path: Path) -> bool:
     return path.suffix.lower() == ".dat" and binary and not start.startswith(b"\x93NUMPY")
 
 
-def _measured(path: Path, wanted: str) -> _Scan:
-    """Read an instrument's file, with NaN in holes and lengths between the outermost nodes."""
+def _instrument_scan(path: Path, wanted: str) -> _Scan:
+    """Read the wanted map of an instrument's file."""
     try:
         from SurfaceTopography import open_topography
     except ImportError:
@@ -330,7 +361,9 @@ def _measured(path: Path, wanted: str) -> _Scan:
         raise InputError(f"{path}: is no file that could be read")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # readers complain about each other's formats
+            warnings.simplefilter(
+                "ignore"
+            )  # every reader that is tried warns about foreign formats
             return _scan_of(path, open_topography(str(path)), wanted)
     except InputError:
         raise
@@ -342,21 +375,21 @@ def _measured(path: Path, wanted: str) -> _Scan:
 
 
 def _scan_of(path: Path, reader: Any, wanted: str) -> _Scan:
-    """Read the wanted map of heights of an open file."""
+    """Read the wanted map of an open file, with NaN at holes and lengths between outer nodes."""
     maps = {channel.index: channel for channel in reader.channels if channel.dim == 2}
     if not maps:
         raise InputError(f"{path}: it holds line scans only; give a map of heights")
     channels = [
-        # Before they knew kinds of data, readers of SurfaceTopography gave heights alone.
+        # Older readers of SurfaceTopography have no such attribute, and return heights only.
         Channel(
             index=index,
-            name=str(each.name),
-            heights=bool(getattr(each, "is_height_channel", True)),
-            unit=str(getattr(each, "data_unit", None) or ""),
+            name=str(channel.name),
+            heights=bool(getattr(channel, "is_height_channel", True)),
+            unit=str(getattr(channel, "data_unit", None) or ""),
         )
-        for index, each in maps.items()
+        for index, channel in maps.items()
     ]
-    taken = chosen(path, channels, wanted).index
+    taken = choose_channel(path, channels, wanted).index
     channel = maps[taken]
     given = {} if channel.physical_sizes is not None else {"physical_sizes": channel.nb_grid_pts}
     topography = reader.topography(channel_index=taken, **given)
@@ -366,4 +399,4 @@ def _scan_of(path: Path, reader: Any, wanted: str) -> _Scan:
         nx, ny = heights.shape
         width, length = (float(size) for size in topography.physical_sizes)
         lengths = width * (nx - 1) / nx, length * (ny - 1) / ny
-    return _Scan(heights, lengths, topography.unit, origin=named(channels, taken))
+    return _Scan(heights, lengths, topography.unit, origin=choice_in_words(channels, taken))

@@ -7,6 +7,9 @@ prints goes through `echo`, through `gen.runtime.console`, or through `printable
 
 import typer
 
+LETTERS = 110
+"""Letters of a name that fit into a line of a picture's title."""
+
 
 def printable(text: str) -> str:
     """Replace every character that cannot be printed, the end of a line too, by a question mark.
@@ -23,3 +26,8 @@ def printable(text: str) -> str:
 def echo(line: str, *, err: bool = False) -> None:
     """Print one line on standard output, or on standard error if `err`."""
     typer.echo(printable(line), err=err)
+
+
+def shortened(name: str) -> str:
+    """Return a file's name with its middle left out if it is too long for a line."""
+    return name if len(name) <= LETTERS else f"{name[: LETTERS // 3]} ... {name[-LETTERS // 2 :]}"

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from gen.runtime.farm import World
+from gen.runtime.figure import new_figure
 from learn import dataset, memory, split
 from learn.arrays import Values
 from learn.comparison.folder import Folder, conditions
-from learn.comparison.pictures import new_figure, save
+from learn.comparison.pictures import save
 from learn.metrics import Scores, scores
 from learn.models import MODELS, pipeline
 from learn.request import Request, pressed_for

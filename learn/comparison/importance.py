@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from gen.runtime.farm import World
+from gen.runtime.figure import new_figure
 from learn import dataset, features, memory, split
 from learn.comparison.folder import Folder, conditions
-from learn.comparison.pictures import new_figure, save
+from learn.comparison.pictures import save
 from learn.comparison.spaces import untuned
 from learn.comparison.winner import settings_of
 from learn.metrics import Scores, scores

@@ -1,13 +1,12 @@
-"""The pictures of a comparison, like the paper's figures 8 to 10; the home of matplotlib here."""
+"""The pictures of a comparison, like the paper's figures 8 to 10."""
 
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gen.runtime.errors import InputError
-from gen.runtime.output import write
+from gen.runtime import figure as figures
+from gen.runtime.figure import new_figure
 from learn.comparison import tables
 from learn.comparison.folder import KINDS, Folder
 from learn.models import MODELS
@@ -16,27 +15,9 @@ COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}
 DPI = 120
 
 
-def new_figure(width: float, height: float) -> Any:
-    """Make an empty figure [inches].
-
-    Raises
-    ------
-    InputError
-        If matplotlib is not installed.
-    """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise InputError("drawing needs matplotlib: install the extra 'plot'") from None
-    return Figure(figsize=(width, height), layout="constrained")
-
-
 def save(figure: Any, path: Path) -> Path:
     """Write a figure as PNG, under its name only once it is whole."""
-    drawn = BytesIO()
-    figure.savefig(drawn, dpi=DPI, format="png")
-    write(path, drawn.getvalue(), "picture")
-    return path
+    return figures.save(figure, path, dpi=DPI)
 
 
 def draw(folder: Folder) -> list[Path]:

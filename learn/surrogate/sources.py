@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.measured.preparation import prepare, warnings_about
+from gen.measured.preparation import prepare, surface_warnings
 from gen.measured.topography import OWN_SUFFIXES, Topography, read, sides_from
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
@@ -180,7 +180,7 @@ def read_surface(path: Path, options: Options) -> tuple[Topography, list[str]]:
         named = "" if str(error).startswith(("--", str(path))) else f"{path}: "
         raise InputError(f"{named}{error}") from None
     with np.errstate(over="ignore"):  # of slopes that are too steep for a square: warned of
-        return topography, warnings_about(topography)
+        return topography, surface_warnings(topography)
 
 
 def read_table(path: Path, side: str = "") -> Table:

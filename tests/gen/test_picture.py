@@ -1,150 +1,16 @@
-"""Pictures: nothing cut or overlapping on any shape, sections through contacts, robust colours."""
+"""The picture of a database: the sample with the median area, and its titles."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-import bem
 from gen import cli
 from gen.database import Reader
-from gen.measured import contact_picture
-from gen.measured.contact_picture import Subject, draw_contacts, section_line
-from gen.surface import generate
 
 pytest.importorskip("matplotlib", reason="needs the extra plot")
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-
 from gen import picture
-
-ROUGH = generate("diamond-square", 33, 0.7, 5.0, np.random.default_rng(4))
-E_STAR = 2e5
-NAME = "a folder/with $ signs_and {braces}/" + 40 * "long " + "scan.x3p"
-WARNING = "pressures are above what most materials bear, " * 5
-
-ONE, DECADES, FROM_NOTHING = [2.0], [0.01, 0.1, 4.0], [0.0, 3.0]
-SHAPES = {
-    "square": (ROUGH, (100.0, 100.0), DECADES),
-    "tall": (ROUGH[:9], (25.0, 100.0), FROM_NOTHING),
-    "tall, one load": (ROUGH[:9], (25.0, 100.0), ONE),
-    "nearly tall": (ROUGH[:19], (56.0, 100.0), ONE),
-    "oblong": (ROUGH[:, :9], (100.0, 25.0), FROM_NOTHING),
-    "tall sliver": (ROUGH[:5], (3.0, 100.0), ONE),
-    "oblong sliver": (ROUGH[:, :5], (100.0, 3.0), ONE),
-    "few nodes": (ROUGH[10:13, 10:13], (10.0, 10.0), ONE),
-}
-
-
-def drawn(contacts: list[bem.Contact], **changes: Any) -> Any:
-    """A figure as it would be written, without the work of drawing its pixels."""
-    figure = picture.new_figure(Path("contact.png"))
-    subject = {"name": NAME, "load": "delta", "material": True, "warnings": (), **changes}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(contact_picture, "save", lambda *_: None)
-        draw_contacts(figure, contacts, Subject(**subject), Path("contact.png"))
-    return figure
-
-
-def titled(figure: Any, text: str) -> Any:
-    """The axes with a text in their title or label."""
-    return next(
-        axis
-        for axis in figure.axes
-        if text in f"{axis.get_title(loc='left')} {axis.get_ylabel()}".splitlines()[0]
-    )
-
-
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize(("heights", "sides", "deltas"), SHAPES.values(), ids=SHAPES)
-def test_nothing_is_cut_or_overlaps(
-    heights: np.ndarray, sides: tuple[float, float], deltas: list[float]
-) -> None:
-    contacts = list(bem.ladder(heights, sides, deltas, modulus=E_STAR))
-    figure = drawn(contacts, warnings=(WARNING, "short"))
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    figure.get_layout_engine().execute(figure)
-    box, (width, height) = figure.get_tightbbox(renderer), figure.get_size_inches()
-    assert min(box.x0, box.y0) >= 0, "something is cut on the left or below"
-    assert box.x1 <= width, "something is cut on the right"
-    assert box.y1 <= height, "something is cut above"
-    section = titled(figure, "section at")
-    assert section.get_window_extent(renderer).height > 1.2 * figure.dpi  # inches
-    legend = section.get_legend().get_window_extent(renderer)
-    assert not legend.overlaps(section._left_title.get_window_extent(renderer))
-    left, spots = (titled(figure, text) for text in ("heights", "contact: "))
-    title = spots._left_title.get_window_extent(renderer)
-    assert not title.overlaps(section.get_tightbbox(renderer))
-    assert not left.get_tightbbox(renderer).overlaps(spots.get_tightbbox(renderer))
-
-
-def test_titles_say_file_load_and_material() -> None:
-    contacts = list(bem.ladder(ROUGH, (100.0, 100.0), [1.0, 2.0], modulus=E_STAR))
-    figure = drawn(contacts, warnings=("beware",))
-    title = figure.get_suptitle()
-    assert title.startswith("a folder/with $")
-    assert title.splitlines()[0].endswith("scan.x3p")
-    for said in ("last of 2 loads: Δ = 2 µm, force ", " N, mean pressure ", "E* = 200 GPa"):
-        assert said in title
-    assert "beware" in figure.get_supxlabel()
-    alone = drawn(contacts[:1], name="scan.x3p", material=False)
-    assert alone.get_suptitle().startswith("scan.x3p\nΔ = 1 µm")
-    assert "no material given" in alone.get_suptitle()
-
-
-def test_laws_have_the_gap_and_logarithmic_axes_over_decades() -> None:
-    for pressures, scale in (([1.0, 3.0, 10.0], "linear"), ([3.0, 0.1, 30.0], "log")):
-        contacts = list(bem.ladder(ROUGH, (100.0, 100.0), pressures=pressures, modulus=1e4))
-        figure = drawn(contacts, load="pressure")
-        gap, area = titled(figure, "mean gap [µm]"), titled(figure, "contact area [%]")
-        assert gap.get_xscale() == area.get_xscale() == area.get_yscale() == scale
-        loads, gaps = gap.lines[0].get_data()
-        np.testing.assert_allclose(loads, sorted(pressures), rtol=1e-6)
-        assert sorted(gaps, reverse=True) == list(gaps)
-
-
-def test_one_spike_does_not_set_the_colours() -> None:
-    spiky = ROUGH.copy()
-    spiky[20, 10] += 8
-    (contact,) = bem.ladder(spiky, (100.0, 100.0), [15.0], modulus=E_STAR)
-    figure = drawn([contact])
-    spots = titled(figure, "contact: ")
-    touching = contact.pressure[contact.pressure > 0]
-    assert touching.max() > 2 * np.percentile(touching, 99)
-    assert spots.images[0].get_clim()[1] == pytest.approx(np.percentile(touching, 99))
-    assert f"99th percentile (largest {touching.max():.4g} MPa)" in " ".join(
-        spots.get_title(loc="left").split()
-    )
-    (smooth,) = bem.ladder(ROUGH, (100.0, 100.0), [1.0], modulus=E_STAR)
-    spots = titled(drawn([smooth]), "contact: ")
-    assert spots.images[0].get_clim()[1] == smooth.pressure.max()
-    assert "percentile" not in spots.get_title(loc="left")
-
-
-def bumps(nx: int, ny: int, *places: tuple[int, int]) -> np.ndarray:
-    """A flat surface with bumps."""
-    heights = np.zeros((nx, ny))
-    for place in places:
-        heights[place] = 1.0
-    return heights
-
-
-@pytest.mark.parametrize(
-    ("heights", "sides", "expected"),
-    [
-        (bumps(20, 20, (5, 8)), (19.0, 19.0), (0, 8)),
-        (bumps(20, 20, (0, 8)), (19.0, 19.0), (0, 8)),  # at a border: across it
-        (bumps(20, 20, (8, 0)), (19.0, 19.0), (1, 8)),
-        (bumps(20, 20, (8, 0), (12, 0), (5, 15)), (19.0, 19.0), (0, 15)),
-        (bumps(8, 20, (4, 3)), (7.0, 19.0), (1, 4)),  # along the longer side
-        (bumps(20, 20, (0, 0)), (19.0, 19.0), (0, 0)),  # there is no other contact
-    ],
-)
-def test_sections_run_through_the_contact(
-    heights: np.ndarray, sides: tuple[float, float], expected: tuple[int, int]
-) -> None:
-    assert section_line(bem.solve(heights, side=sides, delta=0.1)) == expected
 
 
 def test_a_database_shows_its_median_area(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -158,5 +24,6 @@ def test_a_database_shows_its_median_area(tmp_path: Path, monkeypatch: pytest.Mo
         areas = reader.column("area_percent")
     (figure,) = figures
     assert figure.get_suptitle() == "small.h5"
-    said = " ".join(titled(figure, "contact at").get_title(loc="left").split())
-    assert f"{np.median(areas):.3g} % of 289 nodes, the median of rows done" in said
+    titles = [" ".join(axis.get_title(loc="left").split()) for axis in figure.axes]
+    (title,) = (title for title in titles if title.startswith("contact at"))
+    assert f"{np.median(areas):.3g} % of 289 nodes, the median of rows done" in title

@@ -12,6 +12,7 @@ import bem
 from bem.influence import Kernel
 from bem.problem import FarField
 from bench.stability.solver.topographies import SIDE, Field
+from gen.measured.material import plane_strain_modulus
 
 DELTA = 25.0
 """Displacement of an ordinary contact, unless a case is about another [um]."""
@@ -70,7 +71,7 @@ class Setup:
     @property
     def plane_strain_modulus(self) -> float:
         """E* = E / (1 - nu^2) [MPa]."""
-        return self.modulus / (1 - self.poisson**2)
+        return plane_strain_modulus(self.modulus, self.poisson)
 
     def describe(self) -> str:
         """The input in one line: grid, lengths in um, and whatever else is not the default."""

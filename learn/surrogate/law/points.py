@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.measured.single import solve_loads, warnings_about
+from gen.measured.single import contact_warnings, solve_loads
 from gen.measured.topography import Topography
 from gen.runtime.errors import InputError
 from learn.surrogate.law.subjects import Subject
@@ -140,9 +140,9 @@ def solved(
         pressure = contact.force / subject.nominal
         area, gap = contact.area_percent, max(contact.mean_gap, 0.0)  # below 0 by rounding alone
         rows.append((contact.delta, area, contact.force, gap, pressure))
-        notes = warnings_about(topography, [contact], material=material)
+        notes = contact_warnings(topography, [contact], material=material)
         notable.setdefault(len(notes), contact)
-    said = warnings_about(topography, [*notable.values(), contact], material=material)
+    said = contact_warnings(topography, [*notable.values(), contact], material=material)
     names = "delta_um", "area_percent", "force_uN", "mean_gap_um", "pressure_MPa"
     columns = np.array(rows, dtype=np.float64).reshape(-1, len(names)).T
     values = dict(zip(names, columns, strict=True))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gen import cli
 from gen.measured import preparation
 from gen.measured.material import combined_modulus
-from gen.measured.preparation import filled_harmonically, prepare, rms_slope, tilt, warnings_about
+from gen.measured.preparation import filled_harmonically, prepare, rms_slope, surface_warnings, tilt
 from gen.measured.topography import Topography
 from gen.runtime.errors import InputError
 from gen.surface import generate
@@ -92,29 +92,29 @@ def test_holes_that_stay_and_unknown_levels_are_refused() -> None:
 def test_spikes_are_told_from_peaks(seed: int) -> None:
     rough = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(seed))
     surface = topography(rough, (1000.0, 1000.0))
-    assert not warnings_about(surface)
+    assert not surface_warnings(surface)
     spiked = rough.copy()
     spiked[30, 20] = rough.max() + 60
-    [warning] = warnings_about(replace(surface, heights=spiked))
+    [warning] = surface_warnings(replace(surface, heights=spiked))
     assert "(30, 20) is a spike" in warning
 
 
 def test_steep_surfaces_are_told() -> None:
-    [warning] = warnings_about(topography(X))
+    [warning] = surface_warnings(topography(X))
     assert warning.startswith("rms slope 1")
 
 
 def test_flat_and_smooth_surfaces_have_nothing_to_tell() -> None:
-    assert not warnings_about(topography(np.zeros(X.shape)))
-    assert not warnings_about(topography(-((X - 11) ** 2) / 1e3))
+    assert not surface_warnings(topography(np.zeros(X.shape)))
+    assert not surface_warnings(topography(-((X - 11) ** 2) / 1e3))
 
 
 def test_heights_in_metres_and_lists_of_points_are_told() -> None:
     rough = generate("diamond-square", 33, 0.65, 2.0, np.random.default_rng(0))
-    [warning] = warnings_about(topography(1e-6 * rough, (100.0, 100.0)))
+    [warning] = surface_warnings(topography(1e-6 * rough, (100.0, 100.0)))
     assert "in metres? --unit" in warning
     points = np.column_stack([np.arange(200.0), np.arange(200.0) % 7, np.zeros(200)])
-    assert any("a list of x, y and z" in line for line in warnings_about(topography(points)))
+    assert any("a list of x, y and z" in line for line in surface_warnings(topography(points)))
 
 
 def test_much_that_is_missing_is_warned_of_and_more_refused() -> None:
@@ -124,7 +124,7 @@ def test_much_that_is_missing_is_warned_of_and_more_refused() -> None:
             with pytest.raises(InputError, match=r"are missing \(.* %\): .* insist by --fill-most"):
                 prepare(topography(heights), fill=True)
         filled = prepare(topography(heights), fill=True, fill_most=refused)
-        told = [line for line in warnings_about(filled) if "were missing and are filled" in line]
+        told = [line for line in surface_warnings(filled) if "were missing and are filled" in line]
         assert len(told) == warned
 
 

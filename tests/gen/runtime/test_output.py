@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from bench.__main__ import main as bench
-from gen import cli, picture
+from gen import cli
 from gen.runtime import output
 from gen.runtime.errors import InputError
+from gen.runtime.figure import new_figure, save
 from gen.runtime.output import Output, check_outputs
 from learn import cli as learn
 
@@ -138,14 +139,14 @@ def test_a_picture_replaces_a_picture_and_keeps_link_and_mode(folder, capsys):
 
 
 def test_a_full_disk_keeps_the_old_picture(folder):
-    figure = picture.new_figure(folder / "old.png")
+    figure = new_figure(4, 3)
     before = contents(folder)
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
     try:
         with pytest.raises(InputError, match=r"old.png cannot be written: File too large"):
-            picture.save(figure, folder / "old.png")
+            save(figure, folder / "old.png")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         signal.signal(signal.SIGXFSZ, handler)

@@ -1,0 +1,10 @@
+"""Names of the arrays that pass between the modules of this package."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Values = NDArray[np.float64]
+"""Numbers of any meaning and shape; docstrings give both."""
+
+Heights = Values
+"""Heights of a surface on its grid of nodes, shape (nx, ny) [um]."""

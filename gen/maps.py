@@ -1,0 +1,125 @@
+"""Maps of fields over a surface: heights and contact pressures, to scale, with a colour bar."""
+
+from __future__ import annotations
+
+import textwrap
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gen.arrays import Values
+
+if TYPE_CHECKING:
+    from bem import Contact
+
+UPPER_PERCENTILE = 99
+"""Where a colour scale ends if a few outliers would otherwise take most of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """A field over a surface with the texts and colours to draw it with.
+
+    Attributes
+    ----------
+    field : ndarray, shape (nx, ny)
+        Values of the field [unit], masked where there is nothing to draw.
+    spacing : tuple of float
+        Distance of the nodes along x and y [um].
+    title : str
+        Title of the map.
+    quantity, unit : str
+        Name and unit of the field.
+    colours : str
+        Name of a colour map of matplotlib.
+    """
+
+    field: Values
+    spacing: tuple[float, float]
+    title: str
+    quantity: str
+    unit: str
+    colours: str
+
+
+def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tuple[Map, Map]:
+    """Return the maps of the heights and of the pressure of a contact.
+
+    Parameters
+    ----------
+    contact : bem.Contact
+        Solution to draw.
+    height_title, pressure_title : str
+        Titles of the two maps.
+
+    Returns
+    -------
+    tuple of Map
+        Heights [um] and pressure [MPa], the latter masked outside the contact.
+    """
+    problem = contact.problem
+    pressure = np.ma.masked_equal(contact.pressure, 0)
+    return (
+        Map(problem.heights, problem.spacing, height_title, "height", "µm", "viridis"),
+        Map(pressure, problem.spacing, pressure_title, "pressure", "MPa", "inferno_r"),
+    )
+
+
+def draw_map(axis: Any, surface_map: Map, letters: int) -> None:
+    """Draw a field with a colour scale that a few outliers do not stretch.
+
+    Parameters
+    ----------
+    axis : matplotlib.axes.Axes
+        Axes to draw into.
+    surface_map : Map
+        Field with its title and colours.
+    letters : int
+        Number of letters that fit into a line of the title.
+    """
+    nx, ny = surface_map.field.shape
+    width, length = surface_map.spacing[0] * (nx - 1), surface_map.spacing[1] * (ny - 1)
+    (low, high), extend, remark = _scale(np.ma.compressed(surface_map.field), surface_map.unit)
+    image = axis.imshow(
+        surface_map.field.T,
+        origin="lower",
+        extent=(0.0, width, 0.0, length),
+        cmap=surface_map.colours,
+        vmin=low,
+        vmax=high,
+    )
+    axis.set_facecolor("0.93")
+    # The colour bar is as high as the map; its width varies little between tall and oblong maps.
+    thickness = 0.045 * min(max(np.sqrt(length / width), 1 / 3), 3.0)
+    beside = axis.inset_axes((1 + thickness, 0.0, thickness, 1.0))
+    label = f"{surface_map.quantity} [{surface_map.unit}]"
+    axis.figure.colorbar(image, cax=beside, label=label, extend=extend)
+    lines = [*textwrap.wrap(surface_map.title, letters), *textwrap.wrap(remark, letters)]
+    axis.set_title("\n".join(lines), loc="left", fontsize=10, parse_math=False)
+    axis.set(xlabel="x [µm]", ylabel="y [µm]")
+
+
+def _scale(values: Values, unit: str) -> tuple[tuple[float, float], str, str]:
+    """Return the limits of a colour scale, its open ends, and a remark about them.
+
+    The scale spans all values, unless those beyond a percentile would take more than half as much
+    of it as the rest.
+    """
+    if not values.size:
+        return (0.0, 1.0), "neither", ""
+    low, high = float(values.min()), float(values.max())
+    percentiles = np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE])
+    first, last = (float(value) for value in percentiles)
+    room = 0.5 * (last - first)
+    below, above = low < first - room, high > last + room
+    extend = ("both" if above else "min") if below else ("max" if above else "neither")
+    remarks = []
+    if below:
+        remarks.append(
+            f"from the {100 - UPPER_PERCENTILE}st percentile (smallest {low:.4g} {unit})"
+        )
+    if above:
+        remarks.append(f"to the {UPPER_PERCENTILE}th percentile (largest {high:.4g} {unit})")
+    limits = first if below else low, last if above else high
+    return limits, extend, f"colours {' '.join(remarks)}" if remarks else ""

@@ -1,0 +1,76 @@
+"""Empty figures and the files they end in; the home of matplotlib in `gen` and `learn`."""
+
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from gen.runtime.errors import InputError
+from gen.runtime.output import write
+
+SUFFIXES = (".png", ".svg", ".pdf")
+
+
+def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
+    """Make an empty figure whose panels keep clear of each other.
+
+    Parameters
+    ----------
+    width, height : float
+        Size of the figure [inches].
+    dpi : float, optional
+        Resolution [1 / inch]; matplotlib's own if omitted.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise InputError("drawing needs matplotlib: install the extra 'plot'") from None
+    return Figure(figsize=(width, height), dpi=dpi, layout="constrained")
+
+
+def require_picture_name(path: Path) -> None:
+    """Refuse a path whose suffix names none of the formats that we draw.
+
+    Raises
+    ------
+    InputError
+        If the suffix is not one of `SUFFIXES`.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(f"{path}: give the name of a picture, ending in .png, .svg or .pdf")
+
+
+def save(figure: Any, path: Path, *, dpi: float | str = "figure") -> Path:
+    """Draw a figure in memory, then write the file whole or not at all.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        Figure to draw.
+    path : Path
+        File to write; its suffix gives the format.
+    dpi : float or "figure"
+        Resolution [1 / inch]; the figure's own by default.
+
+    Returns
+    -------
+    Path
+        The file, as it was given.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    drawn = BytesIO()
+    figure.savefig(drawn, dpi=dpi, format=path.suffix[1:].lower())
+    write(path, drawn.getvalue(), "picture")
+    return path
