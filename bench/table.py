@@ -1,11 +1,17 @@
 """Tables as files: CSV, under their names only once they are whole."""
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
+from gen.runtime.errors import InputError
 from gen.runtime.output import make_folder, write
+
+UNITS = {"delta": "um", "sigma0": "um"}
+"""Units of the quantities whose names do not say them: they end the column's name."""
 
 
 def write_table(path: Path, header: Iterable[str], rows: Iterable[Sequence[object]]) -> Path:
@@ -23,3 +29,41 @@ def write_table(path: Path, header: Iterable[str], rows: Iterable[Sequence[objec
     make_folder(path.parent)
     write(path, text.getvalue())
     return path
+
+
+def write_rows(path: Path, rows: Iterable[Any]) -> Path:
+    """Write rows that know their columns: dataclasses of one kind, or mappings with the same keys.
+
+    A number is written with all its digits, None as nothing.
+
+    Raises
+    ------
+    InputError
+        If that is not possible.
+    """
+    records = [_record(row) for row in rows]
+    return write_table(path, records[0], (list(record.values()) for record in records))
+
+
+def read_table(path: Path) -> tuple[list[str], list[dict[str, str]]]:
+    """Read the names of the columns of a table, and its rows by these names.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read as a table.
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            reader = csv.DictReader(file)
+            return list(reader.fieldnames or ()), list(reader)
+    except (OSError, ValueError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read as a table ({error})") from None
+
+
+def _record(row: Any) -> Mapping[str, Any]:
+    if not is_dataclass(row):
+        return dict(row)
+    names = {field.name: field.name for field in fields(row)}
+    names |= {name: f"{name}_{unit}" for name, unit in UNITS.items() if name in names}
+    return {column: getattr(row, name) for name, column in names.items()}

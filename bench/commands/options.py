@@ -1,11 +1,16 @@
 """What several commands take, and how they tell how far they are."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
 from gen.runtime.errors import InputError
+
+if TYPE_CHECKING:
+    from bench.report import Report
 
 Number = TypeVar("Number", int, float)
 
@@ -37,3 +42,11 @@ def numbers(name: str, text: str, kind: type[Number]) -> list[Number]:
 def remark(line: str) -> None:
     """Tell how far a report is, beside its output."""
     typer.echo(line, err=True)
+
+
+def tell(folder: Path, report: Report) -> None:
+    """Write a report, and print its text and the names of its files."""
+    if report.text:
+        typer.echo(report.text)
+    for path in report.write(folder):
+        typer.echo(path)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from bench.commands.options import Folder, numbers, remark
+from bench.commands.options import Folder, numbers, remark, tell
 from gen.runtime.errors import InputError
 from gen.runtime.output import check_folder
 
@@ -36,11 +36,12 @@ def solver(
     elif output is None:
         raise InputError("solver: give -o DIR to write into, or --default-tolerance")
     else:
-        from bench.work_precision.report import write_report
+        from bench.report import require_place
+        from bench.work_precision.report import report
         from bench.work_precision.studies import FULL, QUICK
 
-        for path in write_report(output, QUICK if quick else FULL, remark):
-            typer.echo(path)
+        require_place(output, "solver.csv", "solver.json", "solver.png")
+        tell(output, report(QUICK if quick else FULL, remark))
 
 
 def peers(
@@ -58,13 +59,14 @@ def peers(
     ContactMechanics, Tamaas and ASPHER where they are installed, on surfaces with H = 0.65 and
     sigma0 = 20 um: each at the loosest tolerance that gives force and contact well enough, timed
     in turn. Minutes at 129 and 257 nodes, much longer beyond. Prints tables, writes
-    DIR/peers.csv and, where matplotlib is installed, DIR/peers.png.
+    DIR/peers.csv and DIR/peers.png.
     """
-    from bench.peers.report import write_report
+    from bench.peers.report import report
+    from bench.report import require_place
 
     sizes, loads = numbers("nodes", nodes, int), numbers("deltas", deltas, float)
-    for path in write_report(output, sizes, loads, rounds, typer.echo):
-        typer.echo(path)
+    require_place(output, "peers.csv", "peers.png")
+    tell(output, report(sizes, loads, rounds, typer.echo))
 
 
 def growth(

@@ -24,50 +24,16 @@ def hertz(folder: Path) -> Sequence[Content]:
 
 def solver(folder: Path) -> Sequence[Content]:
     """Error against run time."""
-    return [
-        Figure(
-            folder / "solver.png",
-            "Error of force, area and pressure against wall time and against convolutions: for the"
-            " tolerance, the grid, both kernels, both precisions, and other solvers where they are"
-            " installed. Down and to the left is better; a flat curve says that accuracy is cheap."
-            " Unlike the force, the area of a self-affine surface does not converge as the grid is"
-            " refined.",
-            data=(folder / "solver.csv",),
-        )
-    ]
+    from bench.work_precision.report import contents
+
+    return contents(folder)
 
 
 def peers(folder: Path) -> Sequence[Content]:
     """Other solvers."""
-    return [
-        Figure(
-            folder / "peers.png",
-            "Processor time of a solve against the displacement, each solver at its loosest"
-            " tolerance with the force within 1e-6 and the contact set within 0.05 %; below, over"
-            " ours (1 is as fast). The paper's algorithm, non-negative least squares with a dense"
-            " matrix, has its best where few nodes touch; its time grows with their cube.",
-            data=(folder / "peers.csv",),
-        ),
-        Table(
-            folder / "peers.csv",
-            "The same as numbers.",
-            columns=(
-                "nodes", "hurst", "delta_um", "contact_nodes", "solver", "tolerance", "seconds",
-                "times_ours", "load_error", "misplaced_nodes", "remark",
-            ),
-        ),
-        *_absent_peers(folder / "peers.csv"),
-    ]  # fmt: skip
+    from bench.peers.report import contents
 
-
-def _absent_peers(table: Path) -> Sequence[Content]:
-    """The packages that no line of the table is about, with how to get them."""
-    from bench.peers.compare import PEERS
-
-    solvers = set(column(table, "solver"))
-    known = {peer.package: peer.install for peer in PEERS}
-    there = {peer.package for peer in PEERS if peer.name in solvers}
-    return [Absent(package, how) for package, how in known.items() if package not in there]
+    return contents(folder)
 
 
 def growth(folder: Path) -> Sequence[Content]:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bem.convolution import displacement_filter
-from bench.peers.peer import Control, Field
-from bench.work_precision.case import Case, Exact
+from bench.solvers.case import Case, Exact, Field
+from bench.solvers.solver import Control
 
 # The force at the displacement given, or the displacement of the far field at the force given [1].
 LOAD_ERROR = 1e-6

@@ -1,21 +1,16 @@
 """Equal accuracy first, then time: each solver at the loosest tolerance that is good enough."""
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
 from statistics import median
 
 import numpy as np
 
-from bench.peers import aspher, contact_mechanics, tamaas
 from bench.peers.accuracy import Errors, find_errors, loosest
-from bench.peers.own import Ours, PapersAlgorithm
-from bench.peers.peer import REFERENCE_RTOL, Contender, Peer
 from bench.peers.sample import SIGMA0, Sample
-from bench.work_precision.case import Case, find_exact
-from bench.work_precision.solvers import Failure
-
-PEERS: tuple[Peer, ...] = (*contact_mechanics.PEERS, *tamaas.PEERS, *aspher.PEERS)
+from bench.solvers.case import Case, find_exact
+from bench.solvers.solver import REFERENCE_RTOL, Failure, Solver
 
 FIRST_GUESS = 1e-4  # of a tolerance; later ones are what the last contact took
 TURN = 0.05  # s of CPU time that a solver's turn takes at least, by repetition
@@ -63,7 +58,7 @@ class Trial:
 
     Parameters
     ----------
-    contender, case : who solves what
+    solver, case : who solves what
 
     Attributes
     ----------
@@ -72,8 +67,8 @@ class Trial:
     remark : why there is none
     """
 
-    def __init__(self, contender: Contender, case: Case) -> None:
-        self.contender = contender
+    def __init__(self, solver: Solver, case: Case) -> None:
+        self.solver = solver
         self.tolerance: float | None = None
         self.errors: Errors | None = None
         self.remark = ""
@@ -85,26 +80,26 @@ class Trial:
 
     def find_tolerance(self, guess: float) -> None:
         """Search the solver's ladder."""
-        if self.contact_nodes > self.contender.largest_contact:
-            self.remark = f"not tried above {self.contender.largest_contact:g} nodes in contact"
+        if self.contact_nodes > self.solver.largest_contact:
+            self.remark = f"not tried above {self.solver.largest_contact:g} nodes in contact"
             return
-        self.tolerance = loosest(self._good_enough, self.contender.ladder, guess)
+        self.tolerance = loosest(self._good_enough, self.solver.ladder, guess)
         if self.tolerance is not None:
             self.errors, seconds = self._tried[self.tolerance]
             self._seconds = [seconds] if seconds > PATIENCE else []
             self.remark = ""
         elif not self.remark:
-            self.remark = f"not good enough at {self.contender.ladder[-1]:.0e}"
+            self.remark = f"not good enough at {self.solver.ladder[-1]:.0e}"
 
     def _good_enough(self, tolerance: float) -> bool:
         began = time.process_time()
         try:
-            pressure = self.contender.solve(self._case, tolerance).pressure
+            pressure = self.solver.solve(self._case, tolerance).pressure
         except Failure as failure:
             self.remark = f"tolerance {tolerance:.0e}: {failure}"
             return False
         seconds = time.process_time() - began
-        errors = find_errors(pressure, self.contender.control, self._case, self._exact)
+        errors = find_errors(pressure, self.solver.control, self._case, self._exact)
         self._tried[tolerance] = errors, seconds
         return errors.good_enough(self.contact_nodes)
 
@@ -115,7 +110,7 @@ class Trial:
         spent = 0.0
         while spent < TURN:
             began = time.process_time()
-            self.contender.solve(self._case, self.tolerance)
+            self.solver.solve(self._case, self.tolerance)
             self._seconds.append(time.process_time() - began)
             spent += max(self._seconds[-1], 1e-6)
 
@@ -125,14 +120,9 @@ class Trial:
         return median(self._seconds) if self._seconds else None
 
 
-def contenders(peers: Sequence[Peer] = PEERS) -> list[Contender]:
-    """Ours first, the paper's algorithm, and those of the peers that are installed."""
-    return [Ours(), PapersAlgorithm(), *(peer for peer in peers if peer.installed)]
-
-
 def compare(
     samples: Sequence[Sample],
-    solvers: Sequence[Contender],
+    solvers: Sequence[Solver],
     rounds: int = 4,
     announce: Callable[[str], None] = lambda line: None,
 ) -> list[Row]:
@@ -161,42 +151,37 @@ def compare(
         for number in range(rounds):
             for trial in trials if number % 2 == 0 else reversed(trials):
                 trial.take_turn()
-        ours = trials[0].seconds
-        rows += [
-            _row(sample, trial, set_up_seconds, ours)
-            for trial, set_up_seconds in zip(trials, set_ups[case.nodes], strict=True)
-        ]
+        rows += _rows(sample, trials, set_ups[case.nodes])
     return rows
 
 
-def _set_up_seconds(solver: Contender, case: Case) -> float:
+def _set_up_seconds(solver: Solver, case: Case) -> float:
     solver.set_up(case.nodes, case.spacing)  # imports the package
     began = time.process_time()
     solver.set_up(case.nodes, case.spacing)
     return time.process_time() - began
 
 
-def _row(sample: Sample, trial: Trial, set_up_seconds: float, ours: float | None) -> Row:
-    row = Row(
-        nodes=sample.nodes,
-        hurst=sample.hurst,
-        sigma0=SIGMA0,
-        delta=sample.delta,
-        contact_nodes=trial.contact_nodes,
-        solver=trial.contender.name,
-        version=trial.contender.version,
-        control=trial.contender.control,
-        set_up_seconds=set_up_seconds,
-        remark=trial.remark,
-    )
-    if trial.errors is None or trial.seconds is None:
-        return row
-    return replace(
-        row,
-        tolerance=trial.tolerance,
-        seconds=trial.seconds,
-        times_ours=trial.seconds / ours if ours else None,
-        load_error=trial.errors.load_error,
-        misplaced_nodes=trial.errors.misplaced_nodes,
-        pressure_error=trial.errors.pressure_error,
-    )
+def _rows(
+    sample: Sample, trials: Sequence[Trial], set_up_seconds: Sequence[float]
+) -> Iterator[Row]:
+    ours = trials[0].seconds
+    for trial, set_up in zip(trials, set_up_seconds, strict=True):
+        solver = trial.solver
+        good = trial.errors is not None and trial.seconds is not None
+        yield Row(
+            sample.nodes,
+            sample.hurst,
+            SIGMA0,
+            sample.delta,
+            trial.contact_nodes,
+            solver.name,
+            solver.version,
+            solver.control,
+            set_up,
+            remark=trial.remark,
+            tolerance=trial.tolerance if good else None,
+            seconds=trial.seconds if good else None,
+            times_ours=trial.seconds / ours if good and trial.seconds and ours else None,
+            **(asdict(trial.errors) if good and trial.errors else {}),
+        )

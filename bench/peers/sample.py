@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from bench.peers.peer import Field
-from bench.work_precision.case import Case
+from bench.solvers.case import Case, Field
 from gen.generation.plan import surface_random
 from gen.scene import load
 from gen.surface import generate

@@ -10,20 +10,19 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from bench.peers.accuracy import find_errors
-from bench.peers.compare import PEERS, Trial
-from bench.peers.own import Ours, PapersAlgorithm
-from bench.peers.peer import Contender, Peer
+from bench.peers.compare import Trial
 from bench.peers.sample import HURST, Sample
-from bench.work_precision.case import find_exact
+from bench.solvers.case import find_exact
+from bench.solvers.others import OTHERS
+from bench.solvers.own import BEM, PAPERS
+from bench.solvers.solver import Solver
 
 SAMPLE = Sample(129, HURST, 15.0)
 
 
-@pytest.mark.parametrize(
-    "solver", [Ours(), PapersAlgorithm(), *PEERS], ids=lambda solver: solver.name
-)
-def test_contact_by_solver(benchmark: BenchmarkFixture, solver: Contender) -> None:
-    if isinstance(solver, Peer) and not solver.installed:
+@pytest.mark.parametrize("solver", [BEM, PAPERS, *OTHERS], ids=lambda solver: solver.name)
+def test_contact_by_solver(benchmark: BenchmarkFixture, solver: Solver) -> None:
+    if not solver.version:
         pytest.skip(f"{solver.package} is not installed: {solver.install}")
     case = SAMPLE.case()
     trial = Trial(solver, case)

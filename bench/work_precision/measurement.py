@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bench.work_precision.case import Case, Exact
-from bench.work_precision.solvers import Answer, Failure, Solver
+from bench.solvers.case import Case, Exact
+from bench.solvers.solver import Answer, Failure, Solver
 
 # What a solver has to meet before any of its times counts: relative errors of force and pressure,
 # and the share of the contact nodes that may be wrong, rounded up.

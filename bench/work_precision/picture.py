@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
+from bench.picture import new_figure
 from bench.style import STYLES
 from bench.work_precision.measurement import Point
 
@@ -42,8 +43,8 @@ class Mark:
     values: dict[str, float]
 
 
-def draw(figure: Any, points: Sequence[Point]) -> None:
-    """A row of diagrams a study and cost, over three kinds of error."""
+def draw(points: Sequence[Point]) -> Any:
+    """Draw a row of diagrams for each study and cost, over three kinds of error."""
     studies = [name for name in TITLES if any(point.study == name for point in points)]
     drawn = {
         study: curves(study, [point for point in points if point.study == study])
@@ -51,11 +52,12 @@ def draw(figure: Any, points: Sequence[Point]) -> None:
     }
     costs = {study: _compared_costs(drawn[study]) for study in studies}
     heights = [1.4 + 2.0 * len(costs[study]) for study in studies]
-    figure.set_size_inches(11, sum(heights))
+    figure = new_figure(11, sum(heights))
     parts = figure.subfigures(len(studies), 1, squeeze=False, height_ratios=heights)[:, 0]
     for letter, part, study in zip("abcdef", parts, studies, strict=False):
         part.suptitle(f"({letter}) {TITLES[study]}", x=0.01, ha="left", fontweight="bold")
         _draw_study(part, study, drawn[study], costs[study])
+    return figure
 
 
 def curves(study: str, points: Iterable[Point]) -> dict[str, list[Mark]]:

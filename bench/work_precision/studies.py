@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from bem.influence import KERNELS, Kernel
-from bench.peers.compare import PEERS
-from bench.work_precision.case import Case, find_exact
+from bench.solvers.case import Case, find_exact
+from bench.solvers.others import installed, missing
+from bench.solvers.own import BEM, DOUBLE, MIXED
+from bench.solvers.solver import Solver
 from bench.work_precision.measurement import LeftOut, Point, Task, admit, measure
-from bench.work_precision.solvers import DOUBLE, MIXED, BoundaryElements, Solver
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.scene import load
@@ -54,15 +55,11 @@ PEER_ROWS = (4, 0, 7)
 PEER_RTOL = 1e-8
 
 
-@dataclass(frozen=True)
-class Sweep:
-    """Everything that was measured, and what was not."""
-
-    points: tuple[Point, ...]
-    left_out: tuple[LeftOut, ...]
+Found = tuple[list[Point], list[LeftOut]]
+"""Everything that was measured, and what was left out."""
 
 
-def sweep(extent: Extent = FULL, announce: Callable[[str], None] = lambda line: None) -> Sweep:
+def sweep(extent: Extent = FULL, announce: Callable[[str], None] = lambda line: None) -> Found:
     """Make all studies.
 
     Parameters
@@ -74,10 +71,10 @@ def sweep(extent: Extent = FULL, announce: Callable[[str], None] = lambda line: 
     left_out: list[LeftOut] = []
     for study, make in STUDIES.items():
         announce(study)
-        found, missing = make(extent)
-        points += found
-        left_out += missing
-    return Sweep(tuple(points), tuple(left_out))
+        measured, unsolved = make(extent)
+        points += measured
+        left_out += unsolved
+    return points, left_out
 
 
 @lru_cache(maxsize=64)  # the same case has its exact solution found once
@@ -108,9 +105,6 @@ def nested_cases(levels: tuple[int, ...], kernel: Kernel) -> tuple[Case, ...]:
         missed = top - float(heights.max())
         cases.append(Case(finest.name, heights, finest.side, finest.delta - missed, kernel))
     return tuple(cases)
-
-
-Found = tuple[list[Point], list[LeftOut]]
 
 
 def compare(
@@ -144,7 +138,7 @@ def tolerance_study(extent: Extent) -> Found:
     cases = [
         paper_case(row, extent.nodes, kernel) for row in range(extent.samples) for kernel in KERNELS
     ]
-    return compare("tolerance", [BoundaryElements()], cases, extent.rtols, extent.rounds)
+    return compare("tolerance", [BEM], cases, extent.rtols, extent.rounds)
 
 
 def grid_study(extent: Extent) -> Found:
@@ -153,7 +147,6 @@ def grid_study(extent: Extent) -> Found:
     Either kernel's limit is the same continuum; the uniform pressure is nearer to it (compare
     `python -m bench hertz`), so that its finest grid speaks for both.
     """
-    solver = BoundaryElements()
     tasks: list[Task] = []
     left_out: list[LeftOut] = []
     *_, finest = nested_cases(extent.levels, KERNELS[0])
@@ -161,10 +154,10 @@ def grid_study(extent: Extent) -> Found:
     for kernel in KERNELS:
         for case in nested_cases(extent.levels, kernel):
             exact = find_exact(case, GRID_EXACT_RTOL)
-            reached, missing = admit("grid", solver, case, [GRID_RTOL], exact)
+            reached, missing = admit("grid", BEM, case, [GRID_RTOL], exact)
             left_out += missing
             on_grid = truth.on_grid(case.nodes)
-            tasks += [Task("grid", solver, case, rtol, on_grid) for rtol in reached]
+            tasks += [Task("grid", BEM, case, rtol, on_grid) for rtol in reached]
     points, failed = measure(tasks, rounds=2)
     return points, left_out + failed
 
@@ -183,16 +176,14 @@ def peer_study(extent: Extent) -> Found:
     Each has its own notion of a tolerance: only errors compare. Those that are given the force
     instead of the displacement get the exact one, which costs them nothing.
     """
-    absent = {peer.package: peer for peer in PEERS if not peer.installed}
     left_out = [
-        LeftOut("peers", package, f"not installed: {peer.install}")
-        for package, peer in absent.items()
+        LeftOut("peers", package, f"not installed: {install}")
+        for package, install in missing().items()
     ]
-    solvers: list[Solver] = [BoundaryElements(), *(peer for peer in PEERS if peer.installed)]
     cases = [paper_case(row, extent.nodes) for row in PEER_ROWS[: extent.samples]]
     rtols = [rtol for rtol in extent.rtols if rtol >= PEER_RTOL]
-    points, missing = compare("peers", solvers, cases, rtols, rounds=2)
-    return points, left_out + missing
+    points, unsolved = compare("peers", [BEM, *installed()], cases, rtols, rounds=2)
+    return points, left_out + unsolved
 
 
 STUDIES: dict[str, Callable[[Extent], Found]] = {

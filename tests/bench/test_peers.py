@@ -1,7 +1,5 @@
 """The comparison with other solvers: fair, told as it is, and complete without any of them."""
 
-import csv
-import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -10,16 +8,18 @@ import pytest
 from launch import launch
 
 import bem
-from bench.peers import aspher, contact_mechanics
+from bench.__main__ import main
+from bench.page.content import Absent
 from bench.peers.accuracy import Errors, find_errors, loosest
-from bench.peers.compare import PEERS, compare, contenders
-from bench.peers.own import Ours, PapersAlgorithm
-from bench.peers.peer import LADDER, Control, Load, Peer, pose
-from bench.peers.report import absent_lines, write_report
+from bench.peers.compare import compare
+from bench.peers.report import contents, report, tables
 from bench.peers.sample import HURST, Sample, samples
-from bench.peers.table import tables
-from bench.work_precision.case import Case, find_exact
-from bench.work_precision.solvers import Answer, Failure
+from bench.solvers import aspher, contact_mechanics
+from bench.solvers.case import Case, find_exact
+from bench.solvers.others import OTHERS, installed, missing
+from bench.solvers.own import BEM, PAPERS
+from bench.solvers.solver import LADDER, Answer, Control, Failure, Solver
+from bench.table import read_table
 from gen.runtime.errors import InputError
 
 SMALL = Sample(33, HURST, 25.0)
@@ -30,11 +30,11 @@ def case() -> Case:
     return SMALL.case()
 
 
-@pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.name)
+@pytest.mark.parametrize("peer", OTHERS, ids=lambda peer: peer.name)
 @pytest.mark.parametrize("delta", [5.0, 25.0])
-def test_peers_solve_the_same_problem(peer: Peer, delta: float) -> None:
+def test_peers_solve_the_same_problem(peer: Solver, delta: float) -> None:
     """To eight digits: the same coefficients, spacing, units and free boundaries."""
-    if not peer.installed:
+    if not peer.version:
         pytest.skip(f"{peer.package} is not installed: {peer.install}")
     case = replace(SMALL, delta=delta).case()
     exact = find_exact(case)
@@ -44,8 +44,8 @@ def test_peers_solve_the_same_problem(peer: Peer, delta: float) -> None:
     assert errors.pressure_error < 1e-7
 
 
-@pytest.mark.parametrize("contender", [Ours(), PapersAlgorithm()], ids=lambda own: own.name)
-def test_our_own_take_part_under_the_same_rules(contender: Ours, case: Case) -> None:
+@pytest.mark.parametrize("contender", [BEM, PAPERS], ids=lambda own: own.name)
+def test_our_own_take_part_under_the_same_rules(contender: Solver, case: Case) -> None:
     contender.set_up(case.nodes, case.spacing)
     pressure = contender.solve(case, 1e-10).pressure
     errors = find_errors(pressure, contender.control, case, find_exact(case))
@@ -55,10 +55,11 @@ def test_our_own_take_part_under_the_same_rules(contender: Ours, case: Case) -> 
 
 @pytest.mark.parametrize("nodes", [33, 36, 48])
 def test_a_margin_changes_nothing_but_the_grid(nodes: int, case: Case) -> None:
-    load = pose(case, nodes)
-    contact = bem.solve(load.heights, 1.0, load.delta, spacing=load.spacing, rtol=1e-12)
-    assert contact.force == pytest.approx(load.force, rel=1e-11)
-    assert load.mean_pressure == pytest.approx(contact.pressure.mean(), rel=1e-11)
+    posed, force = case.with_margin(nodes), find_exact(case).force
+    contact = bem.solve(posed.heights, posed.side, posed.delta, rtol=1e-12)
+    assert posed.spacing == pytest.approx(case.spacing, rel=1e-15)
+    assert contact.force == pytest.approx(force, rel=1e-11)
+    assert posed.mean_pressure(force) == pytest.approx(contact.pressure.mean(), rel=1e-11)
     inside = contact.pressure[: case.nodes, : case.nodes]
     np.testing.assert_allclose(inside, find_exact(case).pressure, rtol=0, atol=1e-9)
 
@@ -137,7 +138,7 @@ class Stub:
         self.asked.append(rtol)
         if self.fails:
             raise Failure("stalled")
-        return Answer(find_exact(case).pressure * (1 + rtol), 0.0, None, None)
+        return Answer(find_exact(case).pressure * (1 + rtol))
 
 
 def test_each_is_timed_at_the_tolerance_that_it_needs() -> None:
@@ -166,7 +167,7 @@ def test_who_is_never_good_enough_is_named() -> None:
 
 
 def test_tables_name_the_fastest_peer_and_what_was_left_out() -> None:
-    rows = compare([SMALL], [Ours(), PapersAlgorithm(), Stub(), Stub("failing", fails=True)], 1)
+    rows = compare([SMALL], [BEM, PAPERS, Stub(), Stub("failing", fails=True)], 1)
     text = tables(rows)
     lines = {line.strip()[:12].strip(): line.split() for line in text.splitlines()}
     assert {"bem", "paper's NNLS", "stub", "failing", "fastest peer"} <= lines.keys()
@@ -187,11 +188,11 @@ class Broken:
     def __init__(self, nodes: int, spacing: float) -> None:
         pass
 
-    def press(self, load: Load, tolerance: float) -> tuple[np.ndarray, int | None]:
+    def press(self, case: Case, force: float, tolerance: float) -> Answer:
         raise RuntimeError("nan encountered")
 
 
-ABSENT = Peer("Absent", "no_such_package", "pip install no-such-package", Broken)
+ABSENT = Solver("Absent", Broken, "no_such_package", "pip install no-such-package")
 
 
 def test_faults_of_peers_are_failures(case: Case) -> None:
@@ -199,13 +200,15 @@ def test_faults_of_peers_are_failures(case: Case) -> None:
         ABSENT.solve(case, 1e-3)
     with pytest.raises(Failure, match="no kernel 'concentrated-force'"):
         ABSENT.solve(replace(case, kernel="concentrated-force"), 1e-3)
+    with pytest.raises(RuntimeError, match="nan encountered"):
+        replace(ABSENT, install="").solve(case, 1e-3)
 
 
 def test_absent_peers_are_left_out_with_how_to_get_them() -> None:
-    assert [entry.name for entry in contenders([ABSENT])] == ["bem", "paper's NNLS"]
-    assert absent_lines([ABSENT, replace(ABSENT, name="again")]) == [
-        "no_such_package is not installed and left out: pip install no-such-package"
-    ]
+    assert installed([ABSENT, BEM]) == [BEM]
+    assert missing([ABSENT, BEM, replace(ABSENT, name="again")]) == {
+        "no_such_package": "pip install no-such-package"
+    }
 
 
 def test_command_writes_table_and_picture(tmp_path: Path) -> None:
@@ -213,12 +216,11 @@ def test_command_writes_table_and_picture(tmp_path: Path) -> None:
     done = launch(0, "peers", "-o", "new/reports", *arguments, folder=tmp_path, module="bench")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.split()[-2:] == ["new/reports/peers.csv", "new/reports/peers.png"]
-    for peer in PEERS:
-        assert (f"{peer.package} is not installed" in done.stdout) is not peer.installed
+    for peer in OTHERS:
+        assert (f"{peer.package} is not installed" in done.stdout) is not bool(peer.version)
     folder = tmp_path / "new" / "reports"
     assert (folder / "peers.png").read_bytes().startswith(b"\x89PNG")
-    with (folder / "peers.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    _, rows = read_table(folder / "peers.csv")
     assert [row["solver"] for row in rows[:2]] == ["bem", "paper's NNLS"]
     assert {row["delta_um"] for row in rows} == {"5.0", "25.0"}
     for row in rows:
@@ -226,14 +228,10 @@ def test_command_writes_table_and_picture(tmp_path: Path) -> None:
         assert float(row["seconds"]) > 0
 
 
-def test_without_matplotlib_there_is_a_table(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    monkeypatch.setattr("bench.peers.report.contenders", lambda: [Ours()])
-    said: list[str] = []
-    assert write_report(tmp_path, [17], [5.0], 1, said.append) == [tmp_path / "peers.csv"]
-    assert said[-1].startswith("no picture: ")
+def test_packages_without_a_line_are_named_on_the_page(tmp_path: Path) -> None:
+    (tmp_path / "peers.csv").write_text("solver\nbem\nASPHER\n")
+    absent = [each.what for each in contents(tmp_path) if isinstance(each, Absent)]
+    assert absent == ["ContactMechanics", "tamaas"]
 
 
 @pytest.mark.parametrize(
@@ -249,17 +247,14 @@ def test_without_matplotlib_there_is_a_table(
 def test_bad_input_is_refused_in_one_line(
     arguments: list[str], message: str, tmp_path: Path
 ) -> None:
-    from bench.__main__ import main
-
     code = main(["peers", "-o", str(tmp_path / "new"), *arguments])
     assert code == 2
     assert not (tmp_path / "new").exists()
     with pytest.raises(InputError, match="nodes 4"):
-        write_report(tmp_path, [4], [5.0], 1)
+        report([4], [5.0], 1)
 
 
 @pytest.mark.parametrize("folder", ["taken", "taken/below", "/proc/nowhere"])
 def test_folders_that_cannot_be_written_are_refused(folder: str, tmp_path: Path) -> None:
     (tmp_path / "taken").touch()
-    with pytest.raises(InputError):
-        write_report(tmp_path / folder, [17], [5.0], 1)
+    assert main(["peers", "--nodes", "17", "--deltas", "5", "-o", str(tmp_path / folder)]) == 2

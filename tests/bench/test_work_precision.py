@@ -1,12 +1,11 @@
 """Work against precision: what is measured is measured rightly, and written and drawn so."""
 
-import csv
 import importlib.util
 import json
 import subprocess
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -15,26 +14,28 @@ import pytest
 from launch import launch
 
 import bem
+from bench.__main__ import main
 from bench.dense import press
-from bench.work_precision import case as cases
-from bench.work_precision import report
-from bench.work_precision.case import Case, find_exact
+from bench.report import Report
+from bench.solvers import case as cases
+from bench.solvers.case import Case, find_exact
+from bench.solvers.own import BEM, DOUBLE, MIXED
+from bench.solvers.solver import Answer, Failure
+from bench.table import read_table
 from bench.work_precision.measurement import LeftOut, Point, Task, admit, measure
 from bench.work_precision.picture import curves
-from bench.work_precision.solvers import DOUBLE, MIXED, Answer, BoundaryElements, Failure
 from bench.work_precision.studies import (
     QUICK,
-    Sweep,
+    Found,
     compare,
     nested_cases,
     paper_case,
     sweep,
 )
-from gen.runtime.errors import InputError
 
 
 @pytest.fixture(scope="module")
-def done() -> Sweep:
+def done() -> Found:
     return sweep(QUICK)
 
 
@@ -56,8 +57,8 @@ def groups(points: Iterable[Point], study: str, *, by_case: bool = True) -> list
 
 
 @pytest.mark.parametrize("study", ["tolerance", "precision"])
-def test_errors_fall_and_work_grows_with_the_tolerance(done: Sweep, study: str) -> None:
-    for group in groups(done.points, study):
+def test_errors_fall_and_work_grows_with_the_tolerance(done: Found, study: str) -> None:
+    for group in groups(done[0], study):
         assert [point.rtol for point in group] == list(QUICK.rtols)
         for loose, tight in pairwise(group):
             if study == "precision":
@@ -73,8 +74,8 @@ def test_errors_fall_and_work_grows_with_the_tolerance(done: Sweep, study: str) 
         assert last.area_error_nodes == last.area_error_percent == 0
 
 
-def test_errors_of_the_default_kernel_fall_with_the_grid(done: Sweep) -> None:
-    uniform, concentrated = groups(done.points, "grid")
+def test_errors_of_the_default_kernel_fall_with_the_grid(done: Found) -> None:
+    uniform, concentrated = groups(done[0], "grid")
     for group in (uniform, concentrated):
         assert [point.nodes for point in group] == [2**k + 1 for k in QUICK.levels]
         assert {point.reference_nodes for point in group} == {2 ** QUICK.levels[-1] + 1}
@@ -95,15 +96,15 @@ def test_both_precisions_end_in_the_same_answer(small: Case) -> None:
     assert double.pressure == pytest.approx(whole.pressure, rel=0, abs=1e-11)
 
 
-def test_ours_are_all_admitted_and_absent_peers_named(done: Sweep) -> None:
-    assert {point.study for point in done.points} == {"tolerance", "grid", "precision", "peers"}
-    assert {point.solver for point in done.points} >= {"bem", "active set"}
-    for missing in done.left_out:
+def test_ours_are_all_admitted_and_absent_peers_named(done: Found) -> None:
+    assert {point.study for point in done[0]} == {"tolerance", "grid", "precision", "peers"}
+    assert {point.solver for point in done[0]} >= {"bem", "active set"}
+    for missing in done[1]:
         assert missing.study == "peers"
         assert missing.solver not in {"bem", "active set"}
     for package in ("ContactMechanics", "tamaas", "aspher"):
         if importlib.util.find_spec(package) is None:
-            (reason,) = (gone.reason for gone in done.left_out if gone.solver == package)
+            (reason,) = (gone.reason for gone in done[1] if gone.solver == package)
             assert reason.startswith("not installed: pip install ")
 
 
@@ -179,7 +180,7 @@ class Stub:
             raise Failure("stalled")
         pressure = find_exact(case).pressure * self.factor
         pressure.reshape(-1)[np.flatnonzero(pressure == 0)[: self.extra_nodes]] = 1e-30
-        return Answer(pressure, self.seconds.pop(0) if self.seconds else 1.0, None, None)
+        return Answer(pressure, seconds=self.seconds.pop(0) if self.seconds else 1.0)
 
 
 NO_REASON = "paper 0, uniform-pressure, 33 nodes a side, tolerance "
@@ -199,7 +200,7 @@ NO_REASON = "paper 0, uniform-pressure, 33 nodes a side, tolerance "
     ],
 )
 def test_who_misses_the_answer_is_left_out_and_named(small: Case, stub: Stub, reason: str) -> None:
-    points, left_out = compare("peers", [stub, BoundaryElements()], [small], [1e-2, 1e-6], 1)
+    points, left_out = compare("peers", [stub, BEM], [small], [1e-2, 1e-6], 1)
     assert [point.solver for point in points] == ["bem", "bem"]
     assert {(missing.study, missing.solver) for missing in left_out} == {("peers", "stub")}
     assert left_out[0].reason.startswith(f"{NO_REASON}1e-06: {reason}")
@@ -240,26 +241,8 @@ def test_tasks_run_back_and_forth_and_the_shortest_time_counts(small: Case) -> N
     assert points[0].convolutions is None
 
 
-def test_tables_are_read_as_they_were_written(done: Sweep, tmp_path: Path) -> None:
-    path = tmp_path / "solver.csv"
-    report.write_points(path, done.points)
-    assert report.read_points(path) == list(done.points)
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == len(done.points)
-    assert float(rows[0]["delta_um"]) == done.points[0].delta
-
-
-@pytest.mark.parametrize("text", ["", "nodes,force\n3,4\n"])
-def test_other_tables_are_refused(text: str, tmp_path: Path) -> None:
-    path = tmp_path / "other.csv"
-    path.write_text(text)
-    with pytest.raises(InputError, match=r"other\.csv: is not a table of work against precision"):
-        report.read_points(path)
-
-
-def test_curves_are_means_over_the_cases(done: Sweep) -> None:
-    tolerance = [point for point in done.points if point.study == "tolerance"]
+def test_curves_are_means_over_the_cases(done: Found) -> None:
+    tolerance = [point for point in done[0] if point.study == "tolerance"]
     uniform = curves("tolerance", tolerance)["uniform-pressure"]
     assert [mark.label for mark in uniform] == ["1e-01", "1e-04", "1e-07", "1e-10"]
     first = [point for point in tolerance if (point.rtol, point.kernel[0]) == (0.1, "u")]
@@ -270,16 +253,16 @@ def test_curves_are_means_over_the_cases(done: Sweep) -> None:
     assert "convolutions" not in curves("tolerance", unknown)["uniform-pressure"][0].values
 
 
-def test_means_of_other_cases_are_not_drawn(done: Sweep) -> None:
-    tolerance = [point for point in done.points if point.study == "tolerance"]
+def test_means_of_other_cases_are_not_drawn(done: Found) -> None:
+    tolerance = [point for point in done[0] if point.study == "tolerance"]
     gone = next(point for point in tolerance if (point.rtol, point.kernel[0]) == (1e-7, "c"))
     drawn = curves("tolerance", [point for point in tolerance if point is not gone])
     assert [mark.label for mark in drawn["concentrated-force"]] == ["1e-01", "1e-04", "1e-10"]
     assert len(drawn["uniform-pressure"]) == 4
 
 
-def test_the_finest_grid_is_not_drawn_against_itself(done: Sweep) -> None:
-    grids = curves("grid", [point for point in done.points if point.study == "grid"])
+def test_the_finest_grid_is_not_drawn_against_itself(done: Found) -> None:
+    grids = curves("grid", [point for point in done[0] if point.study == "grid"])
     assert {name: [mark.label for mark in marks] for name, marks in grids.items()} == {
         "uniform-pressure": ["17", "33"],
         "concentrated-force": ["17", "33"],
@@ -292,7 +275,7 @@ def test_command_writes_table_picture_and_circumstances(tmp_path: Path) -> None:
     assert done.stdout.split() == [f"new/reports/solver.{end}" for end in ("csv", "json", "png")]
     folder = tmp_path / "new" / "reports"
     assert (folder / "solver.png").read_bytes().startswith(b"\x89PNG")
-    assert len(report.read_points(folder / "solver.csv")) > 40
+    assert len(read_table(folder / "solver.csv")[1]) > 40
     record = json.loads((folder / "solver.json").read_text(encoding="utf-8"))
     assert record["machine"]["processor"]
     assert {"python", "numpy", "scipy", "pyfftw"} <= record["versions"].keys()
@@ -319,12 +302,22 @@ def test_what_cannot_be_used_is_one_line(
 
 
 def test_missing_matplotlib_is_said_before_anything_is_solved(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(InputError, match="install the extra 'plot'"):
-        report.write_report(tmp_path / "new", QUICK)
+    monkeypatch.setattr("bench.work_precision.studies.STUDIES", {})
+    for command in ("solver", "peers"):
+        assert main([command, "-o", str(tmp_path / "new")]) == 2
+        assert "install the extra 'plot'" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
+
+
+def test_every_point_is_a_row_of_the_table(done: Found, tmp_path: Path) -> None:
+    (path,) = Report({"solver": done[0]}).write(tmp_path)
+    _, rows = read_table(path)
+    for point, row in zip(done[0], rows, strict=True):
+        assert [*row.values()] == ["" if value is None else str(value) for value in astuple(point)]
+        assert float(row["delta_um"]) == point.delta
 
 
 def test_help_imports_no_numerics(tmp_path: Path) -> None:

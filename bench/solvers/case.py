@@ -53,6 +53,21 @@ class Case:
         """Of the nodes [um]."""
         return self.side / (self.nodes - 1)
 
+    def mean_pressure(self, force: float) -> float:
+        """Return a force over the area of all cells [MPa]."""
+        return force / (self.spacing**2 * self.heights.size)
+
+    def with_margin(self, nodes: int) -> "Case":
+        """Put the case on a grid of as many nodes a side or more.
+
+        The margin lies two Delta below the highest node, so that it changes nothing but the grid.
+        """
+        if nodes == self.nodes:
+            return self
+        heights = np.full((nodes, nodes), self.heights.max() - 2 * self.delta)
+        heights[: self.nodes, : self.nodes] = self.heights
+        return replace(self, heights=heights, side=self.spacing * (nodes - 1))
+
     @property
     def interference(self) -> Field:
         """(n, n) overlap of the undeformed bodies, negative where they are apart [Delta]."""

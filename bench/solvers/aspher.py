@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers.peer import MAX_ITERATIONS, Field, Load, Peer
-from bench.work_precision.solvers import Failure
+from bench.solvers.case import Case
+from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Solver
 
 COARSEST = 32
 """Nodes a side that the coarsest of the nested grids has at least."""
@@ -42,22 +42,23 @@ class SingleGrid:
             grid_size=nodes, domain_size=nodes * spacing, E_star=1.0, backend="fft"
         )
 
-    def press(self, load: Load, tolerance: float) -> tuple[Field, int | None]:
+    def press(self, case: Case, force: float, tolerance: float) -> Answer:
         """Solve for a force."""
         result = self._solver.solve(
-            -load.heights.ravel(),
-            p_nominal=load.mean_pressure,
+            -case.heights.ravel(),
+            p_nominal=case.mean_pressure(force),
             tol=tolerance,
             max_iter=MAX_ITERATIONS,
             precond="fourier",
         )
-        return _pressure(result, load)
+        return _answer(result, case)
 
 
 class NestedGrids:
     """The same from coarse to fine grids, in single and then double precision.
 
-    Every call sets up every grid: that is in the time of the solve.
+    Every call sets up every grid: that is in the time of the solve. The engine of the
+    preconditioner is "stencil", on the nodes in contact, or "fft", by transforms of the grid.
     """
 
     def __init__(self, nodes: int, spacing: float, engine: str) -> None:
@@ -73,40 +74,31 @@ class NestedGrids:
             max_iter=MAX_ITERATIONS,
         )
 
-    def press(self, load: Load, tolerance: float) -> tuple[Field, int | None]:
+    def press(self, case: Case, force: float, tolerance: float) -> Answer:
         """Solve for a force."""
-        gap = -load.heights.ravel()
-        result = self._solve(gap=gap, p_nominal=load.mean_pressure, tol=tolerance)
-        return _pressure(result, load)
+        gap = -case.heights.ravel()
+        result = self._solve(gap=gap, p_nominal=case.mean_pressure(force), tol=tolerance)
+        return _answer(result, case)
 
 
-def nested_by_stencil(nodes: int, spacing: float) -> NestedGrids:
-    """Nested grids, the preconditioner as a stencil on the nodes in contact."""
-    return NestedGrids(nodes, spacing, "stencil")
-
-
-def nested_by_transform(nodes: int, spacing: float) -> NestedGrids:
-    """Nested grids, the preconditioner by transforms of the whole grid."""
-    return NestedGrids(nodes, spacing, "fft")
-
-
-def _pressure(result: Any, load: Load) -> tuple[Field, int | None]:
+def _answer(result: Any, case: Case) -> Answer:
     if not result.converged:
         raise Failure(f"{result.status} {result.status_reason}".strip())
-    return np.array(result.pressure).reshape(load.heights.shape), int(result.iterations)
+    pressure = np.array(result.pressure).reshape(case.heights.shape)
+    return Answer(pressure, int(result.iterations))
 
 
-_peer = partial(
-    Peer,
+_solver = partial(
+    Solver,
     package="aspher",
     install="pip install aspher, which builds with C++17, CMake 3.18 and Eigen"
     " (Debian: apt-get install g++ cmake libeigen3-dev)",
     control="force",
 )
-_nested = partial(_peer, grid=nested_grid, precision="mixed")
+_nested = partial(_solver, grid=nested_grid, precision="mixed")
 
-PEERS = (
-    _peer("ASPHER", open_session=SingleGrid),
-    _nested("ASPHER nested, stencil, margin", open_session=nested_by_stencil),
-    _nested("ASPHER nested, FFT, margin", open_session=nested_by_transform),
+SOLVERS = (
+    _solver("ASPHER", open_session=SingleGrid),
+    _nested("ASPHER nested, stencil, margin", open_session=partial(NestedGrids, engine="stencil")),
+    _nested("ASPHER nested, FFT, margin", open_session=partial(NestedGrids, engine="fft")),
 )

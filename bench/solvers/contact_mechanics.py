@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from scipy import fft
 
-from bench.peers.peer import MAX_ITERATIONS, Field, Load, Peer
-from bench.work_precision.solvers import Failure
+from bench.solvers.case import Case, Field
+from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Solver
 
 
 def fast_grid(nodes: int) -> int:
@@ -41,10 +41,10 @@ class _FreeHalfSpace:
         topography = self._topography(heights, physical_sizes=self._sides)
         return self._package.Systems.NonSmoothContactSystem(self._substrate, topography)
 
-    def _pressure(self, result: Any, forces: Any) -> tuple[Field, int | None]:
+    def _answer(self, result: Any, forces: Any) -> Answer:
         if not result.success:
             raise Failure(str(result.message))
-        return np.asarray(forces) / self._cell, int(result.nit)
+        return Answer(np.asarray(forces) / self._cell, int(result.nit))
 
 
 class PrimalGradients(_FreeHalfSpace):
@@ -54,16 +54,16 @@ class PrimalGradients(_FreeHalfSpace):
     force; tension cut off in a step is not bounded.
     """
 
-    def press(self, load: Load, tolerance: float) -> tuple[Field, int | None]:
+    def press(self, case: Case, force: float, tolerance: float) -> Answer:
         """Solve for a displacement."""
-        result = self._system(load.heights).minimize_proxy(
-            offset=load.delta - load.heights.max(),
-            pentol=tolerance * load.delta,
+        result = self._system(case.heights).minimize_proxy(
+            offset=case.delta - case.heights.max(),
+            pentol=tolerance * case.delta,
             thermotol=tolerance,
             forcetol=np.inf,
             maxiter=MAX_ITERATIONS,
         )
-        return self._pressure(result, result.jac)
+        return self._answer(result, result.jac)
 
 
 class DualGradients(_FreeHalfSpace):
@@ -73,23 +73,23 @@ class DualGradients(_FreeHalfSpace):
     with which it is faster than from zero.
     """
 
-    def press(self, load: Load, tolerance: float) -> tuple[Field, int | None]:
+    def press(self, case: Case, force: float, tolerance: float) -> Answer:
         """Solve for a displacement."""
-        offset = load.delta - load.heights.max()
-        result = self._system(load.heights).dual_minimize_proxy(
+        offset = case.delta - case.heights.max()
+        result = self._system(case.heights).dual_minimize_proxy(
             offset=offset,
-            init_force=np.maximum(load.heights + offset, 0) * load.spacing,
+            init_force=np.maximum(case.heights + offset, 0) * case.spacing,
             solver="ccg-without-restart",
-            gtol=tolerance * load.delta,
+            gtol=tolerance * case.delta,
             maxiter=MAX_ITERATIONS,
         )
-        return self._pressure(result, np.reshape(result.x, load.heights.shape))
+        return self._answer(result, np.reshape(result.x, case.heights.shape))
 
 
-_peer = partial(Peer, package="ContactMechanics", install='pip install -e ".[peers]"')
+_solver = partial(Solver, package="ContactMechanics", install='pip install -e ".[peers]"')
 
-PEERS = (
-    _peer("ContactMechanics primal", open_session=PrimalGradients),
-    _peer("ContactMechanics dual", open_session=DualGradients),
-    _peer("ContactMechanics dual, margin", open_session=DualGradients, grid=fast_grid),
+SOLVERS = (
+    _solver("ContactMechanics primal", open_session=PrimalGradients),
+    _solver("ContactMechanics dual", open_session=DualGradients),
+    _solver("ContactMechanics dual, margin", open_session=DualGradients, grid=fast_grid),
 )

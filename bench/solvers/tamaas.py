@@ -10,9 +10,9 @@ import importlib
 
 import numpy as np
 
-from bench.peers.contact_mechanics import fast_grid
-from bench.peers.peer import MAX_ITERATIONS, Field, Load, Peer
-from bench.work_precision.solvers import Failure
+from bench.solvers.case import Case
+from bench.solvers.contact_mechanics import fast_grid
+from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Solver
 
 OPERATOR = "dcfft"
 
@@ -32,21 +32,21 @@ class PolonskyKeerRey:
         self._model.E, self._model.nu = 1.0, 0.0
         factory.registerNonPeriodic(self._model, OPERATOR)
 
-    def press(self, load: Load, tolerance: float) -> tuple[Field, int | None]:
+    def press(self, case: Case, force: float, tolerance: float) -> Answer:
         """Solve for a force."""
         self._model.traction[:] = 0  # every solve starts afresh
         self._model.displacement[:] = 0
-        solver = self._package.PolonskyKeerRey(self._model, load.heights, tolerance)
+        solver = self._package.PolonskyKeerRey(self._model, case.heights, tolerance)
         solver.setIntegralOperator(OPERATOR)
         solver.max_iter = MAX_ITERATIONS
-        error = solver.solve(load.mean_pressure)
+        error = solver.solve(case.mean_pressure(force))
         if not error <= tolerance:
             raise Failure(f"error {error:.1e} after {MAX_ITERATIONS} iterations")
-        return np.array(self._model.traction), None
+        return Answer(np.array(self._model.traction))
 
 
-PEERS = (
-    Peer(
+SOLVERS = (
+    Solver(
         "Tamaas, margin",
         package="tamaas",
         install='pip install -e ".[peers]"',
