@@ -14,10 +14,11 @@ from rich.table import Table as Printed
 from gen.runtime.console import wide_console
 from gen.runtime.errors import InputError
 from gen.runtime.table import Row
+from learn.reading import Reading
 from learn.surrogate.model import Surrogate
 from learn.surrogate.prediction import Prediction
 from learn.surrogate.ranges import brief
-from learn.surrogate.sources import Options, Table, files_in, is_table, read_surface, read_table
+from learn.surrogate.sources import Table, files_in, is_table, read_surface, read_table
 
 Values = NDArray[np.float64]
 
@@ -39,13 +40,13 @@ class Question:
     deltas : (k,) far-field displacements, None where tables have their own [um]
     e_star : E* that forces are for, None for the training's [MPa]
     level : coverage of the intervals
-    options : how surfaces are read
+    reading : how surfaces are read
     """
 
     deltas: Values | None
     e_star: float | None
     level: float
-    options: Options
+    reading: Reading
 
 
 def answers(
@@ -77,10 +78,10 @@ def answers(
         say(f"left out {others} files that hold no surfaces")
     for path in files:
         if is_table(path):
-            table = read_table(path, question.options.side)
+            table = read_table(path, question.reading.side)
             yield from _rows(surrogate, table.name, _of_table(surrogate, table, question))
         else:
-            topography, warnings = read_surface(path, question.options)
+            topography, warnings = read_surface(path, question.reading)
             if question.deltas is None:
                 raise InputError(f"{path}: give --delta, the far-field displacement in um")
             say(f"{path}: {'; '.join(topography.steps)}")

@@ -4,7 +4,6 @@ import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 from gen.runtime.numbers import magnitude, shown, values_from
 from learn.features.sets import STATISTICS
+from learn.reading import Reading
 
 Values = NDArray[np.float64]
 
@@ -28,20 +28,6 @@ INSTRUMENTS = {
 DELTA_NAMES = ("delta_um", "delta")
 SIDE_NAMES = ("side_x_um", "side_y_um")
 NODE_NAMES = ("nodes_x", "nodes_y")
-
-
-class Options(NamedTuple):
-    """How surfaces are read, as `python -m gen contact` has it."""
-
-    side: str = ""
-    unit: str = ""
-    channel: str = ""
-    override_scale: bool = False
-    fill: bool = False
-    fill_most: bool = False
-    level: str = ""
-    crop: str = ""
-    invert: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,23 +144,23 @@ def is_table(path: Path) -> bool:
     return bool(names & set(STATISTICS))
 
 
-def read_surface(path: Path, options: Options) -> tuple[Topography, list[str]]:
+def read_surface(path: Path, reading: Reading) -> tuple[Topography, list[str]]:
     """A surface as it is to be pressed, and what to know before trusting its contact."""
     try:
         measured = read(
             path,
-            options.side,
-            options.unit,
-            channel=options.channel,
-            override_scale=options.override_scale,
+            reading.side,
+            reading.unit,
+            channel=reading.channel,
+            override_scale=reading.override_scale,
         )
         topography = prepare(
             measured,
-            crop=options.crop,
-            invert=options.invert,
-            level=options.level,
-            fill=options.fill,
-            fill_most=options.fill_most,
+            crop=reading.crop,
+            invert=reading.invert,
+            level=reading.level,
+            fill=reading.fill,
+            fill_most=reading.fill_most,
         )
     except InputError as error:
         named = "" if str(error).startswith(("--", str(path))) else f"{path}: "

@@ -17,11 +17,11 @@ from gen.surface import generate
 from learn import Surrogate, split
 from learn.comparison.spaces import OPTIMA
 from learn.models import MODELS, pipeline
+from learn.reading import Reading
 from learn.request import Request
 from learn.surrogate import conformal, law, settings, training
 from learn.surrogate.estimators import put_together, taken_apart
 from learn.surrogate.law import Order
-from learn.surrogate.sources import Options
 
 
 def say(line):
@@ -273,7 +273,7 @@ def test_pruned_deep_trees_of_xgboost_come_back(tmp_path):
 
 def test_a_prediction_that_is_not_finite_is_never_inside(ridge, heights, tmp_path):
     np.save(tmp_path / "h.npy", heights)
-    order = Order((str(tmp_path / "h.npy"),), delta="5:20:3", options=Options(side="1000"))
+    order = Order((str(tmp_path / "h.npy"),), delta="5:20:3", reading=Reading(side="1000"))
     rows = ridge.for_surface(heights, 1000.0).rows([10.0, 20.0])
     assert ridge.predict_rows(rows).inside.any()
     for deviation in (np.nan, np.inf):

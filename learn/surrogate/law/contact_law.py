@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
+from learn.reading import Reading
 from learn.surrogate.law import predicted, solved
 from learn.surrogate.law.curves import Curves
 from learn.surrogate.law.subjects import Subjects, found_in
 from learn.surrogate.model import Surrogate
-from learn.surrogate.sources import Options, deltas_from, pressures_from
+from learn.surrogate.sources import deltas_from, pressures_from
 
 Values = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ class Order:
     surfaces : of the population of a database or scene
     level : coverage of the band
     e_star : E*, None for the training's, the scene's, or 1 MPa [MPa]
-    options : how files are read
+    reading : how files are read
     command : as it was typed, for the record
     """
 
@@ -52,7 +53,7 @@ class Order:
     surfaces: int = 50
     level: float = 0.9
     e_star: float | None = None
-    options: Options = field(default_factory=Options)
+    reading: Reading = field(default_factory=Reading)
     command: str = ""
 
 
@@ -99,7 +100,7 @@ def make(surrogate: Surrogate | None, order: Order, say: Callable[[str], None]) 
         _check_surrogate(surrogate)
     deltas = np.unique(deltas_from(order.delta)) if order.delta else None
     pressures = np.unique(pressures_from(order.pressure)) if order.pressure else None
-    subjects = found_in(order.inputs, order.surfaces, order.options, say)
+    subjects = found_in(order.inputs, order.surfaces, order.reading, say)
     e_star = _modulus(surrogate, order, subjects)
     if deltas is None and (pressures is None or not order.solver):
         deltas = _usual_deltas(surrogate, subjects)

@@ -12,7 +12,8 @@ from gen.runtime.errors import InputError
 from gen.scene import Scene, preset_names
 from learn.dataset import modulus
 from learn.features import SurfaceFeatures
-from learn.surrogate.sources import Options, files_in, is_table, read_surface
+from learn.reading import Reading
+from learn.surrogate.sources import files_in, is_table, read_surface
 
 Values = NDArray[np.float64]
 Sides = tuple[float, float]
@@ -97,7 +98,7 @@ class Subjects:
 
 
 def found_in(
-    inputs: Sequence[str], surfaces: int, options: Options, say: Callable[[str], None]
+    inputs: Sequence[str], surfaces: int, reading: Reading, say: Callable[[str], None]
 ) -> Subjects:
     """Read or generate all surfaces.
 
@@ -105,7 +106,7 @@ def found_in(
     ----------
     inputs : surfaces, folders of them, databases, scenes
     surfaces : number of each scene's or database's population
-    options : how files are read
+    reading : how files are read
     say : called with what was done to each file, and what to know about it
 
     Raises
@@ -125,7 +126,7 @@ def found_in(
             continue
         doubts: list[str] = []
         for file in files_in([path])[0]:
-            subject, doubtful = _from_file(file, options, say)
+            subject, doubtful = _from_file(file, reading, say)
             found.append(subject)
             doubts += doubtful
         origins.append(f"{text}: {'; '.join(dict.fromkeys(doubts))}" if doubts else text)
@@ -133,12 +134,12 @@ def found_in(
 
 
 def _from_file(
-    file: Path, options: Options, say: Callable[[str], None]
+    file: Path, reading: Reading, say: Callable[[str], None]
 ) -> tuple[Subject, Sequence[str]]:
     """Read one surface, and what is doubtful about its scale or its holes."""
     if is_table(file):
         raise InputError(f"{file}: a law needs surfaces, not their statistics")
-    topography, warnings = read_surface(file, options)
+    topography, warnings = read_surface(file, reading)
     say(f"{file}: {'; '.join(topography.steps)}")
     for line in warnings:
         say(f"  warning: {line}")

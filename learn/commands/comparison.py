@@ -1,0 +1,149 @@
+"""`learn compare`, `tune`, `estimate` and `show`: compare the nine models."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gen.runtime import farm
+from gen.runtime.terminal import echo
+from learn.commands.option_groups import grouped
+from learn.commands.options import (
+    Again,
+    Comparison,
+    Database,
+    Models,
+    Output,
+    Selection,
+    Target,
+    requested,
+)
+
+if TYPE_CHECKING:
+    from learn.request import Request
+
+
+@grouped
+def compare(
+    file: Database,
+    output: Output,
+    model: Models = None,
+    target: Target = "area",
+    *,
+    selection: Selection,
+    again: Again = False,
+) -> int:
+    """Fit the models with their libraries' settings: errors and times beside the paper's Table 4.
+
+    The fits run one after the other, so that their times are those of a process that works alone.
+    """
+    from learn.comparison import jobs
+
+    request = requested(file, output, model, target, selection, again=again)
+    world = farm.this_world()
+    ended = jobs.compare(request, world)
+    return _show(request, world, ended.signal)
+
+
+@grouped
+def tune(
+    file: Database,
+    output: Output,
+    model: Models = None,
+    budget: Annotated[
+        str,
+        typer.Option(
+            metavar="TIME",
+            help="Time for the searches, as 2h or 30min: successive halving where a grid is too"
+            " large for it. Without it, whole grids.",
+        ),
+    ] = "",
+    target: Target = "area",
+    *,
+    selection: Selection,
+    again: Again = False,
+) -> int:
+    """Search the grids of the paper's Table 2, and fit and time the winners.
+
+    Every finished fit is kept: interrupted or killed, the same command goes on. Started as
+    `mpiexec -n 65 python -m mpi4py -m learn tune ...` rank 0 hands out the fits, the others do
+    them.
+    """
+    from learn.comparison import jobs
+    from learn.comparison.budget import seconds
+
+    limit = seconds(budget) if budget else None
+    request = requested(file, output, model, target, selection, again=again, limit=limit)
+    world = farm.this_world()
+    ended = jobs.tune(request, world)
+    return _show(request, world, ended.signal)
+
+
+@grouped
+def estimate(
+    file: Database,
+    output: Output,
+    model: Models = None,
+    budget: Annotated[
+        str, typer.Option(metavar="TIME", help="Time for all models together, as 1h or 90min.")
+    ] = "1h",
+    target: Target = "area",
+    *,
+    selection: Selection,
+) -> int:
+    """Estimate what tuning over whole grids takes, from fits drawn at random and done here.
+
+    The times are those of one thread: divide by the workers. What is fitted is kept, and need not
+    be done again by `tune` on the same folder.
+    """
+    from learn.comparison import jobs
+    from learn.comparison.budget import seconds
+
+    limit = seconds(budget)
+    request = requested(file, output, model, target, selection, limit=limit)
+    world = farm.this_world()
+    ended = jobs.estimate(request, world)
+    return _show(request, world, ended.signal)
+
+
+def show(
+    folder: Comparison,
+    pictures: Annotated[bool, typer.Option(help="Draw the pictures too.")] = True,
+) -> None:
+    """Print a comparison's tables beside the paper's; write them and the pictures into the folder.
+
+    scores.csv and times.csv are the paper's Table 4, tuning.csv is its Table 3; parity.png is like
+    its figures 8 and 10, scores.png and times.png are like its figure 9.
+    """
+    _write_and_print(folder, pictures=pictures)
+
+
+def _show(request: Request, world: farm.World, signal: int) -> int:
+    """Print what there is after a job; 128 and the signal's number if it was stopped."""
+    if signal:
+        if world.is_master:
+            import signal as signals
+
+            name = signals.Signals(signal).name
+            echo(f"stopped by {name}; the same command goes on with what is left")
+        return 128 + signal
+    if world.is_master:
+        _write_and_print(request.output, pictures=False)
+        echo(f"pictures: python -m learn show {request.output}")
+    return 0
+
+
+def _write_and_print(folder: Path, *, pictures: bool) -> None:
+    from learn.comparison import tables
+    from learn.comparison.folder import targets
+
+    for part in targets(folder):
+        tables.write(part)
+        tables.show(part)
+        if pictures:
+            from learn.comparison.pictures import draw
+
+            for path in draw(part):
+                echo(f"wrote {path}")

@@ -1,0 +1,92 @@
+"""`learn law`: tabulate contact laws, predicted or solved."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gen.runtime.errors import InputError
+from gen.runtime.output import Output, check_outputs, kind_of
+from gen.runtime.terminal import echo
+from learn.commands.option_groups import grouped
+from learn.commands.options import Coverage, Deltas, Material, note, typed
+from learn.reading import Reading
+
+
+@grouped
+def law(
+    context: typer.Context,
+    inputs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="[SURROGATE] INPUT...",
+            help="A surrogate made by learn fit, which --solver does not need; then one surface, or"
+            " folders of them, databases or scenes: a population.",
+        ),
+    ],
+    delta: Deltas = "",
+    pressure: Annotated[
+        str,
+        typer.Option(metavar="MPA", help="Nominal pressures: 2, 1,2,5 or start:stop:count."),
+    ] = "",
+    table: Annotated[
+        Path | None, typer.Option("--csv", metavar="FILE", help="Write the table.")
+    ] = None,
+    header: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a C header for finite elements.")
+    ] = None,
+    solver: Annotated[
+        bool, typer.Option("--solver", help="Solve every contact instead of predicting it.")
+    ] = False,
+    surfaces: Annotated[
+        int,
+        typer.Option(min=2, max=10_000, help="Surfaces of a database's or scene's population."),
+    ] = 50,
+    interval: Coverage = 0.9,
+    *,
+    reading: Reading,
+    material: Material,
+) -> None:
+    """Tabulate area, force and mean gap against Delta and nominal pressure, monotone, with slopes.
+
+    Bands are the surrogate's intervals for one surface, and quantiles over the surfaces of a
+    population; one surface that is solved has none, nor has ground that the surrogate does not
+    know. The solver solves at the Delta or pressures given; its E* is 1 MPa, a scene's, or that of
+    the surrogate's training unless given.
+    """
+    from learn.surrogate import Surrogate
+    from learn.surrogate.conformal import checked_level
+    from learn.surrogate.law import Order, make
+    from learn.surrogate.law.table import show, write
+
+    check_outputs([Output(table, "--csv"), Output(header, "--header")], inputs)
+    file, wanted = _surrogate_and_inputs(inputs, solver=solver)
+    order = Order(
+        inputs=tuple(wanted),
+        delta=delta,
+        pressure=pressure,
+        solver=solver,
+        surfaces=surfaces,
+        level=checked_level(interval),
+        e_star=material.modulus(),
+        reading=reading,
+        command=typed(context),
+    )
+    surrogate = None if file is None else Surrogate.load(file)
+    found = make(surrogate, order, note)
+    show(found)
+    for written in write(found, table, header):
+        echo(f"wrote {written}")
+
+
+def _surrogate_and_inputs(given: list[str], *, solver: bool) -> tuple[Path | None, list[str]]:
+    """The surrogate, and the surfaces after it; the solver may go without a surrogate."""
+    first, *others = given
+    if solver and not (Path(first).is_file() and kind_of(Path(first)) == "surrogate"):
+        return None, given
+    if not others:
+        raise InputError(
+            f"{first}: nothing else given: give a surrogate and then surfaces, or surfaces and"
+            " --solver"
+        )
+    return Path(first), others

@@ -1,0 +1,213 @@
+"""Arguments and options that several commands share, one by one and in groups."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from gen.runtime import farm
+from gen.runtime.output import check_folder
+from gen.runtime.terminal import echo
+
+if TYPE_CHECKING:
+    from learn.request import Request
+
+Database = Annotated[Path, typer.Argument(metavar="FILE", help="A database made by gen (HDF5).")]
+Output = Annotated[
+    Path, typer.Option("--output", "-o", metavar="DIR", help="The comparison folder.")
+]
+Comparison = Annotated[Path, typer.Argument(metavar="DIR", help="A comparison folder.")]
+Models = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--model",
+        metavar="NAME",
+        help="decision-tree, random-forest, adaboost, xgboost, gradient-boost, svm,"
+        " gaussian-process, kernel-ridge or mlp; may be repeated; all nine if left out.",
+    ),
+]
+Target = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="area, force, both, or mean_gap, largest_pressure, perimeter where they are stored.",
+    ),
+]
+AreaMax = Annotated[
+    float | None,
+    typer.Option(metavar="PERCENT", help="Leave larger areas out; 16.56 is the paper's range."),
+]
+Normalise = Annotated[
+    str,
+    typer.Option(
+        metavar="HOW",
+        help="l2 (each row to unit length, the paper's), standard, min-max or none; l2 for paper"
+        " features and standard for others if left out.",
+    ),
+]
+Features = Annotated[
+    str,
+    typer.Option(
+        metavar="SET",
+        help="paper (Delta and the 22 statistics), dimensionless (the same without units: any scan"
+        " length), or hybrid (with bearing area and a coarse contact solve of each surface).",
+    ),
+]
+SEEDS = 2**32 - 1
+"""The largest seed that all libraries of models take."""
+
+Seed = Annotated[int, typer.Option(min=0, max=SEEDS, help="Seed of the split and of the models.")]
+TrainRows = Annotated[
+    int | None, typer.Option(metavar="N", help="Train on N rows at most, drawn with the seed.")
+]
+Again = Annotated[bool, typer.Option("--again", help="Measure anew what is there already.")]
+
+File = Annotated[Path, typer.Argument(metavar="FILE", help="A surrogate made by learn fit.")]
+Inputs = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="INPUT...",
+        help="Surfaces (.npy, text, instruments' files), folders of them, or tables of statistics"
+        " as gen describe --csv writes them.",
+    ),
+]
+Deltas = Annotated[
+    str,
+    typer.Option(metavar="UM", help="Far-field displacement: 2, 1,2,5 or start:stop:count."),
+]
+Coverage = Annotated[
+    float, typer.Option(metavar="SHARE", help="Coverage of the intervals, as 0.9.")
+]
+
+
+class Selection(NamedTuple):
+    """Rows and features that a comparison rests on.
+
+    Attributes
+    ----------
+    area_max : float, optional
+        Largest area that is kept [%].
+    features : str
+        Name of the feature set.
+    normalise : str
+        Name of the scaling, "" for that of the features.
+    seed : int
+        Seed of the split and of the models.
+    train_rows : int, optional
+        Largest number of training rows.
+    """
+
+    area_max: AreaMax = None
+    features: Features = "paper"
+    normalise: Normalise = ""
+    seed: Seed = 0
+    train_rows: TrainRows = None
+
+
+class Material(NamedTuple):
+    """Elastic constants of one body on a rigid plane, or of two bodies.
+
+    Attributes
+    ----------
+    young, poisson : list of float, optional
+        Young's moduli [MPa] and Poisson's ratios [1].
+    e_star : float, optional
+        E*, in their place [MPa].
+    """
+
+    young: Annotated[
+        list[float] | None,
+        typer.Option(metavar="MPA", help="Young's modulus, twice for two elastic bodies."),
+    ] = None
+    poisson: Annotated[
+        list[float] | None, typer.Option(metavar="NU", help="Poisson's ratio, as often.")
+    ] = None
+    e_star: Annotated[
+        float | None, typer.Option(metavar="MPA", help="Or E*; that of the training if left out.")
+    ] = None
+
+    def modulus(self) -> float | None:
+        """Return E* [MPa], or None if none was given."""
+        if self.young is None and self.poisson is None and self.e_star is None:
+            return None
+        from gen.measured.material import combined_modulus
+
+        return combined_modulus(self.young or [], self.poisson or [], self.e_star)
+
+
+def note(line: str) -> None:
+    """Print a line for the user on standard error."""
+    echo(line, err=True)
+
+
+def typed(context: typer.Context) -> str:
+    """Return the command line of a command, for the record, without the defaults."""
+    words = ["python", "-m", "learn", str(context.info_name)]
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        source = context.get_parameter_source(name)
+        if source is None or source.name != "COMMANDLINE":
+            continue
+        given = context.params[name]
+        values = given if isinstance(given, list | tuple) else [given]
+        option = [] if parameter.param_type_name == "argument" else [parameter.opts[0]]
+        for value in values:
+            words += [*option, str(value)] if value is not True else option
+    return shlex.join(words)
+
+
+def requested(
+    file: Path,
+    output: Path,
+    models: list[str] | None,
+    target: str,
+    selection: Selection,
+    *,
+    again: bool = False,
+    limit: float | None = None,
+) -> Request:
+    """Return the request of a comparison, after a look at its folder.
+
+    Parameters
+    ----------
+    file : Path
+        Database.
+    output : Path
+        Folder of the comparison.
+    models : list of str or None
+        Names of models, None for all nine.
+    target : str
+        Name of a target, or "both".
+    selection : Selection
+        Rows and features.
+    again : bool
+        True to repeat fits that the folder has.
+    limit : float, optional
+        Time for the searches [s].
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written, or an option has no meaning.
+    """
+    from learn.features import chosen
+    from learn.request import Request
+
+    if farm.this_world().is_master:
+        check_folder(output)
+    return Request(
+        database=file,
+        output=output,
+        targets=("area", "force") if target == "both" else (target,),
+        models=tuple(models or ()),
+        area_max=selection.area_max,
+        normalisation=selection.normalise or chosen(selection.features).normalisation,
+        features=selection.features,
+        seed=selection.seed,
+        train_rows=selection.train_rows,
+        again=again,
+        limit=limit,
+    )

@@ -1,0 +1,52 @@
+"""`learn predict`: ask a surrogate about surfaces."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gen.runtime.output import Output, check_outputs
+from gen.runtime.terminal import echo
+from learn.commands.option_groups import grouped
+from learn.commands.options import Coverage, Deltas, File, Inputs, Material
+from learn.reading import Reading
+
+
+@grouped
+def predict(
+    file: File,
+    inputs: Inputs,
+    delta: Deltas = "",
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="CSV", help="Write all rows.")
+    ] = None,
+    interval: Coverage = 0.9,
+    *,
+    reading: Reading,
+    material: Material,
+) -> None:
+    """Predict area and force of surfaces, with intervals, and a flag for what is unknown ground."""
+    from gen.runtime.progress import RunProgress
+    from gen.runtime.table import Row, write_csv
+    from learn.surrogate import Surrogate
+    from learn.surrogate.answers import Question, answers, show
+    from learn.surrogate.conformal import checked_level
+    from learn.surrogate.sources import deltas_from
+
+    check_outputs([Output(output, "--output")], [file, *inputs])
+    surrogate = Surrogate.load(file)
+    question = Question(
+        deltas=deltas_from(delta) if delta else None,
+        e_star=material.modulus(),
+        level=checked_level(interval),
+        reading=reading,
+    )
+    rows: list[Row] = []
+    with RunProgress(len(inputs), "inputs") as progress:
+        for path in inputs:
+            rows += answers(surrogate, [path], question, progress.say)
+            progress.advance(1, 0)
+    show(rows, interval, question.e_star or surrogate.modulus)
+    if output is not None:
+        write_csv(output, rows)
+        echo(f"wrote {output}")
