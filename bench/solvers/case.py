@@ -10,8 +10,8 @@ from scipy.linalg import cho_factor, cho_solve
 
 import bem
 from bem.influence import Kernel
-from bench import half_space
-from bench.dense import influence_matrix
+from bench.references import half_space
+from bench.references.dense import influence_matrix
 
 Field = NDArray[np.float64]
 

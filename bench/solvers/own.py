@@ -13,7 +13,7 @@ from bem.active_set import solve_complementarity
 from bem.half_space import HalfSpace
 from bem.influence import KERNELS, Kernel
 from bem.iterate import Operators
-from bench import nnls
+from bench.references import nnls
 from bench.solvers.case import Case
 from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Solver
 
@@ -79,7 +79,7 @@ class ActiveSet:
 
 
 class PapersAlgorithm:
-    """Bemporad and Paggi's active set (`bench.nnls`); its iterations are dense solves."""
+    """Bemporad and Paggi's active set (`bench.references.nnls`); its iterations are dense solves."""
 
     def __init__(self, nodes: int, spacing: float) -> None:
         influence._table.cache_clear()

@@ -10,7 +10,7 @@ from bem import convolution
 from bem.convolution import Selection, displacement_filter, fast_period
 from bem.half_space import HalfSpace
 from bem.influence import Kernel, influence_coefficients
-from tests.bem import dense
+from bench.references import dense
 
 KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
 SHAPES = [(1, 1), (1, 2), (2, 1), (1, 17), (23, 1), (2, 3), (8, 8), (9, 9), (16, 33), (37, 10)]

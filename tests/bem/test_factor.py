@@ -14,8 +14,8 @@ from bem.half_space import HalfSpace
 from bem.influence import KERNELS, InfluenceMatrix, Kernel
 from bem.iterate import Iterate
 from bem.problem import FAR_FIELDS, FarField
+from bench.references import dense
 from gen.surface import generate
-from tests.bem import dense
 
 SHAPE = (7, 9)
 ROUGH = generate("diamond-square", 129, 0.65, 12.5, np.random.default_rng(4))

@@ -11,7 +11,7 @@ from scipy.signal import fftconvolve
 import bem
 from bem.far_field import critical_delta, flat_punch, shape_factor
 from bem.influence import Kernel, influence_coefficients
-from tests.bem import dense
+from bench.references import dense
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 

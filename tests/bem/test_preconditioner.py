@@ -9,8 +9,8 @@ import bem
 from bem.convolution import Filter
 from bem.influence import KERNELS, Kernel
 from bem.preconditioner import Preconditioner, circulant_inverse
+from bench.references import dense
 from gen.surface import generate
-from tests.bem import dense
 
 
 def relative_error(found: np.ndarray, expected: np.ndarray) -> float:
@@ -45,7 +45,7 @@ def test_circulant_inverse_belongs_to_the_nearest_circulant(
     shape: tuple[int, int], periods: tuple[int, int], kernel: Kernel
 ) -> None:
     """In the Frobenius norm that is the mean over each wrapped diagonal (T. Chan 1988)."""
-    matrix = dense.influence_matrix(periods, kernel)
+    matrix = dense.influence_view(periods, kernel)
     i, j = np.ogrid[: periods[0], : periods[1]]
     nearest = np.empty((*periods, *periods))
     for k, m in np.ndindex(periods):

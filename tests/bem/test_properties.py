@@ -17,7 +17,7 @@ from bem.half_space import HalfSpace
 from bem.influence import Kernel
 from bem.iterate import Iterate
 from bem.problem import FarField
-from tests.bem import dense
+from bench.references import dense
 from tests.bem.surfaces import SURFACES, surface
 
 pytestmark = pytest.mark.usefixtures("both_ways")

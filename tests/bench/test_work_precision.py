@@ -15,7 +15,7 @@ from launch import launch
 
 import bem
 from bench.__main__ import main
-from bench.dense import press
+from bench.references.dense import press
 from bench.report import Report
 from bench.solvers import case as cases
 from bench.solvers.case import Case, find_exact

@@ -8,7 +8,7 @@ import numpy as np
 
 import bem
 from bem.problem import RTOL
-from bench.half_space import displacement
+from bench.references.half_space import displacement
 from bench.stability.case import Answer, Case, sheet
 from bench.stability.finding import Finding
 from bench.stability.loads.problems import LoadProblem, problem

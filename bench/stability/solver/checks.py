@@ -13,8 +13,8 @@ import numpy as np
 
 import bem
 from bem.influence import Kernel
-from bench import dense
-from bench.half_space import displacement, flat_punch, influence_coefficients
+from bench.references import dense
+from bench.references.half_space import displacement, flat_punch, influence_coefficients
 from bench.stability.finding import Finding
 from bench.stability.solver.setup import Setup, pressed
 from bench.stability.solver.topographies import Field, paper

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from bench import dense
+from bench.references import dense
 from bench.stability.solver import topographies
 from bench.stability.solver.case import Case
 from bench.stability.solver.checks import (

@@ -7,7 +7,7 @@ import numpy as np
 
 import bem
 from bem.influence import KERNELS, Kernel
-from bench.half_space import critical_delta
+from bench.references.half_space import critical_delta
 from bench.stability.finding import Refusal
 from bench.stability.solver import topographies
 from bench.stability.solver.case import Case

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 
-from bem.influence import Kernel, influence_coefficients
+from bem.influence import Kernel
+from bench.references.dense import influence_matrix
 
 Values = NDArray[np.float64]
 Nodes = NDArray[np.intp]
@@ -28,7 +29,7 @@ def press(
     ----------
     heights : (nx, ny) surface [um]
     delta : displacement of the far field from first touch on, above 0 [um]
-    kernel : see `bem.influence.influence_coefficients`
+    kernel : see `half_space.influence_coefficients`
     rtol : penetration outside contact that is accepted, over Delta [1]
 
     Returns
@@ -38,19 +39,10 @@ def press(
     """
     interference = ((heights - heights.max()) + delta) / delta
     nodes = np.flatnonzero(interference > 0)
-    matrix = influence_matrix(heights.shape, kernel, nodes)
+    matrix = influence_matrix(heights.shape, kernel, nodes=nodes)
     pressure = np.zeros(heights.size)
     pressure[nodes], solves = solve(matrix, interference.reshape(-1)[nodes], rtol)
     return pressure.reshape(heights.shape), solves
-
-
-def influence_matrix(shape: tuple[int, ...], kernel: Kernel, nodes: Nodes) -> Values:
-    """(m, m) displacement of each of m nodes, flat indices of (nx, ny), under each [spacing/E*]."""
-    rows, columns = shape
-    table = influence_coefficients((rows, columns), kernel)
-    x, y = np.divmod(nodes, columns)
-    matrix: Values = table[np.abs(x[:, None] - x), np.abs(y[:, None] - y)]
-    return matrix
 
 
 def solve(matrix: Values, interference: Values, rtol: float = 1e-8) -> tuple[Values, int]:

@@ -7,7 +7,7 @@ from scipy.optimize import nnls
 
 import bem.influence
 from bem.influence import KERNELS, Kernel
-from bench import dense, half_space
+from bench.references import dense, half_space
 
 Shape = tuple[int, int]
 

@@ -1,15 +1,18 @@
 """Contact by the dense matrix: every influence coefficient written out, every set factorised.
 
-Slow, memory-hungry and short: what the fast solver is held against. Block principal pivoting with
-Cholesky factors, certified by the complementarity of what it returns.
+Block principal pivoting with Cholesky factors: slow and short. The solution is accepted only if it
+fulfils the conditions of complementarity.
 """
 
+from functools import lru_cache
+
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from bem.influence import Kernel
-from bench.half_space import displacement, flat_punch, influence_coefficients
+from bench.references.half_space import displacement, flat_punch, influence_coefficients
 
 Field = NDArray[np.float64]
 Nodes = NDArray[np.intp]
@@ -20,28 +23,40 @@ EXCHANGES = 10_000  # which only rounding can make necessary
 STEPS = 60  # of Newton's method for the compliant far field; it takes as many as sets are met
 
 
+def influence_view(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> Field:
+    """(nx, ny, nx, ny) displacement of node (i, j) under unit pressure on (k, l); a view."""
+    table = influence_coefficients(shape, kernel, aspect)
+    offsets = [np.abs(np.arange(1 - nodes, nodes)) for nodes in shape]
+    return sliding_window_view(table[np.ix_(*offsets)], shape)[::-1, ::-1]
+
+
 def influence_matrix(
     shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0, nodes: Nodes | None = None
 ) -> Field:
-    """Displacement of each node under unit pressure on each other.
+    """Write out the displacement of each node under unit pressure on each other node.
 
     Parameters
     ----------
     shape : (nx, ny) nodes of the grid
-    kernel, aspect : see `bench.half_space.influence_coefficients`
+    kernel, aspect : see `half_space.influence_coefficients`
     nodes : (m,) flat indices of the nodes that count; all unless given
 
     Returns
     -------
     (m, m) H [first side of a cell / E*]
     """
-    table = influence_coefficients(shape, kernel, aspect)
     chosen = np.arange(shape[0] * shape[1]) if nodes is None else nodes
     rows, columns = np.divmod(chosen, shape[1])
-    matrix: Field = table[
-        np.abs(rows[:, None] - rows[None, :]), np.abs(columns[:, None] - columns[None, :])
+    matrix: Field = influence_view(shape, kernel, aspect)[
+        rows[:, None], columns[:, None], rows, columns
     ]
     return matrix
+
+
+def displace(pressure: Field, kernel: Kernel, aspect: float = 1.0) -> Field:
+    """(nx, ny) displacement under a (nx, ny) pressure, by the whole matrix."""
+    matrix = influence_view(pressure.shape, kernel, aspect)
+    return np.asarray(np.einsum("ijkl,kl->ij", matrix, pressure))
 
 
 def solve(matrix: Field, interference: Field, start: NDArray[np.bool_] | None = None) -> Field:
@@ -103,25 +118,35 @@ def balance(matrix: Field, interference: Field, contact: NDArray[np.bool_]) -> F
 
 
 def press(heights: Field, delta: float, kernel: Kernel, aspect: float = 1.0) -> tuple[Field, Field]:
-    """Contact on a rigid far field, from the nodes that the undeformed bodies overlap.
+    """Solve contact on a rigid far field; a second call with the same arguments costs nothing.
 
     Parameters
     ----------
     heights : (nx, ny) [um]
     delta : displacement of the far field, above 0 [um]
-    kernel, aspect : see `bench.half_space.influence_coefficients`
+    kernel, aspect : see `half_space.influence_coefficients`
 
     Returns
     -------
-    pressure : (nx, ny) [E* delta / first side of a cell]
-    gap : (nx, ny) [delta]
+    pressure : (nx, ny) [E* delta / first side of a cell], read-only
+    gap : (nx, ny) [delta], read-only
     """
+    values = np.ascontiguousarray(heights, np.float64).tobytes()
+    return _press(values, heights.shape, delta, kernel, aspect)
+
+
+@lru_cache(maxsize=512)  # tests of the solver's two ways ask for everything twice
+def _press(
+    values: bytes, shape: tuple[int, int], delta: float, kernel: Kernel, aspect: float
+) -> tuple[Field, Field]:
+    """Solve on the nodes that the undeformed bodies overlap: the others carry nothing."""
+    heights = np.frombuffer(values).reshape(shape)
     interference = (((heights - heights.max()) + delta) / delta).reshape(-1)
-    candidates = np.flatnonzero(interference > 0)
-    values = solve(
-        influence_matrix(heights.shape, kernel, aspect, candidates), interference[candidates]
-    )
-    return _fields(heights.shape, kernel, aspect, interference, candidates, values)
+    nodes = np.flatnonzero(interference > 0)
+    matrix = influence_matrix(shape, kernel, aspect, nodes)
+    pressure = np.zeros(interference.size)
+    pressure[nodes] = solve(matrix, interference[nodes])
+    return _fields(pressure, interference, shape, kernel, aspect)
 
 
 def press_compliant(
@@ -135,7 +160,7 @@ def press_compliant(
     depth = ((heights - heights.max()) / delta).reshape(-1)
     matrix = influence_matrix(heights.shape, kernel, aspect)
     stiffness = float(flat_punch(heights.shape, kernel, aspect).sum())
-    everywhere, approach = np.arange(depth.size), 1.0
+    approach = 1.0
     contact = depth + approach > 0
     for _ in range(STEPS):
         values = solve(matrix, depth + approach, contact)
@@ -143,7 +168,7 @@ def press_compliant(
         slope = float(balance(matrix, np.ones(depth.size), contact).sum())
         advance = (1 + values.sum() / stiffness - approach) / (1 - slope / stiffness)
         if abs(advance) <= ROUNDING * approach:
-            return _fields(heights.shape, kernel, aspect, depth + approach, everywhere, values)
+            return _fields(values, depth + approach, heights.shape, kernel, aspect)
         approach += float(advance)
     raise ArithmeticError(f"dense solve: {STEPS} approaches of a compliant far field")
 
@@ -160,15 +185,11 @@ def full_contact_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> f
 
 
 def _fields(
-    shape: tuple[int, int],
-    kernel: Kernel,
-    aspect: float,
-    interference: Field,
-    nodes: Nodes,
-    values: Field,
+    pressure: Field, interference: Field, shape: tuple[int, int], kernel: Kernel, aspect: float
 ) -> tuple[Field, Field]:
-    """Pressure and gap on the whole grid from the values on some of its nodes."""
-    pressure = np.zeros(interference.size)
-    pressure[nodes] = values
-    moved = displacement(pressure.reshape(shape), kernel, aspect)
-    return pressure.reshape(shape), moved - interference.reshape(shape)
+    """Pressure and gap on the grid, read-only."""
+    field = pressure.reshape(shape)
+    gap = displacement(field, kernel, aspect) - interference.reshape(shape)
+    for each in (field, gap):
+        each.setflags(write=False)
+    return field, gap
