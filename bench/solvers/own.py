@@ -13,7 +13,7 @@ from bem.active_set import solve_complementarity
 from bem.half_space import HalfSpace
 from bem.influence import KERNELS, Kernel
 from bem.iterate import Operators
-from bench.references import nnls
+from bench.references import half_space, nnls
 from bench.solvers.case import Case
 from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Solver
 
@@ -79,11 +79,11 @@ class ActiveSet:
 
 
 class PapersAlgorithm:
-    """Bemporad and Paggi's active set (`bench.references.nnls`); its iterations are dense solves."""
+    """Bemporad and Paggi's active set, `nnls`; its iterations are dense solves."""
 
     def __init__(self, nodes: int, spacing: float) -> None:
-        influence._table.cache_clear()
-        influence.influence_coefficients((nodes, nodes))
+        half_space.influence_coefficients.cache_clear()
+        half_space.influence_coefficients((nodes, nodes), "uniform-pressure")
 
     def press(self, case: Case, force: float, tolerance: float) -> Answer:
         """Solve for a displacement."""
