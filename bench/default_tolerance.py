@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import bem
+from gen.arrays import Heights
 from gen.generation.plan import parameters
-from gen.generation.sample import Heights, solve_contact, surface_of
+from gen.generation.sample import solve_contact, surface_of
 from gen.runtime.errors import InputError
 from gen.scene import Scene, load
 

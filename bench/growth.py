@@ -24,7 +24,7 @@ from bem.convolution import fast_period
 from bench.picture import new_figure, save
 from bench.style import STYLES
 from bench.table import write_table
-from gen.generation.sample import Heights
+from gen.arrays import Heights
 from gen.runtime.errors import InputError
 from gen.surface import generate
 

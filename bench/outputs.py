@@ -53,8 +53,7 @@ def measure(scene_name: str = "paper", samples: int = 64, rounds: int = 7) -> li
             without, with_it = _seconds(plain, samples), _seconds(asked, samples)
             extra.append(1e3 * (with_it - without) / samples)
             ratios.append(with_it / without)
-        nodes = plain.surface.nodes
-        size = row_bytes(asked.store, nodes) - row_bytes(plain.store, nodes)
+        size = row_bytes(asked) - row_bytes(plain)
         spread = min(ratios), median(ratios), max(ratios)
         costs.append(Cost(name, median(extra), spread, size))
     return costs

@@ -21,9 +21,9 @@ import numpy as np
 
 from bench.scale.launch import launch
 from gen import database
+from gen.arrays import Columns
 from gen.generation.delivery import Block, Target, delivery
 from gen.generation.run import blocks_of
-from gen.generation.sample import Rows
 from gen.runtime import farm
 from gen.scene import Scene
 from gen.schema import Status, columns_for, row_bytes
@@ -53,7 +53,7 @@ class Spec:
     @property
     def megabytes(self) -> float:
         """Size of all rows [MB]."""
-        return self.rows * row_bytes(self.scene.store, self.nodes) / 1e6
+        return self.rows * row_bytes(self.scene) / 1e6
 
 
 Seconds = dict[str, list[float]]
@@ -128,7 +128,7 @@ def _write(target: Target, blocks: Sequence[Block], world: farm.World) -> float:
     template = template_of(target.scene, blocks)
     world.broadcast(None)
 
-    def compute(block: Block) -> Rows:
+    def compute(block: Block) -> Columns:
         return {name: values[: block[1] - block[0]] for name, values in template.items()}
 
     with delivery(target, world, compute) as delivered:
@@ -145,11 +145,11 @@ def _write(target: Target, blocks: Sequence[Block], world: farm.World) -> float:
     return seconds
 
 
-def template_of(scene: Scene, blocks: Sequence[Block]) -> Rows:
+def template_of(scene: Scene, blocks: Sequence[Block]) -> Columns:
     """Finished rows for the largest block; the fields random, as zeros could be cheaper."""
     rows = {}
     count, random = max(stop - start for start, stop in blocks), np.random.default_rng(0)
-    for column in columns_for(scene.store):
+    for column in columns_for(scene):
         shape = column.shape(count, scene.surface.nodes)
         filled = np.full(shape, column.fill, column.dtype)
         rows[column.name] = random.normal(size=shape) if column.shape_of else filled
@@ -157,7 +157,7 @@ def template_of(scene: Scene, blocks: Sequence[Block]) -> Rows:
     return rows
 
 
-def require_rows(path: Path, blocks: Sequence[Block], template: Rows) -> None:
+def require_rows(path: Path, blocks: Sequence[Block], template: Columns) -> None:
     """Raise ValueError unless all rows have arrived, each in its place."""
     with database.Reader(path) as reader:
         if reader.counts().done != len(reader.column("status")):

@@ -1,5 +1,7 @@
 """Names of the arrays that pass between the modules of this package."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,3 +10,6 @@ Values = NDArray[np.float64]
 
 Heights = Values
 """Heights of a surface on its grid of nodes, shape (nx, ny) [um]."""
+
+Columns = dict[str, NDArray[Any]]
+"""Some rows of a database: for each column's name its values, one for each row."""

@@ -26,12 +26,12 @@ if TYPE_CHECKING:  # statistics are printed without the solver, contacts without
     from gen.arrays import Heights
     from gen.database import Reader
     from gen.generation.forecast import Estimate, Plan
-    from gen.generation.run import Outcome
+    from gen.generation.run import RunResult
     from gen.measured.topography import Topography
     from gen.statistics import Description
 
 
-def print_outcome(path: Path, outcome: Outcome) -> None:
+def print_outcome(path: Path, outcome: RunResult) -> None:
     """Say how a run ended, and how to continue it.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Scenes: the TOML files that say what to generate, read and checked in this one place."""
+"""Scenes: the TOML files that describe a database, read and checked in this one place."""
 
 import difflib
 import hashlib
@@ -18,28 +18,29 @@ from gen.runtime.input_file import require_file
 T = TypeVar("T")
 
 MOST_BYTES = 1_000_000
-"""Size of a scene's file at most; a title apart, a few hundred bytes say all there is to say."""
+"""Largest size of a scene's file: a scene takes a few hundred bytes, apart from its title."""
 
 DEEPEST = 16
-"""Tables and arrays within each other at most; a scene has four."""
+"""Largest depth of nested tables and arrays; a scene has four levels."""
 
 TEXTS = re.compile(
     r'''"""(?:\\.|[^\\])*?(?:"""|\\?\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:\\.|[^"\\\n])*"?|'[^'\n]*'?|\#[^\n]*''',
     re.DOTALL,
 )
-"""Texts and comments of TOML, in which dots and brackets mean nothing; also texts without an end,
-so that no text is looked through twice."""
+"""Texts and comments of TOML, in which dots and brackets mean nothing. Unterminated texts match
+too, so that the search never starts again inside one."""
 
 DOTTED = re.compile(r"[^=,\[\]{}\n]*")
-"""What may be one key, with its dots."""
+"""A stretch of TOML that may be one dotted key."""
 
 
 def _without_negative_zero(number: float) -> float:
-    """Equal scenes must have equal texts: -0.0 == 0.0, yet they are written differently."""
+    """Turn -0.0 into 0.0: the two are equal, and equal scenes must have equal texts."""
     return number + 0.0
 
 
 def _ascending(limits: tuple[float, float]) -> tuple[float, float]:
+    """Refuse a range whose lower limit is above the upper one."""
     low, high = limits
     if low > high:
         raise ValueError(f"{low!r} is above {high!r}")
@@ -47,6 +48,7 @@ def _ascending(limits: tuple[float, float]) -> tuple[float, float]:
 
 
 def _power_of_two_plus_one(nodes: int) -> int:
+    """Refuse a number of nodes that the generators cannot make."""
     if (nodes - 1) & (nodes - 2):
         raise ValueError(f"{nodes} - 1 is not a power of two")
     return nodes
@@ -56,24 +58,24 @@ Number = Annotated[float, AfterValidator(_without_negative_zero)]
 Positive = Annotated[Number, Field(gt=0)]
 NonNegative = Annotated[Number, Field(ge=0)]
 UnitInterval = Annotated[Number, Field(ge=0, le=1)]
-# TOML and JSON have arrays, Python's models have tuples: strict about everything but that.
+# TOML and JSON have arrays where the models have tuples: this conversion alone is allowed.
 Range = Annotated[tuple[T, T], Strict(False), AfterValidator(_ascending)]
 
 
 class Table(BaseModel):
-    """What all tables of a scene share: unknown keys refused, no conversions, immutable.
+    """Rules for every table of a scene: no unknown keys, no conversions, no changes afterwards.
 
-    A field's description is what an error message names as allowed.
+    The description of a field completes an error message: it says which values are allowed.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class Surface(Table):
-    """Rough surfaces: the generator, the grid and the ranges that each surface is drawn from.
+    """Rough surfaces: the generator, the grid and the ranges that parameters are drawn from.
 
-    The defaults are the paper's: section 3.2 and Table 1 (`hurst`, `side`); `sigma0`, which the
-    paper does not give, is calibrated against Table 1's ranges of the 22 statistics.
+    The defaults are the paper's (section 3.2, Table 1). The paper does not give `sigma0`: its
+    default is calibrated so that the 22 statistics have the ranges of Table 1.
     """
 
     generator: Literal["diamond-square", "midpoint"] = Field(
@@ -104,6 +106,7 @@ class Piece(Table):
 
 
 def _whole(pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:
+    """Refuse pieces whose shares do not sum to 1."""
     total = sum(piece.share for piece in pieces)
     if abs(total - 1.0) > 1e-9:
         raise ValueError(f"the shares sum to {total:.10g}")
@@ -111,7 +114,7 @@ def _whole(pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:
 
 
 class Delta(Table):
-    """The far-field displacement's distribution: controlled sampling (section 3.2)."""
+    """Distribution of the far-field displacement: the paper's controlled sampling (section 3.2)."""
 
     pieces: Annotated[tuple[Piece, ...], Strict(False), AfterValidator(_whole)] = Field(
         default=(Piece(share=0.75, range=(5.0, 25.0)), Piece(share=0.25, range=(25.0, 45.0))),
@@ -120,7 +123,7 @@ class Delta(Table):
 
 
 class Contact(Table):
-    """The half-space, how its contact is discretised, and how exactly it is solved."""
+    """The half-space's material, the discretisation of its contact and the solver's accuracy."""
 
     kernel: Literal["uniform-pressure", "concentrated-force"] = Field(
         default="uniform-pressure", description="'uniform-pressure' or 'concentrated-force'"
@@ -146,7 +149,7 @@ class Contact(Table):
 
 
 class Store(Table):
-    """What is stored besides area, force and the statistics."""
+    """Optional columns, stored besides the area, the force and the statistics."""
 
     mean_gap: bool = Field(default=False, description="true or false")
     largest_pressure: bool = Field(default=False, description="true or false")
@@ -156,7 +159,7 @@ class Store(Table):
 
 
 class Scene(Table):
-    """What to generate: every key but `samples` may be left out and then has the paper's value.
+    """Description of a database. Every key but `samples` has the paper's value as its default.
 
     Neither `title` nor `samples` changes a result: row i is the same in every database that is
     large enough to have it.
@@ -185,14 +188,19 @@ class Scene(Table):
 
     @property
     def spacing(self) -> float:
-        """Distance of neighbouring nodes [um]: side/(n-1), or MIRCO's side/n."""
+        """Distance between neighbouring nodes [um]: side/(n-1), or side/n as in MIRCO."""
         intervals = self.surface.nodes - (self.contact.spacing == "side/(n-1)")
         return self.surface.side / intervals
 
     @property
     def surfaces(self) -> int:
-        """Number of surfaces that the samples need; the last may serve fewer samples."""
+        """Number of surfaces that the samples need; the last one may have fewer samples."""
         return -(-self.samples // self.samples_per_surface)
+
+    @property
+    def optional_columns(self) -> frozenset[str]:
+        """Names of the optional columns that this scene asks for."""
+        return frozenset(name for name, wanted in self.store if wanted)
 
     @classmethod
     def parse(cls, text: str, source: str) -> Self:
@@ -200,8 +208,15 @@ class Scene(Table):
 
         Parameters
         ----------
-        text : the file's content
-        source : what error messages call it, usually the file's name
+        text : str
+            Content of the file.
+        source : str
+            Name of the scene in error messages, usually that of the file.
+
+        Returns
+        -------
+        Scene
+            The scene that the text describes.
 
         Raises
         ------
@@ -220,12 +235,19 @@ class Scene(Table):
 
     @classmethod
     def from_text(cls, text: str, source: str = "the scene's text") -> Self:
-        """Read a scene from its canonical text, as `text` wrote it.
+        """Read a scene from the canonical text that the method `text` writes.
 
         Parameters
         ----------
-        text : JSON
-        source : what error messages call it, usually the database's name
+        text : str
+            The scene as JSON.
+        source : str
+            Name of the scene in error messages, usually that of the database.
+
+        Returns
+        -------
+        Scene
+            The scene that the text describes.
 
         Raises
         ------
@@ -240,47 +262,59 @@ class Scene(Table):
 
     @classmethod
     def _validated(cls, content: object, source: str) -> Self:
+        """Make a scene of nested tables, and name the first fault if that is impossible."""
         try:
             return cls.model_validate(content)
         except ValidationError as error:
             raise InputError(_one_line(f"{source}: {_first_fault(error)}")) from None
 
     def text(self) -> str:
-        """Canonical text: JSON in one line, every key with its value, in alphabetical order."""
+        """Write the canonical text: JSON in one line, keys with values in alphabetical order."""
         return json.dumps(self.model_dump(), sort_keys=True)
 
     def fingerprint(self) -> str:
-        """SHA-256, in hexadecimal, of the keys that change results: all but title and samples.
+        """Compute the SHA-256 of all keys that change results: every key but title and samples.
 
-        The keys of [store] count, although they change no number: the columns of a database are
-        made when it is created, so a scene that stores more cannot continue one that stores less.
-        Defaults count as if they were written: a changed default is another scene.
+        The keys of [store] count although they change no number: a database gets its columns when
+        it is created, so a scene that stores more cannot continue it. Default values count as if
+        they were written in the file: with a changed default it is another scene.
+
+        Returns
+        -------
+        str
+            The hash in hexadecimal digits.
         """
         return hashlib.sha256(json.dumps(self._relevant(), sort_keys=True).encode()).hexdigest()
 
     def _relevant(self) -> dict[str, Any]:
-        """The keys that `fingerprint` and `differences` are about."""
+        """Return the keys that change results, with their values."""
         return self.model_dump(exclude={"title", "samples"})
 
 
 def preset_names() -> tuple[str, ...]:
-    """Names of the scenes that are shipped in `gen/scenes`, in alphabetical order."""
+    """Return the names of the scenes that are shipped in `gen/scenes`, in alphabetical order."""
     names = (entry.name for entry in (files("gen") / "scenes").iterdir())
     return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
 
 
 def load(name_or_path: str) -> Scene:
-    """Read a shipped scene by its name, or any other from a TOML file.
+    """Read a shipped scene by its name, or a scene from a TOML file.
 
     Parameters
     ----------
-    name_or_path : one of `preset_names`, which goes before a file of that name, or a path
+    name_or_path : str
+        One of `preset_names` or the path of a file; the name of a preset takes precedence.
+
+    Returns
+    -------
+    Scene
+        The scene.
 
     Raises
     ------
     InputError
-        If there is no such scene, the file cannot be read, or it does not hold a valid scene; in
-        one line: the file, the key, its value and what is allowed.
+        If there is no such scene, the file cannot be read, or the scene is not valid. The message
+        is one line with the file, the key, its value and the values that are allowed.
     """
     if name_or_path in preset_names():
         preset = files("gen") / "scenes" / f"{name_or_path}.toml"
@@ -289,17 +323,20 @@ def load(name_or_path: str) -> Scene:
 
 
 def differences(in_file: Scene, asked_for: Scene) -> list[str]:
-    """Result-relevant keys in which two scenes differ, with both values.
+    """List the keys that change results and differ between two scenes, with both values.
 
     Parameters
     ----------
-    in_file : the scene that a database was made with
-    asked_for : the scene that it is to be continued with
+    in_file : Scene
+        The scene that a database was made with.
+    asked_for : Scene
+        The scene that the database is to be continued with.
 
     Returns
     -------
-    One string a key, such as "contact.rtol: 2e-07 in the file, 1e-08 asked for"; none where the
-    fingerprints agree.
+    list of str
+        One text for each key, for example "contact.rtol: 2e-07 in the file, 1e-08 asked for";
+        empty if the fingerprints agree.
     """
     old = dict(_leaves(in_file._relevant()))
     new = dict(_leaves(asked_for._relevant()))
@@ -314,7 +351,7 @@ Location = tuple[int | str, ...]
 
 
 def _leaves(value: object, location: Location = ()) -> Iterator[tuple[Location, object]]:
-    """Every single value of nested tables and arrays, with its location."""
+    """Yield every single value of nested tables and arrays with its location."""
     if isinstance(value, dict):
         for name, inner in value.items():
             yield from _leaves(inner, (*location, name))
@@ -326,7 +363,7 @@ def _leaves(value: object, location: Location = ()) -> Iterator[tuple[Location, 
 
 
 def _read(path: str) -> str:
-    """Content of a scene's file; a byte order mark, which some editors write, is dropped."""
+    """Read a scene's file; drop the byte order mark that some editors write."""
     try:
         with require_file(Path(path)).open("rb") as file:
             content = file.read(MOST_BYTES + 1)
@@ -350,7 +387,7 @@ def _read(path: str) -> str:
 
 
 def _require_simple(text: str, source: str) -> None:
-    """Refuse what would keep a parser of TOML busy for minutes: deep arrays, keys of many dots."""
+    """Refuse texts that keep a TOML parser busy for minutes: deep arrays, keys of many dots."""
     bare = TEXTS.sub("", text)
     depth = deepest = 0
     for bracket in re.findall(r"[\[\]{}]", bare):
@@ -361,9 +398,9 @@ def _require_simple(text: str, source: str) -> None:
 
 
 def _first_fault(error: ValidationError) -> str:
-    """The first of a scene's faults, and how many more there are."""
+    """Describe the first fault of a scene, and say how many more there are."""
     faults = error.errors(include_url=False)
-    # A misspelt key makes others look missing: what it should have been is the better news.
+    # A misspelt key makes another one look missing: the misspelt one is the better news.
     fault = min(faults, key=lambda fault: fault["type"] != "extra_forbidden")
     location, value = fault["loc"], _shown(fault["input"])
     key = _dotted(location)
@@ -381,7 +418,7 @@ def _first_fault(error: ValidationError) -> str:
 
 
 def _known_keys(table: type[Table] = Scene, prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Every key of a scene, dotted and without indices, with what is allowed for it."""
+    """Yield every key of a scene, dotted and without indices, with its allowed values in words."""
     for name, field in table.model_fields.items():
         yield prefix + name, field.description or ""
         for kind in (field.annotation, *get_args(field.annotation)):
@@ -390,24 +427,24 @@ def _known_keys(table: type[Table] = Scene, prefix: str = "") -> Iterator[tuple[
 
 
 def _allowed(location: Location) -> str:
-    """What is allowed for the key that a location belongs to."""
+    """Return the allowed values, in words, of the key that a location belongs to."""
     return dict(_known_keys())[_dotted(part for part in location if isinstance(part, str))]
 
 
 def _closest_key(location: Location) -> str:
-    """The known key that an unknown one resembles most: by its own name, in whichever table."""
+    """Return the known key whose last name resembles an unknown one most, in any table."""
     keys = {key.rpartition(".")[2]: key for key, _ in _known_keys()}
     return keys[difflib.get_close_matches(str(location[-1]), keys, n=1, cutoff=0.0)[0]]
 
 
 def _dotted(location: Iterator[str] | Location) -> str:
-    """A key as a reader of the file would name it, such as "delta.pieces[0].share"."""
+    """Write a location as a dotted key, for example "delta.pieces[0].share"."""
     parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
     return "".join(parts).removeprefix(".")
 
 
 def _shown(value: object) -> str:
-    """A value for a message: short, and as TOML would have it."""
+    """Write a value for a message: short, and in TOML's notation."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -420,7 +457,7 @@ def _shown(value: object) -> str:
 
 
 def _one_line(message: str) -> str:
-    """Messages quote what was given: nothing in it may break the line or drive a terminal."""
+    """Escape line breaks and control characters, which a message may quote from the input."""
     return "".join(
         character if character.isprintable() else character.encode("unicode_escape").decode()
         for character in message

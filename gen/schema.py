@@ -1,30 +1,45 @@
 """The columns of a database: the one place that names them.
 
-Creation, reader, checks, the README's table and the tests derive from `COLUMNS`. Lengths are in
-um, pressures in MPa, forces in uN (DESIGN, section 1).
+Database files, checks, statistics and the README's table of columns are derived from `COLUMNS`.
+Lengths are in um, pressures in MPa, forces in uN.
 """
+
+from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from gen.scene import Scene
 
 SCHEMA = 1
-"""Number of the layout: a file of another layout is refused."""
+"""Number of the file layout: a file of another layout is refused."""
 
 PART = 2
-"""Number of the layout of parts, which hold some rows of their scene: `first_row` and `rows` more,
-attributes that say which. Versions that know whole databases only refuse them."""
+"""Number of the layout of parts, which add the attributes `first_row` and `rows`. It differs from
+`SCHEMA` so that versions that know whole databases only refuse parts."""
 
 PHYSICS = 4
-"""Number of the results: raised whenever a change of the code changes what a scene gives."""
+"""Number of the results: raised whenever a change of the code changes a deterministic column."""
+
+PHYSICS_CHANGES: dict[int, str] = {
+    2: "a new preconditioner and a default tolerance of 3e-7 (before: 1e-6): areas differ by single"
+    " nodes, forces within the tolerance, iterations and convolutions are fewer",
+    3: "conjugate gradients of another pace and a default tolerance of 2e-7 (before: 3e-7): forces"
+    " differ within the tolerance, iterations and convolutions are fewer",
+    4: "contacts of few nodes are solved by dense algebra: forces differ within the tolerance,"
+    " iterations count the contact sets that it tries",
+}
+"""What changed in the results when the physics number was raised to each number, one sentence."""
 
 RUNTIME = "runtime"
 """Group of the columns that differ from run to run: times, ranks, hosts."""
 
 
 class Status(IntEnum):
-    """What has become of a row."""
+    """Progress of a row: not computed yet, computed, or impossible to compute."""
 
     PENDING = 0
     DONE = 1
@@ -32,7 +47,7 @@ class Status(IntEnum):
 
 
 class Reason(IntEnum):
-    """Why a row failed."""
+    """Cause of a row's failure."""
 
     NONE = 0
     NOT_CONVERGED = 1
@@ -50,24 +65,33 @@ REASONS: dict[int, str] = {
     Reason.ARITHMETIC: "the sample raised an arithmetic or value error",
     Reason.NOT_FINITE: "result not finite",
 }
-"""Text of every reason, by its code."""
+"""Texts of the reasons by their codes."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """One quantity of every sample.
+    """One quantity that a database holds for every sample.
 
     Attributes
     ----------
-    name : name of the column
-    dtype : type of one value, as numpy writes it
-    unit : unit of the values; "1" for pure numbers, "" for texts
-    long_name : what it is, in words
-    group : "" for results, `RUNTIME` for times, ranks and hosts
-    deterministic : True if the scene alone decides the bytes
-    paper_range : smallest and largest value in the paper's Table 1, None if it has none
-    shape_of : "" for one value per sample, "nodes" for a field: shape (rows, n, n)
-    optional : the flag of the scene's `store` that creates the column, "" if always there
+    name : str
+        Name of the column.
+    dtype : str
+        Type of one value, in numpy's notation.
+    unit : str
+        Unit of the values; "1" for pure numbers, "" for texts.
+    long_name : str
+        Meaning of the column in words.
+    group : str
+        Group inside the file: "" for results, `RUNTIME` for times, ranks and hosts.
+    deterministic : bool
+        Whether the scene alone decides the bytes.
+    paper_range : tuple of float or None
+        Smallest and largest value in the paper's Table 1; None if the table lacks the quantity.
+    shape_of : str
+        "" for one value per sample, "nodes" for a field of shape (rows, n, n).
+    optional : str
+        Key of the scene that adds the column; "" for a column that every database has.
     """
 
     name: str
@@ -87,21 +111,21 @@ class Column:
 
     @property
     def fill(self) -> float | int | bytes:
-        """Value of a row that nobody has written: NaN, 0 or an empty text."""
+        """Value of a row that has not been written: NaN, 0 or an empty text."""
         fills: dict[str, float | int | bytes] = {"f": math.nan, "S": b""}
         return fills.get(self.dtype[0], 0)
 
     def shape(self, rows: int, nodes: int) -> tuple[int, ...]:
-        """Shape of `rows` samples on a grid of `nodes` x `nodes`."""
+        """Return the shape of the values of `rows` samples on a grid of `nodes` x `nodes`."""
         return (rows, nodes, nodes) if self.shape_of else (rows,)
 
     def row_bytes(self, nodes: int) -> int:
-        """Bytes of one sample on a grid of `nodes` x `nodes`."""
+        """Return the size of one sample's value on a grid of `nodes` x `nodes` [bytes]."""
         return int(self.dtype[1:]) * math.prod(self.shape(1, nodes))
 
 
 def _statistic(name: str, unit: str, long_name: str, lowest: float, highest: float) -> Column:
-    """Column of one of the 22 statistics, with its range in Table 1."""
+    """Make the column of one of the 22 statistics, with its range in Table 1."""
     return Column(name, "f8", unit, long_name, paper_range=(lowest, highest))
 
 
@@ -159,11 +183,13 @@ COLUMNS: tuple[Column, ...] = (
     Column("iterations", "i4", "1", "iterations of the solver"),
     Column("convolutions", "i4", "1", "applications of the influence operator"),
     Column("residual", "f8", "1", "relative residual of the solution"),
-    Column("mean_gap", "f8", "um", "mean gap over all nodes", optional="mean_gap"),
-    Column("largest_pressure", "f8", "MPa", "largest pressure", optional="largest_pressure"),
-    Column("perimeter", "f8", "um", "length of the contact's edges", optional="perimeter"),
-    Column("heights", "f8", "um", "surface heights", shape_of="nodes", optional="heights"),
-    Column("pressure", "f8", "MPa", "contact pressure", shape_of="nodes", optional="pressure"),
+    Column("mean_gap", "f8", "um", "mean gap over all nodes", optional="store.mean_gap"),
+    Column("largest_pressure", "f8", "MPa", "largest pressure", optional="store.largest_pressure"),
+    Column("perimeter", "f8", "um", "length of the contact's edges", optional="store.perimeter"),
+    Column("heights", "f8", "um", "surface heights", shape_of="nodes", optional="store.heights"),
+    Column(
+        "pressure", "f8", "MPa", "contact pressure", shape_of="nodes", optional="store.pressure"
+    ),
     # "s", not "seconds": xarray would turn the word into a time difference.
     Column("surface_seconds", "f8", "s", "time for the surface", RUNTIME, deterministic=False),
     Column(
@@ -175,34 +201,30 @@ COLUMNS: tuple[Column, ...] = (
 """Every column that a database can have, in the order of the file."""
 
 
-def columns_for(store: object) -> tuple[Column, ...]:
-    """Columns of a database.
+def columns_for(scene: Scene) -> tuple[Column, ...]:
+    """Return the columns of a scene's database, in the order of the file.
 
     Parameters
     ----------
-    store : the scene's flags, one boolean attribute for each optional column
+    scene : Scene
+        The scene, whose `optional_columns` names the optional columns that it asks for.
 
     Returns
     -------
-    Those of `COLUMNS` that are always there or whose flag is set
-
-    Raises
-    ------
-    AttributeError
-        If `store` lacks a flag.
+    tuple of Column
+        The columns that every database has and the optional ones that the scene asks for.
     """
-    return tuple(
-        column for column in COLUMNS if not column.optional or getattr(store, column.optional)
-    )
+    asked_for = scene.optional_columns
+    return tuple(column for column in COLUMNS if not column.optional or column.name in asked_for)
 
 
-def row_bytes(store: object, nodes: int) -> int:
-    """Bytes of one row of all columns; `store` as in `columns_for`, `nodes` the nodes a side."""
-    return sum(column.row_bytes(nodes) for column in columns_for(store))
+def row_bytes(scene: Scene) -> int:
+    """Return the size of one row of a scene's database, all columns together [bytes]."""
+    return sum(column.row_bytes(scene.surface.nodes) for column in columns_for(scene))
 
 
 def statistics_columns() -> tuple[Column, ...]:
-    """Return the 22 statistics of the surface, in the order of the paper's Table 1."""
+    """Return the columns of the 22 statistics, in the order of the paper's Table 1."""
     return _STATISTICS
 
 
@@ -211,14 +233,14 @@ def markdown_table() -> str:
 
     Returns
     -------
-    Lines of Markdown: name, unit, meaning and the paper's range of every column
+    str
+        Lines of Markdown: name, unit, meaning and the paper's range of every column.
     """
     lines = ["| Column | Unit | Meaning | Paper's range |", "|---|---|---|---|"]
     for column in COLUMNS:
-        lowest_highest = column.paper_range
-        span = f"{lowest_highest[0]:g} to {lowest_highest[1]:g}" if lowest_highest else ""
+        span = "{:g} to {:g}".format(*column.paper_range) if column.paper_range else ""
         shape = ", n x n per sample" if column.shape_of else ""
-        asked = f" (with `store.{column.optional}`)" if column.optional else ""
-        meaning = f"{column.long_name}{shape}{asked}"
+        condition = f" (with `{column.optional}`)" if column.optional else ""
+        meaning = f"{column.long_name}{shape}{condition}"
         lines.append(f"| `{column.path}` | {column.unit} | {meaning} | {span} |")
     return "\n".join(lines)

@@ -1,10 +1,12 @@
-"""The 22 statistics of rough surfaces (Table 1 of the paper), all in one pass.
+"""The 22 statistics of rough surfaces (Table 1 of the paper), computed together.
 
-Profiles run along x (axis 0) and y (axis 1). Conventions, which Table 1 leaves open; its ranges
-decide the kurtoses and agree with all but the bandwidth (tests/gen/test_statistics.py):
+Profiles run along x (axis 0) and y (axis 1). Table 1 leaves the following conventions open. Its
+ranges decide the kurtoses and agree with every statistic but the bandwidth
+(tests/gen/test_statistics.py):
 
-- A peak is a node of a profile above both neighbours, those of x and y pooled; an asperity
-  (summit) is a node above its four neighbours. Either is an interior node; plateaus have none.
+- A peak is a node of a profile above both neighbours; the peaks along x and y are pooled. An
+  asperity (summit) is a node above its four neighbours. Peaks and asperities are interior nodes;
+  plateaus have none.
 - Heights are counted from the lowest node. "rms" is the standard deviation of the population.
 - Kurtosis is Pearson's (normal: 3) or excess (normal: 0), as the name says: Pearson's for peaks
   and for the curvature of asperities, excess for asperities and for the curvature of peaks.
@@ -26,55 +28,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
+from gen.schema import statistics_columns
 
-NAMES = (
-    "peak_mean",
-    "peak_rms",
-    "peak_kurtosis_pearson",
-    "peak_skewness",
-    "peak_density",
-    "peak_curvature_mean",
-    "peak_curvature_kurtosis_excess",
-    "peak_curvature_skewness",
-    "bandwidth_x",
-    "bandwidth_y",
-    "asperity_mean",
-    "asperity_rms",
-    "asperity_kurtosis_excess",
-    "asperity_skewness",
-    "asperity_density",
-    "asperity_curvature_mean",
-    "asperity_curvature_rms",
-    "asperity_curvature_kurtosis_pearson",
-    "asperity_curvature_skewness",
-    "height_mean",
-    "height_max",
-    "height_rms",
-)
-"""The statistics in the order of Table 1."""
+NAMES = tuple(column.name for column in statistics_columns())
+"""Names of the statistics in the order of Table 1."""
 
 SPACINGS = (1e-15, 1e15)
-"""Smallest and largest spacing [um]; between them no power of a curvature overflows."""
+"""Smallest and largest spacing [um]: between them no power of a curvature overflows."""
 
 ROUNDING = 8.0
-"""What rounding can fake in second differences, in spacings of numbers at the largest height."""
+"""Largest second difference that rounding can cause, in spacings of numbers at the largest
+height."""
 
 LOST = 1000.0
-"""Spacings of numbers at the largest height in a height rms below which no shape is left: peaks
-become ties, and skewness and kurtosis are wrong by more than about one part in a hundred."""
+"""Smallest rms of heights that has a shape, in spacings of numbers at the largest height: below it
+peaks become ties, and skewness and kurtosis are wrong by more than about one part in a hundred."""
 
 NEARLY_EQUAL = 1e-3
-"""Spread over mean from which on the rounding of the mean would show in the third moment."""
+"""Ratio of spread to mean below which the rounding of the mean would show in the third moment."""
 
 
 @dataclass(frozen=True)
 class Description:
-    """What `describe` found: all of `NAMES`, and why some of them are NaN.
+    """The 22 statistics of a surface, and the reason why some of them are undefined.
 
     Attributes
     ----------
-    values : the 22 statistics by name, in the order of `NAMES`
-    reason : why some values are NaN, in one short text; empty where none is
+    values : dict of str to float
+        The statistics by name, in the order of `NAMES`; NaN where the surface defines none.
+    reason : str
+        Short text that says why some values are NaN; empty if none is NaN.
     """
 
     values: dict[str, float]
@@ -82,14 +65,18 @@ class Description:
 
 
 class Moments(NamedTuple):
-    """Population moments of a sample, NaN where it does not define them.
+    """Population moments of a set of values; NaN for moments that the values do not define.
 
     Attributes
     ----------
-    mean : mean
-    rms : standard deviation (squares over their number, not their number less one)
-    skewness : third standardised moment
-    kurtosis : fourth standardised moment, Pearson's (normal: 3)
+    mean : float
+        Mean value.
+    rms : float
+        Standard deviation of the population: squares are divided by their number.
+    skewness : float
+        Third standardised moment.
+    kurtosis : float
+        Fourth standardised moment, Pearson's (normal distribution: 3).
     """
 
     mean: float
@@ -99,15 +86,21 @@ class Moments(NamedTuple):
 
 
 class Profiles(NamedTuple):
-    """All profiles along one axis, over the N nodes of the surface numbered row by row.
+    """All profiles along one axis of a surface whose N nodes are numbered row by row.
 
     Attributes
     ----------
-    stride : step from a node to the next of its profile; entry i below is of node i + stride
-    curvature : (N - 2 stride,) minus the second difference, 0 at the ends of profiles
-    peaks : (N - 2 stride,) whether the node is above both neighbours, false at the ends
-    slope_square : mean squared first difference
-    curvature_square : mean squared second difference, NaN for profiles of two nodes
+    stride : int
+        Step from a node to the next one of its profile; entry i of the arrays belongs to node
+        i + stride.
+    curvature : ndarray, shape (N - 2 stride,)
+        Minus the second difference of the heights, 0 at the ends of profiles.
+    peaks : ndarray of bool, shape (N - 2 stride,)
+        Whether the node is above both neighbours; false at the ends of profiles.
+    slope_square : float
+        Mean of the squared first differences.
+    curvature_square : float
+        Mean of the squared second differences; NaN for profiles of two nodes.
     """
 
     stride: int
@@ -118,14 +111,18 @@ class Profiles(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """Heights in a unit in which no power over- or underflows.
+    """Heights in a unit in which no power of them overflows or underflows.
 
     Attributes
     ----------
-    nodes : (n_x, n_y) C-contiguous heights as given, offset included [unit]
-    lowest, highest : of them [unit]
-    unit : a power of two, so that scaling rounds nothing [um]
-    spacing : of the given numbers at the largest height [unit]
+    nodes : ndarray, shape (nx, ny)
+        C-contiguous heights with the offset that they were given with [unit].
+    lowest, highest : float
+        Smallest and largest height [unit].
+    unit : float
+        Length of the unit, a power of two so that scaling is exact [um].
+    spacing : float
+        Distance between neighbouring floating-point numbers at the largest height [unit].
     """
 
     nodes: NDArray[np.float64]
@@ -135,8 +132,8 @@ class Surface(NamedTuple):
     spacing: float
 
 
-class Sample(NamedTuple):
-    """Peaks or asperities of a surface, as found: their number and moments."""
+class Summits(NamedTuple):
+    """Number of the peaks or asperities of a surface, and the moments of their values."""
 
     number: int
     heights: Moments
@@ -144,26 +141,33 @@ class Sample(NamedTuple):
 
 
 def describe(heights: NDArray[np.float64], spacing: float | tuple[float, float]) -> Description:
-    """The statistics of a surface, by the conventions of this module.
+    """Compute the 22 statistics of a surface by the conventions of this module.
 
     Parameters
     ----------
-    heights : (n_x, n_y) heights [um], 2 x 2 or more, with any offset
-    spacing : distance between neighbouring nodes [um], one or a pair (along x, along y)
+    heights : ndarray, shape (nx, ny)
+        Heights [um] of 2 x 2 nodes or more, with any offset.
+    spacing : float or pair of float
+        Distance between neighbouring nodes [um], the same along both axes or along x and y.
 
     Returns
     -------
-    All of `NAMES`: heights and their rms [um], curvatures and their rms [1/um], the rest without
-    unit. NaN, with a reason, are the moments of no peak or asperity, skewness and kurtosis of
-    values that are equal to rounding, bandwidths along flat profiles or profiles of two nodes, and
-    all but the heights' own moments where an offset has left too few digits of the heights.
+    Description
+        All statistics of `NAMES`: heights and their rms [um], curvatures and their rms [1/um],
+        the rest without unit. A statistic is NaN, with a reason, if the surface has no peak or
+        asperity to take moments of, if the values whose skewness or kurtosis is asked for are
+        equal to rounding, if profiles are flat or have two nodes (bandwidth), or if the offset of
+        the heights has left too few of their digits (all statistics but the heights' own).
 
     Raises
     ------
-    InputError : heights that are not 2-D, 2 x 2 or more, real and finite; a spacing beyond
-        `SPACINGS`; curvatures beyond what numbers hold
+    InputError
+        If the heights are not a 2-D grid of 2 x 2 or more real, finite numbers, the spacing is
+        outside `SPACINGS`, or curvatures are beyond the largest number.
 
-    Source: section 2.3 (sec_stat_of_top) and Table 1 (tab:list_of_params) of the paper.
+    References
+    ----------
+    Section 2.3 (sec_stat_of_top) and Table 1 (tab:list_of_params) of the paper.
     """
     spacing_x, spacing_y = _spacings(spacing)
     surface = _normalised(heights)
@@ -210,7 +214,7 @@ def describe(heights: NDArray[np.float64], spacing: float | tuple[float, float])
 
 
 def _lost(values: dict[str, float], surface: Surface) -> Description:
-    """What is left where the offset of the heights has taken their digits."""
+    """Keep the moments of heights whose offset has cost most of their digits; give the reason."""
     kept = ("height_mean", "height_max", "height_rms")
     reason = (
         f"heights lost in rounding: rms {values['height_rms']:.3g} um at an offset where numbers"
@@ -222,7 +226,7 @@ def _lost(values: dict[str, float], surface: Surface) -> Description:
 
 
 def _spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
-    """Spacings along x and y [um], checked."""
+    """Check the spacings along x and y, and return them [um]."""
     pair = spacing if isinstance(spacing, tuple) else (spacing, spacing)
     smallest, largest = SPACINGS
     if len(pair) != 2 or not all(smallest <= value <= largest for value in pair):
@@ -233,7 +237,7 @@ def _spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
 
 
 def _normalised(heights: NDArray[np.float64]) -> Surface:
-    """Heights in a unit that is a power of two, their range from 0.5 to 1."""
+    """Scale heights by a power of two so that their range is between 0.5 and 1."""
     _require_numbers(heights)
     lowest, highest = float(heights.min()), float(heights.max())
     if not math.isfinite(highest - lowest):
@@ -243,7 +247,7 @@ def _normalised(heights: NDArray[np.float64]) -> Surface:
     exponent = math.frexp(highest - lowest)[1]
     unit = 2.0 ** min(max(exponent, -1000), 1000)
     nodes = np.multiply(heights, 1.0 / unit, order="C", dtype=np.float64)
-    # What was single precision has no more digits now.
+    # Heights that were given in single precision keep its number of digits.
     single = heights.dtype.kind == "f" and heights.dtype.itemsize < 8
     eps = float(np.finfo(heights.dtype if single else np.float64).eps)
     largest = max(abs(lowest), abs(highest)) / unit
@@ -251,7 +255,7 @@ def _normalised(heights: NDArray[np.float64]) -> Surface:
 
 
 def _require_numbers(heights: NDArray[np.float64]) -> None:
-    """Refuse what is no grid of real numbers, all of them there."""
+    """Refuse heights that are not a complete 2-D grid of real numbers."""
     if heights.ndim != 2 or min(heights.shape) < 2:
         raise InputError(f"heights of shape {heights.shape}: give 2-D heights, 2 x 2 nodes or more")
     if heights.dtype.kind not in "buif":
@@ -261,13 +265,14 @@ def _require_numbers(heights: NDArray[np.float64]) -> None:
 
 
 def _profiles(surface: NDArray[np.float64], axis: int) -> Profiles:
-    """Differences and peaks of all profiles along one axis, of heights as they were given.
+    """Compute the differences and peaks of all profiles along one axis.
 
-    A height less the lowest would be rounded where that lies far below: neighbours would tie.
+    The lowest height is not subtracted: that would round heights far above it, and neighbours
+    would tie.
 
-    Works on the flat array, where all operations are contiguous. Profiles along y follow one
-    another there: what would reach over an end is set to zero, which is neither a peak nor counted
-    in a sum.
+    The flat array makes all operations contiguous. Profiles along y follow one another in it:
+    differences that reach over the end of a profile are set to zero, which makes no peak and adds
+    nothing to a sum.
     """
     nodes, columns = surface.ravel(), surface.shape[1]
     stride = columns if axis == 0 else 1
@@ -292,43 +297,43 @@ def _profiles(surface: NDArray[np.float64], axis: int) -> Profiles:
 
 def _peaks(
     surface: Surface, along_x: Profiles, along_y: Profiles, ratio: float, noise: float
-) -> Sample:
-    """Peaks of the profiles, x and y pooled; `ratio` converts curvature along y to units of x."""
+) -> Summits:
+    """Describe the peaks of all profiles; `ratio` converts curvatures along y to units of x."""
     nodes = surface.nodes.ravel()
     on_x, on_y = np.flatnonzero(along_x.peaks), np.flatnonzero(along_y.peaks)
     heights = np.concatenate((nodes[on_x + along_x.stride], nodes[on_y + along_y.stride]))
     curvatures = np.concatenate((along_x.curvature[on_x], along_y.curvature[on_y] * ratio))
-    return _sample(heights, curvatures, surface.lowest, ratio, noise)
+    return _summits(heights, curvatures, surface.lowest, ratio, noise)
 
 
 def _asperities(
     surface: Surface, along_x: Profiles, along_y: Profiles, ratio: float, noise: float
-) -> Sample:
-    """Nodes above their four neighbours, with the mean of both curvatures."""
+) -> Summits:
+    """Describe the nodes above their four neighbours, with the mean of both curvatures."""
     shift = along_x.stride - along_y.stride
     on_x = np.flatnonzero(along_x.peaks & along_y.peaks[shift : shift + along_x.peaks.size])
     on_y = on_x + shift
     heights = surface.nodes.ravel()[on_x + along_x.stride]
     curvatures = 0.5 * (along_x.curvature[on_x] + along_y.curvature[on_y] * ratio)
-    return _sample(heights, curvatures, surface.lowest, ratio, noise)
+    return _summits(heights, curvatures, surface.lowest, ratio, noise)
 
 
-def _sample(
+def _summits(
     heights: NDArray[np.float64],
     curvatures: NDArray[np.float64],
     lowest: float,
     ratio: float,
     noise: float,
-) -> Sample:
-    """Number and moments of peaks or asperities found."""
+) -> Summits:
+    """Count peaks or asperities and compute the moments of their heights and curvatures."""
     curvature_noise = noise * max(1.0, ratio)
-    return Sample(
+    return Summits(
         heights.size, _moments(heights, lowest, noise), _moments(curvatures, 0.0, curvature_noise)
     )
 
 
 def _moments(values: NDArray[np.float64], origin: float, noise: float) -> Moments:
-    """Moments of values (count,); those that spread no further than `noise` have no shape."""
+    """Compute the moments of values (count,); no skewness or kurtosis if their rms is noise."""
     if not values.size:
         return Moments(math.nan, math.nan, math.nan, math.nan)
     mean, deviations, variance = _spread(values, origin)
@@ -342,11 +347,11 @@ def _moments(values: NDArray[np.float64], origin: float, noise: float) -> Moment
 
 
 def _spread(values: NDArray[np.float64], origin: float) -> tuple[float, NDArray[np.float64], float]:
-    """Mean over an origin, deviations (count,) from it and variance of values (count,).
+    """Compute the mean over an origin, the deviations (count,) and the variance of values (count,).
 
-    In two passes, and in a third where values are nearly equal, or far from zero for their spread:
-    the mean is rounded then by more than their deviations bear, and what is left of it is the mean
-    of the deviations.
+    Two passes are enough unless the values are nearly equal, or far from zero for their spread:
+    the rounding of the mean is then too large beside the deviations. A third pass takes it out,
+    as it is the mean of the deviations.
     """
     mean = float(values.sum()) / values.size
     deviations = values - mean
@@ -360,23 +365,23 @@ def _spread(values: NDArray[np.float64], origin: float) -> tuple[float, NDArray[
 
 
 def _sum_of_products(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
-    """Sum of products of (count,) values, by einsum.
+    """Sum the products of (count,) values by einsum.
 
     BLAS would split long sums among its threads: the last bits of a database would then depend on
-    the number of threads a rank was given.
+    the number of threads that a rank was given.
     """
     return float(np.einsum("i,i->", first, second))
 
 
 def _bandwidth(variance: float, along: Profiles, noise: float) -> float:
-    """Nayak's m0 m4 / m2^2 along one axis, NaN where the profiles are flat to rounding."""
+    """Compute Nayak's m0 m4 / m2^2 along one axis; NaN if the profiles are flat to rounding."""
     if along.slope_square <= noise * noise:
         return math.nan
     return (variance / along.slope_square) * (along.curvature_square / along.slope_square)
 
 
-def _reason(surface: Surface, peaks: Sample, asperities: Sample, bandwidths: list[float]) -> str:
-    """Why statistics are NaN, in one short text; empty where none is."""
+def _reason(surface: Surface, peaks: Summits, asperities: Summits, bandwidths: list[float]) -> str:
+    """Say in a short text why statistics are NaN; empty if none is NaN."""
     if surface.lowest == surface.highest:
         return "flat surface: no profile peak, no asperity"
     faults = [
@@ -384,15 +389,15 @@ def _reason(surface: Surface, peaks: Sample, asperities: Sample, bandwidths: lis
         for axis, length, bandwidth in zip("xy", surface.nodes.shape, bandwidths, strict=True)
         if math.isnan(bandwidth)
     ]
-    for sample, one, many in (
+    for summits, one, many in (
         (peaks, "profile peak", "profile peaks"),
         (asperities, "asperity", "asperities"),
     ):
-        if sample.number < 2:
-            faults.append(f"{'one' if sample.number else 'no'} {one}")
+        if summits.number < 2:
+            faults.append(f"{'one' if summits.number else 'no'} {one}")
             continue
-        moments = (("height", sample.heights), ("curvature", sample.curvatures))
-        equal = [quantity for quantity, found in moments if math.isnan(found.kurtosis)]
+        quantities = (("height", summits.heights), ("curvature", summits.curvatures))
+        equal = [quantity for quantity, moments in quantities if math.isnan(moments.kurtosis)]
         if equal:
             faults.append(f"{many} of equal {' and '.join(equal)}")
     return ", ".join(faults)

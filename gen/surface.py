@@ -7,43 +7,51 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gen.arrays import Heights
 from gen.measured import text
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 
-Heights = NDArray[np.float64]
 Generator = Callable[[int, float, float, np.random.Generator], Heights]
 
 CONTROL_CHARACTERS = bytes({*range(32)} - {*b"\t\n\v\f\r"})
-"""Bytes that no text has."""
+"""Control characters, none of which stands in a text file."""
 
 
 def generate(
     generator: str, nodes: int, hurst: float, sigma0: float, random: np.random.Generator
 ) -> Heights:
-    """Random self-affine surface above its lowest node.
+    """Generate a random self-affine surface.
 
     Parameters
     ----------
-    generator : a name of `GENERATORS`
-    nodes : nodes a side, 2^k + 1 with k of 1 or more
-    hurst : Hurst exponent, 0 to 1
-    sigma0 : standard deviation of the first displacement [um]
-    random : source of the displacements; the same seed gives the same coarse nodes, up to the
-        lowest height, for every number of nodes
+    generator : str
+        One of the names in `GENERATORS`.
+    nodes : int
+        Nodes a side: 2^k + 1 with k of 1 or more.
+    hurst : float
+        Hurst exponent, from 0 to 1.
+    sigma0 : float
+        Standard deviation of the first displacement [um].
+    random : numpy.random.Generator
+        Source of the displacements. The same seed gives the same coarse nodes for every number of
+        nodes, apart from the shift of the lowest node to 0.
 
     Returns
     -------
-    (nodes, nodes) heights, the lowest 0 [um]
+    ndarray, shape (nodes, nodes)
+        Heights above the lowest node [um].
 
     Raises
     ------
-    InputError : another generator, number of nodes or Hurst exponent, a sigma0 that is negative or
-        whose heights no number holds
+    InputError
+        If the generator, the number of nodes or the Hurst exponent is not allowed, or sigma0 is
+        negative or so large that heights exceed the largest number.
 
-    Source: section 2.2 (sec_rmd) of the paper; the definitions stand at each generator.
+    References
+    ----------
+    Section 2.2 (sec_rmd) of the paper; the definitions stand at each generator.
     """
     if generator not in GENERATORS:
         raise InputError(f"generator {generator!r}: give one of {', '.join(GENERATORS)}")
@@ -62,15 +70,14 @@ def generate(
 
 
 def diamond_square(nodes: int, hurst: float, sigma0: float, random: np.random.Generator) -> Heights:
-    """Displacement in two steps a level, centres then edges: MIRCO's, and the default.
+    """Displace centres and then edges, level by level: MIRCO's generator, and the default.
 
-    The centre of a square is the mean of its 4 corners + N(0, a^2), then the midpoint of an edge
-    is the mean of its 4 neighbours, 3 at the border, + N(0, a^2). a starts at `sigma0` and is
-    divided by 2^(hurst / 2) after either step.
+    The centre of a square is the mean of its 4 corners + N(0, a^2); then the midpoint of an edge
+    is the mean of its 4 neighbours, 3 at the border, + N(0, a^2). The amplitude a starts at
+    `sigma0` and is divided by 2^(hurst / 2) after each of the two steps. The statistics of the
+    surfaces are those of the paper's Table 1.
 
-    Parameters and result as for `generate`, unchecked and with the corners at 0.
-
-    Source: MIRCO's generator; its statistics are those of the paper's Table 1.
+    Parameters and result are those of `generate`, but unchecked and with the corners at 0.
     """
     heights = np.zeros((2, 2))
     amplitude, decay = sigma0, 2.0 ** (-hurst / 2.0)
@@ -85,14 +92,16 @@ def diamond_square(nodes: int, hurst: float, sigma0: float, random: np.random.Ge
 
 
 def midpoint(nodes: int, hurst: float, sigma0: float, random: np.random.Generator) -> Heights:
-    """Displacement in one step a level, from corners alone: the paper's text.
+    """Displace centres and edges together, level by level, as the paper's text describes it.
 
-    The centre of a square is the mean of its 4 corners and the midpoint of an edge that of its 2,
-    both + N(0, s^2) with s = sigma0 2^(-hurst level), the first level being 0.
+    The centre of a square is the mean of its 4 corners and the midpoint of an edge the mean of its
+    2 corners, both + N(0, s^2) with s = sigma0 2^(-hurst level); the first level is 0.
 
-    Parameters and result as for `generate`, unchecked and with the corners at 0.
+    Parameters and result are those of `generate`, but unchecked and with the corners at 0.
 
-    Source: section 2.2 (sec_rmd) of the paper.
+    References
+    ----------
+    Section 2.2 (sec_rmd) of the paper.
     """
     heights = np.zeros((2, 2))
     amplitude, decay = sigma0, 2.0**-hurst
@@ -112,15 +121,15 @@ GENERATORS: Mapping[str, Generator] = MappingProxyType(
 
 
 def _centre_means(corners: Heights) -> Heights:
-    """Mean of the 4 corners of each square: (m + 1, m + 1) to (m, m)."""
+    """Average the 4 corners of each square: heights (m + 1, m + 1) give means (m, m)."""
     pairs = corners[:-1] + corners[1:]
     return 0.25 * (pairs[:, :-1] + pairs[:, 1:])
 
 
 def _edge_means(corners: Heights, centres: Heights) -> Heights:
-    """Mean round the midpoint of each edge along axis 0, of 2 corners and 1 or 2 centres.
+    """Average the 2 corners and the 1 or 2 centres around the midpoint of each edge along axis 0.
 
-    From (m + 1, m + 1) corners and (m, m) centres to (m, m + 1).
+    Corners (m + 1, m + 1) and centres (m, m) give means (m, m + 1).
     """
     means = corners[:-1] + corners[1:]
     means[:, 1:] += centres
@@ -131,7 +140,7 @@ def _edge_means(corners: Heights, centres: Heights) -> Heights:
 
 
 def _displaced(means: Heights, amplitude: float, random: np.random.Generator) -> Heights:
-    """Means plus independent normal numbers of standard deviation `amplitude`."""
+    """Add independent normal numbers of standard deviation `amplitude` to the means."""
     displacements = random.standard_normal(means.shape)
     displacements *= amplitude
     displacements += means
@@ -139,18 +148,23 @@ def _displaced(means: Heights, amplitude: float, random: np.random.Generator) ->
 
 
 def _refined(corners: Heights, centres: Heights, edges_x: Heights, edges_y: Heights) -> Heights:
-    """Surface of half the spacing.
+    """Join nodes of one level into a surface of half the spacing.
 
     Parameters
     ----------
-    corners : (m + 1, m + 1) nodes that stay
-    centres : (m, m) of the squares
-    edges_x : (m, m + 1) midpoints of the edges along x (axis 0)
-    edges_y : (m + 1, m) midpoints of the edges along y (axis 1)
+    corners : ndarray, shape (m + 1, m + 1)
+        Heights of the nodes of the coarser level.
+    centres : ndarray, shape (m, m)
+        Heights at the centres of its squares.
+    edges_x : ndarray, shape (m, m + 1)
+        Heights at the midpoints of its edges along x (axis 0).
+    edges_y : ndarray, shape (m + 1, m)
+        Heights at the midpoints of its edges along y (axis 1).
 
     Returns
     -------
-    (2 m + 1, 2 m + 1) heights
+    ndarray, shape (2 m + 1, 2 m + 1)
+        Heights of the finer level.
     """
     nodes = 2 * len(centres) + 1
     heights = np.empty((nodes, nodes))
@@ -162,35 +176,38 @@ def _refined(corners: Heights, centres: Heights, edges_x: Heights, edges_y: Heig
 
 
 def load(path: Path, *, holes: bool = False) -> Heights:
-    """Heights from a file, as they stand there.
+    """Read heights from a .npy or text file without changing them.
 
     Parameters
     ----------
-    path : a .npy file, or text with a row of numbers a line, separated by `;`, commas or
-        whitespace (one of them a line, `;` before comma before whitespace), comments after `#`;
-        of several matrices under headers, the first
-    holes : allow NaN where nothing was measured
+    path : Path
+        A .npy file, or text with one row of numbers on each line. Numbers are separated by `;`,
+        else by commas, else by whitespace; `#` begins a comment. This includes MIRCO's topologies
+        (.dat, a `;` after each number). Of several matrices under headers the first is read.
+    holes : bool
+        Whether NaN is allowed, for nodes that were not measured.
 
     Returns
     -------
-    (rows, columns) heights, C-contiguous, not shifted [um]
+    ndarray, shape (rows, columns)
+        C-contiguous heights [um].
 
     Raises
     ------
-    InputError : what cannot be read, or is not a 2-D array of 2 x 2 finite numbers or more
-
-    Source: the text format is that of MIRCO's topologies (.dat, a `;` after each number).
+    InputError
+        If the file cannot be read or does not hold a 2-D array of 2 x 2 or more finite numbers.
     """
     [matrix] = read(path)[:1]
     return checked(matrix.numbers, path, holes=holes)
 
 
 def read(path: Path) -> list[text.Matrix]:
-    """Read the matrices of a .npy or text file, which has more than one where headers say so.
+    """Read the matrices of a .npy or text file; text with headers may have more than one.
 
     Raises
     ------
-    InputError : for what cannot be read
+    InputError
+        If the file cannot be read.
     """
     require_file(path)
     try:
@@ -206,21 +223,23 @@ def read(path: Path) -> list[text.Matrix]:
 
 
 def checked(heights: Heights, path: Path, *, holes: bool) -> Heights:
-    """Return 2-D heights, 2 x 2 or more, finite unless `holes` allows NaN; refuse others."""
+    """Refuse heights that are not 2-D, 2 x 2 or more and finite; `holes` allows NaN."""
     if heights.ndim != 2 or min(heights.shape) < 2:
         shape = " x ".join(str(length) for length in heights.shape) or "a single number"
-        found = shape if heights.size else "no heights"
-        raise InputError(f"{path}: holds {found}; give 2-D heights, 2 x 2 or more")
-    good = ~np.isinf(heights) if holes else np.isfinite(heights)
-    bad = heights.size - int(np.count_nonzero(good))
-    if bad:
-        what = "infinite" if holes else "NaN or infinite"
-        raise InputError(f"{path}: {bad} of {heights.size} heights are {what}; give finite")
+        content = shape if heights.size else "no heights"
+        raise InputError(f"{path}: holds {content}; give 2-D heights, 2 x 2 or more")
+    allowed = ~np.isinf(heights) if holes else np.isfinite(heights)
+    refused = heights.size - int(np.count_nonzero(allowed))
+    if refused:
+        kind = "infinite" if holes else "NaN or infinite"
+        raise InputError(
+            f"{path}: {refused} of {heights.size} heights are {kind}; give finite heights"
+        )
     return heights
 
 
 def _from_npy(content: bytes, path: Path) -> Heights:
-    """Real numbers of any shape from the bytes of a .npy file; objects are never unpickled."""
+    """Read real numbers of any shape from the bytes of a .npy file; never unpickle objects."""
     try:
         array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
     except Exception as error:  # a broken header makes numpy raise nearly anything
@@ -228,5 +247,5 @@ def _from_npy(content: bytes, path: Path) -> Heights:
         raise InputError(f"{path}: not a whole .npy file ({fault}); save real numbers") from error
     if array.dtype.kind not in "iuf":
         raise InputError(f"{path}: holds {array.dtype} values; save real numbers (float64)")
-    with np.errstate(over="ignore"):  # wider floats become infinite, and are counted by `load`
+    with np.errstate(over="ignore"):  # wider floats become infinite, and `checked` counts them
         return np.asarray(array, dtype=np.float64, order="C")

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from gen import database
-from gen.generation.sample import Rows
+from gen.arrays import Columns
 from gen.runtime import farm
 from gen.scene import Scene
 from gen.schema import Status, columns_for
@@ -64,11 +64,11 @@ def scene_of(rows: int) -> Scene:
     return Scene.parse(f"samples = {rows}\n[surface]\nnodes = 9\n", "the probe's scene")
 
 
-def empty_rows(scene: Scene, count: int) -> Rows:
+def empty_rows(scene: Scene, count: int) -> Columns:
     """Rows in which nothing stands but that they are done."""
     rows = {
         column.name: np.full(column.shape(count, scene.surface.nodes), column.fill, column.dtype)
-        for column in columns_for(scene.store)
+        for column in columns_for(scene)
     }
     rows["status"][:] = Status.DONE
     return rows
@@ -84,7 +84,7 @@ def probe(spec: Spec, world: farm.World) -> list[Timing]:
             database.create(Path(spec.output), scene)
             writer = stack.enter_context(database.Writer(Path(spec.output), scene))
 
-        def take(task: tuple[Block, float], result: tuple[int, float, float, Rows]) -> None:
+        def take(task: tuple[Block, float], result: tuple[int, float, float, Columns]) -> None:
             times.append(result[:3])
             if writer is not None:
                 writer.write_block(*task[0], result[3])
@@ -101,7 +101,7 @@ def probe(spec: Spec, world: farm.World) -> list[Timing]:
     return timings
 
 
-def _sleep(scene: Scene, rank: int, task: tuple[Block, float]) -> tuple[int, float, float, Rows]:
+def _sleep(scene: Scene, rank: int, task: tuple[Block, float]) -> tuple[int, float, float, Columns]:
     """Take as long as the task says; say who it was, and when."""
     (start, stop), seconds = task
     began = time.perf_counter()

@@ -153,7 +153,7 @@ def blocks(
 
 def master_memory(costs: Costs, nodes: int, workers: int, outcome: Outcome) -> int:
     """Memory of the master: the program, tasks in flight, rows received but not written [bytes]."""
-    row = row_bytes(scene_with(nodes).store, nodes)
+    row = row_bytes(scene_with(nodes))
     in_flight = IN_FLIGHT * workers * costs.task_memory
     return costs.memory + in_flight + outcome.waiting_rows * row
 

@@ -14,9 +14,9 @@ import pytest
 from bench.scale.launch import launch
 from bench.writers import Spec, require_rows, template_of
 from gen import database
+from gen.arrays import Columns
 from gen.generation.delivery import Block, Target, delivery
 from gen.generation.run import blocks_of
-from gen.generation.sample import Rows
 from gen.runtime.farm import World, run
 
 SIZES = {"smoke": Spec(32, 33, 1), "paper": Spec(256, 129, 1), "large": Spec(32, 513, 1)}
@@ -30,7 +30,7 @@ def test_write_by_one(benchmark: Any, tmp_path: Path, size: str) -> None:
     blocks = list(blocks_of(spec.scene, [(0, spec.rows)], World().workers))
     template = template_of(spec.scene, blocks)
 
-    def compute(block: Block) -> Rows:
+    def compute(block: Block) -> Columns:
         return {name: values[: block[1] - block[0]] for name, values in template.items()}
 
     def create() -> None:

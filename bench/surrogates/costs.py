@@ -15,8 +15,9 @@ import bem
 from bench.surrogates.clock import mean_seconds, median_seconds
 from bench.surrogates.databases import OTHER_SEED
 from bench.surrogates.fitting import Fitted
+from gen.arrays import Heights
 from gen.generation.plan import Parameters, parameters
-from gen.generation.sample import Heights, compute_rows, solve_contact, surface_of
+from gen.generation.sample import compute_rows, solve_contact, surface_of
 from gen.scene import Scene, load
 from learn.comparison import paper
 from learn.features import FeatureSet, SurfaceFeatures

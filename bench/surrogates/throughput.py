@@ -16,8 +16,9 @@ from bench.surrogates.clock import mean_seconds, median_seconds
 from bench.surrogates.costs import LOADS
 from bench.surrogates.databases import OTHER_SEED
 from bench.table import write_table
+from gen.arrays import Heights
 from gen.generation.plan import parameters
-from gen.generation.sample import Heights, surface_of
+from gen.generation.sample import surface_of
 from gen.runtime.farm import World
 from gen.scene import Scene, load
 from learn.features import SETS, chosen

@@ -113,7 +113,7 @@ def extend(path: Path, scene: Scene, rows: range | None = None, *, force: bool =
         with new_file(path, wider, rows, replaced=held) as temporary:
             lay_out(temporary, wider, rows, attributes | identity(wider))
             with open_file(temporary, writing=True) as new:
-                for column in columns_for(wider.store):
+                for column in columns_for(wider):
                     for start, stop in chunks(len(there), column.row_bytes(wider.surface.nodes)):
                         write_rows(new[column.path], place + start, old[column.path][start:stop])
                 fill(new, wider, 0, place)

@@ -65,7 +65,7 @@ def check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
     """
     size = path.stat().st_size
     places = []
-    for column in columns_for(scene.store):
+    for column in columns_for(scene):
         dataset = _dataset(file, path, column)
         shape = column.shape(rows, scene.surface.nodes)
         _check_kind(dataset, path, column, shape)

@@ -42,7 +42,7 @@ def lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str 
     HDF5 allocates the columns but does not fill them: when the disk runs full inside HDF5's own
     filling, it can neither close the file nor leave without a crash. `fill` does it instead.
     """
-    columns = columns_for(scene.store)
+    columns = columns_for(scene)
     # A superblock of version 2: the next one marks files as open and a killed writer would leave
     # the mark. Creation order is kept: readers then list the columns in the schema's order.
     with h5py.File(path, "w", libver=("v108", "v110"), track_order=True, locking=False) as file:
@@ -113,7 +113,7 @@ def _add(
 
 def fill(file: h5py.File, scene: Scene, first: int, last: int) -> None:
     """Write NaN, 0 and empty texts into a file's rows first..last, which takes the disk space."""
-    for column in columns_for(scene.store):
+    for column in columns_for(scene):
         dataset = file[column.path]
         for start, stop in chunks(last, column.row_bytes(scene.surface.nodes), first):
             shape = column.shape(stop - start, scene.surface.nodes)

@@ -104,7 +104,7 @@ def _remove_leftovers(real: Path) -> None:
 
 def _require_room(path: Path, scene: Scene, rows: int) -> None:
     """Refuse a file that cannot fit before it fills the disk; quotas show only on writing."""
-    needed = rows * row_bytes(scene.store, scene.surface.nodes)
+    needed = rows * row_bytes(scene)
     free = shutil.disk_usage(path.resolve().parent).free
     if needed > free:
         raise InputError(

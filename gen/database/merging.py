@@ -57,9 +57,7 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         with new_file(target, scene, rows) as temporary:
             lay_out(temporary, scene, rows, attributes)
             with open_file(temporary, writing=True) as file:
-                widest = max(
-                    column.row_bytes(scene.surface.nodes) for column in columns_for(scene.store)
-                )
+                widest = max(column.row_bytes(scene.surface.nodes) for column in columns_for(scene))
                 held = {path: rows_of(read_attributes(each)) for path, each in files.items()}
                 for start, stop in chunks(scene.samples, widest):
                     here = {
@@ -111,7 +109,7 @@ def _merge_rows(
     done = status == Status.DONE
     merit = 2 * done + (status == Status.FAILED)
     owner = merit.argmax(axis=0)
-    for column in columns_for(scene.store):
+    for column in columns_for(scene):
         merged = np.full(column.shape(stop - start, nodes), column.fill, dtype=column.dtype)
         for index, path in enumerate(paths):
             known = np.flatnonzero(merit[index])

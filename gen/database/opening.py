@@ -59,7 +59,7 @@ class OpenDatabase:
 
     def columns(self) -> tuple[Column, ...]:
         """List the file's columns, in the schema's order."""
-        return columns_for(self.scene.store)
+        return columns_for(self.scene)
 
     def counts(self) -> Counts:
         """Count the rows by status."""

@@ -1,4 +1,4 @@
-"""Check a database: what can be said from its columns, and rows computed again bit for bit."""
+"""Checks of a database: its columns against plan and limits, rows recomputed bit for bit."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,29 +6,32 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gen.arrays import Columns
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows
 from gen.schema import REASONS, Reason, Status
 
 CHUNK_ROWS = 65_536
-"""Rows that are looked at together."""
-
-Rows = dict[str, NDArray[np.float64]]
+"""Rows that are read and checked together."""
 
 
 def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:
-    """Find what is wrong with a database, one line a fault.
+    """Find the faults of a database.
 
     Parameters
     ----------
-    path : the database
-    recompute : number of finished rows, drawn at random, to compute again
-    seed : of the draw
+    path : Path
+        The database.
+    recompute : int
+        Number of finished rows, drawn at random, to compute again.
+    seed : int
+        Seed of the draw.
 
     Yields
     ------
-    What is wrong and in which row; nothing for a sound file
+    str
+        One line for each fault, with the row; nothing for a sound file.
 
     Raises
     ------
@@ -55,7 +58,7 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:
 def _chunk_faults(
     reader: Reader, start: int, stop: int, status: NDArray[np.uint8]
 ) -> Iterator[str]:
-    """Compare the columns of a chunk with its plan and with what they have to fulfil."""
+    """Compare the columns of a chunk with its plan, and refuse values that are not finite."""
     scene = reader.scene
     done, failed = status == Status.DONE, status == Status.FAILED
     reason = reader.column("reason", start, stop)
@@ -66,12 +69,12 @@ def _chunk_faults(
     for name in ("surface", "hurst", "sigma0", "delta"):
         unplanned = reader.column(name, start, stop) != getattr(plan, name)
         yield from _row_faults((done | failed) & unplanned, start, f"{name} is not the plan's")
-    rows: Rows = {}
+    rows: Columns = {}
     for column in reader.columns():
         if column.dtype[0] != "f" or not column.deterministic:
             continue
         if column.shape_of:
-            continue  # fields are compared where rows are computed again
+            continue  # only recomputation compares fields
         rows[column.name] = reader.column(column.name, start, stop)
         unknown = ~np.isfinite(rows[column.name])
         yield from _row_faults(done & unknown, start, f"{column.name} is not finite")
@@ -83,10 +86,10 @@ def _range_faults(
     reader: Reader,
     start: int,
     done: NDArray[np.bool_],
-    rows: Rows,
+    rows: Columns,
     contact_nodes: NDArray[np.int32],
 ) -> Iterator[str]:
-    """Compare done rows with the limits that no solution can leave."""
+    """Compare done rows with the limits that hold for every solution."""
     scene = reader.scene
     area, total = rows["area_percent"], scene.surface.nodes**2
     yield from _row_faults(done & ~((area >= 0) & (area <= 100)), start, "area outside 0 to 100 %")
@@ -100,7 +103,7 @@ def _range_faults(
 
 
 def _row_faults(wrong: NDArray[np.bool_], start: int, fault: str) -> Iterator[str]:
-    """One line for all the rows of a chunk that share a fault."""
+    """Yield one line for all the rows of a chunk that share a fault."""
     rows = start + np.flatnonzero(wrong)
     if rows.size:
         others = f" and {rows.size - 1} more rows" if rows.size > 1 else ""
@@ -108,7 +111,7 @@ def _row_faults(wrong: NDArray[np.bool_], start: int, fault: str) -> Iterator[st
 
 
 def _recomputed_faults(reader: Reader, row: int) -> Iterator[str]:
-    """Compute a row again, with the others of its surface, and compare the bits."""
+    """Compute a row again, with the other rows of its surface, and compare the bits."""
     m = reader.scene.samples_per_surface
     first = row // m * m
     again = compute_rows(reader.scene, first, min(first + m, reader.scene.samples))

@@ -1,4 +1,4 @@
-"""How computed rows get into the file: through the master, or from every worker by itself."""
+"""Two ways of computed rows into the file: through the master, or from every worker itself."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, Self
 
 import numpy as np
 
-from gen.generation.sample import Rows, finished_parts
+from gen.arrays import Columns
+from gen.generation.sample import finished_parts
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.scene import Scene
@@ -18,21 +19,25 @@ if TYPE_CHECKING:  # a worker that writes nothing needs no HDF5
     from gen.database import Writer
 
 Block = tuple[int, int]
-"""First row, and one past the last."""
+"""First row of a task, and one past the last."""
 
 Choice = Literal["auto", "single", "parallel"]
-"""What a user can ask for."""
+"""Writers that a user can ask for."""
 
 
 class Target(NamedTuple):
-    """What is written, and how: the master's decision, the same on every process.
+    """The file to write and its writer: the master's decision, the same on every process.
 
     Attributes
     ----------
-    path : the database, from `gen.database.open_or_create`
-    scene : the file's scene
-    parallel : True if every worker writes its own rows
-    force : True to add rows to those of a version of the code that computes other results
+    path : Path
+        The database, from `gen.database.open_or_create`.
+    scene : Scene
+        Scene of the file.
+    parallel : bool
+        Whether every worker writes its own rows.
+    force : bool
+        Whether rows may be added to those of another physics number.
     """
 
     path: Path
@@ -42,13 +47,16 @@ class Target(NamedTuple):
 
 
 class Tally(NamedTuple):
-    """What has become of the rows of a block.
+    """Counts of the rows of a block by their fate.
 
     Attributes
     ----------
-    failed : number of failed rows
-    overdue : number of rows that took longer than they may and are pending still
-    trouble : why the rows could not be written, "" if they could
+    failed : int
+        Number of failed rows.
+    overdue : int
+        Number of rows that took longer than the limit and are still pending.
+    trouble : str
+        Reason why the rows could not be written; "" if they were.
     """
 
     failed: int
@@ -57,16 +65,21 @@ class Tally(NamedTuple):
 
 
 class ThroughMaster:
-    """Rows travel to the master, which writes them: the single writer.
+    """The single writer: rows travel to the master, which writes them.
 
     Parameters
     ----------
-    target : what is written
-    world : the processes; the master writes
-    compute : every column of a block's rows; those that are pending are not written
+    target : Target
+        The file to write.
+    world : farm.World
+        The processes, of which the master writes.
+    compute : callable
+        Function that computes every column of a block's rows; pending rows are not written.
     """
 
-    def __init__(self, target: Target, world: farm.World, compute: Callable[[Block], Rows]) -> None:
+    def __init__(
+        self, target: Target, world: farm.World, compute: Callable[[Block], Columns]
+    ) -> None:
         self.work = compute
         self._writer: Writer | None = None
         if world.is_master:
@@ -84,11 +97,11 @@ class ThroughMaster:
             self._writer.close()
 
     def confirm(self) -> None:
-        """Refuse a file that is no longer what was opened, on the master."""
+        """Refuse, on the master, a file that has been replaced since it was opened."""
         if self._writer is not None:
             self._writer.confirm()
 
-    def take(self, block: Block, rows: Rows) -> Tally:
+    def take(self, block: Block, rows: Columns) -> Tally:
         """Write the rows that `work` has computed, on the master."""
         if self._writer is None:
             raise ValueError("rows are taken on the master only")
@@ -96,15 +109,20 @@ class ThroughMaster:
 
 
 class FromWorkers:
-    """Every worker writes what it has computed; the master hears how it went.
+    """The parallel writer: every worker writes its own rows, and the master receives the counts.
+
+    All processes make one of these and leave its block together, because they open and close the
+    file together.
 
     Parameters
     ----------
-    target, world, compute : see `ThroughMaster`; all processes make one of these and leave its
-        block together, because they open and close the file together
+    target, world, compute
+        As for `ThroughMaster`.
     """
 
-    def __init__(self, target: Target, world: farm.World, compute: Callable[[Block], Rows]) -> None:
+    def __init__(
+        self, target: Target, world: farm.World, compute: Callable[[Block], Columns]
+    ) -> None:
         from gen import database
 
         self._compute = compute
@@ -121,7 +139,7 @@ class FromWorkers:
         self._writer.close()
 
     def confirm(self) -> None:
-        """Refuse a file that is no longer what was opened, on any process."""
+        """Refuse, on any process, a file that has been replaced since it was opened."""
         self._writer.confirm()
 
     def work(self, block: Block) -> Tally:
@@ -133,14 +151,14 @@ class FromWorkers:
             return Tally(0, 0, str(error))
 
     def take(self, block: Block, tally: Tally) -> Tally:
-        """Hear what a worker has written, on the master; raise its InputError here."""
+        """Return a worker's counts on the master; raise the worker's InputError here."""
         if tally.trouble:
             raise InputError(tally.trouble)
         return tally
 
 
-def _write(writer: Writer, block: Block, rows: Rows) -> Tally:
-    """Write the finished rows of a block."""
+def _write(writer: Writer, block: Block, rows: Columns) -> Tally:
+    """Write the finished rows of a block, and count its rows."""
     finished = 0
     for start, stop, part in finished_parts(block[0], rows):
         writer.write_block(start, stop, part)
@@ -150,25 +168,25 @@ def _write(writer: Writer, block: Block, rows: Rows) -> Tally:
 
 
 def delivery(
-    target: Target, world: farm.World, compute: Callable[[Block], Rows]
+    target: Target, world: farm.World, compute: Callable[[Block], Columns]
 ) -> ThroughMaster | FromWorkers:
-    """Open the database as the target says; every process of the world has to call it.
+    """Open the database for the target's writer; every process of the world has to call it.
 
     Raises
     ------
     InputError
-        If the file cannot be opened: on the master, or on all that write.
+        If the file cannot be opened: on the master, or on every process that writes.
     """
     return (FromWorkers if target.parallel else ThroughMaster)(target, world, compute)
 
 
 def in_parallel(choice: Choice, path: Path, world: farm.World) -> bool:
-    """Decide who writes; `auto` takes the parallel writer where it can and may be taken.
+    """Decide whether workers write; `auto` means the parallel writer wherever it is safe.
 
     Raises
     ------
     InputError
-        If the parallel writer is asked for where there is none.
+        If the parallel writer is asked for and not available.
     """
     from gen import database
 

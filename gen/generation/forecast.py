@@ -1,4 +1,4 @@
-"""What a scene is going to cost: its plan in numbers, and a few samples measured."""
+"""Forecast of a scene's cost: its plan in numbers, and the time of a few samples."""
 
 import resource
 import time
@@ -15,10 +15,10 @@ MEASURED_SURFACES = 16
 """Surfaces computed for an estimate, spread evenly over the plan."""
 
 COUNTED_ROWS = 1_000_000
-"""Planned rows that are looked at one by one; more are as their distribution says."""
+"""Largest number of planned rows that are drawn one by one; for more, the distribution stands."""
 
 MEASURED_LOADS = 4
-"""Samples computed on each of them, at most."""
+"""Largest number of samples computed on each of these surfaces."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,13 @@ class Plan:
 
     Attributes
     ----------
-    samples, surfaces, nodes : numbers of rows, of surfaces and of nodes a side
-    delta : smallest, mean and largest displacement [um], of the planned rows, or of what they are
-        drawn from if they are more than `COUNTED_ROWS`
-    file_bytes : size of the database's columns [bytes]
+    samples, surfaces, nodes : int
+        Numbers of rows, of surfaces and of nodes a side.
+    delta : tuple of float
+        Smallest, mean and largest displacement [um] of the planned rows, or of their distribution
+        if there are more than `COUNTED_ROWS`.
+    file_bytes : int
+        Size of the database's columns [bytes].
     """
 
     samples: int
@@ -42,15 +45,20 @@ class Plan:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A run's cost, extrapolated from measured samples.
+    """Cost of a run, extrapolated from measured samples.
 
     Attributes
     ----------
-    measured : number of rows that were computed
-    milliseconds : mean time of a sample on one worker [ms]
-    workers : processes that compute
-    seconds : of the run [s]
-    memory_bytes : of all processes [bytes]
+    measured : int
+        Number of rows that were computed.
+    milliseconds : float
+        Mean time of a sample on one worker [ms].
+    workers : int
+        Number of processes that compute.
+    seconds : float
+        Time of the run [s].
+    memory_bytes : int
+        Memory of all processes [bytes].
     """
 
     measured: int
@@ -61,23 +69,29 @@ class Estimate:
 
 
 def plan_of(scene: Scene) -> Plan:
-    """Look at the plan of a scene without computing anything, in a time that no scene exceeds.
+    """Summarise the plan of a scene without computing a row, in a bounded time.
 
     Parameters
     ----------
-    scene : what to generate
+    scene : Scene
+        Description of the samples.
+
+    Returns
+    -------
+    Plan
+        The plan in numbers.
     """
     return Plan(
         samples=scene.samples,
         surfaces=scene.surfaces,
         nodes=scene.surface.nodes,
         delta=_displacements(scene),
-        file_bytes=scene.samples * row_bytes(scene.store, scene.surface.nodes),
+        file_bytes=scene.samples * row_bytes(scene),
     )
 
 
 def _displacements(scene: Scene) -> tuple[float, float, float]:
-    """Smallest, mean and largest displacement [um]."""
+    """Return the smallest, the mean and the largest displacement [um]."""
     if scene.samples <= COUNTED_ROWS:
         delta = parameters(scene, 0, scene.samples).delta
         return float(delta.min()), float(delta.mean()), float(delta.max())
@@ -88,12 +102,19 @@ def _displacements(scene: Scene) -> tuple[float, float, float]:
 
 
 def estimate(scene: Scene, ranks: int) -> Estimate:
-    """Measure a few samples here and extrapolate to a run.
+    """Measure a few samples on this machine and extrapolate to a run.
 
     Parameters
     ----------
-    scene : what to generate
-    ranks : processes under mpiexec, of which rank 0 hands out the work; 1 works alone
+    scene : Scene
+        Description of the samples.
+    ranks : int
+        Number of processes under mpiexec, of which rank 0 hands out the work; 1 works alone.
+
+    Returns
+    -------
+    Estimate
+        Time and memory of the run.
     """
     m = scene.samples_per_surface
     surfaces = np.unique(np.linspace(0, scene.surfaces - 1, MEASURED_SURFACES).astype(int)).tolist()

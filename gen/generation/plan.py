@@ -1,13 +1,13 @@
-"""The plan: what each row of a database is about, a pure function of the scene and the row.
+"""The plan: the parameters of each row of a database, a pure function of the scene and the row.
 
 With m samples per surface, row i belongs to surface i // m. The Hurst exponent, sigma0 and the
 far-field displacements come from one random stream per chunk of 65,536 surfaces, laid out as
 
     hurst (65536), sigma0 (65536), delta (65536, m, 2: which piece, where in its range)
 
-and the noise of surface s from a stream of its own. Neither depends on the number of samples, on
-ranks, on order or on restarts. This layout is part of a database's physics: another one gives
-other surfaces and loads for the same scene.
+and the displacements of surface s from a stream of its own. Neither depends on the number of
+samples, on ranks, on order or on restarts. This layout is part of a database's physics: another
+layout gives other surfaces and loads for the same scene.
 """
 
 from collections.abc import Iterable, Iterator
@@ -19,19 +19,23 @@ from numpy.typing import NDArray
 from gen.scene import Piece, Scene
 
 CHUNK = 65_536
-"""Surfaces that share a stream. One stream per row would take minutes for millions of rows."""
+"""Surfaces that share a stream: one stream per row would take minutes for millions of rows."""
 
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
-    """What rows start..stop are to be generated with.
+    """Parameters of consecutive rows.
 
     Attributes
     ----------
-    surface : (stop - start,) index of the row's surface [1]
-    hurst : (stop - start,) Hurst exponent of the row's surface [1]
-    sigma0 : (stop - start,) standard deviation of the first displacements of that surface [um]
-    delta : (stop - start,) far-field displacement [um]
+    surface : ndarray of int, shape (rows,)
+        Index of the row's surface.
+    hurst : ndarray, shape (rows,)
+        Hurst exponent of the row's surface [1].
+    sigma0 : ndarray, shape (rows,)
+        Standard deviation of the surface's first displacements [um].
+    delta : ndarray, shape (rows,)
+        Far-field displacement [um].
     """
 
     surface: NDArray[np.int64]
@@ -41,13 +45,20 @@ class Parameters:
 
 
 def parameters(scene: Scene, start: int, stop: int) -> Parameters:
-    """Parameters of the rows start..stop, equal to this slice of the whole plan.
+    """Draw the parameters of the rows start to stop - 1, a slice of the whole plan.
 
     Parameters
     ----------
-    scene : what to generate
-    start, stop : first row, and one past the last; rows past `scene.samples` are those that more
-        samples of the same scene would add
+    scene : Scene
+        Description of the samples.
+    start, stop : int
+        First row, and one past the last. Rows beyond `scene.samples` are those that more samples
+        of the same scene would add.
+
+    Returns
+    -------
+    dataclass of ndarray
+        The values of stop - start rows, see `Parameters`.
 
     Raises
     ------
@@ -70,12 +81,14 @@ def parameters(scene: Scene, start: int, stop: int) -> Parameters:
 
 
 def surface_random(scene: Scene, surface: int | np.int64) -> np.random.Generator:
-    """The random generator of one surface's noise.
+    """Make the random generator of one surface's displacements.
 
     Parameters
     ----------
-    scene : what to generate; only its seed counts
-    surface : index of the surface, below 2^32
+    scene : Scene
+        Description of the samples, of which only the seed counts.
+    surface : int
+        Index of the surface, below 2^32.
     """
     return np.random.Generator(_stream(scene.seed, int(surface)))
 
@@ -89,25 +102,32 @@ def blocks(
     largest: int,
     smallest: int = 1,
 ) -> Iterator[tuple[int, int]]:
-    """Cut pending rows into tasks, large at first and shrinking to the end.
+    """Cut pending rows into blocks, the tasks of workers, which become smaller towards the end.
 
     Guided self-scheduling (Polychronopoulos and Kuck, 1987): a block is a third of one worker's
-    share of what remains, so that a slow block at the end keeps nobody waiting for long. A block
-    ends with a surface where it can, so that few surfaces are generated twice.
+    share of the remaining rows, so that a slow block at the end delays the run little. A block
+    ends with a surface if possible, so that few surfaces are generated twice.
 
     Parameters
     ----------
-    pending : ranges (start, stop) of rows, ascending, without overlap
-    samples : number of planned rows; no block goes beyond
-    samples_per_surface : rows of one surface
-    workers : number of workers that the blocks are for
-    largest : number of rows that a block may have
-    smallest : number of rows that a block should have, where so many are left: the master of many
-        workers cannot write for each of them row by row
+    pending : iterable of (int, int)
+        Ranges (start, stop) of rows, ascending, without overlap.
+    samples : int
+        Number of planned rows, which no block exceeds.
+    samples_per_surface : int
+        Rows of one surface.
+    workers : int
+        Number of workers that share the blocks.
+    largest : int
+        Largest number of rows of a block.
+    smallest : int
+        Smallest number of rows of a block while that many rows are left: one master cannot serve
+        many workers row by row.
 
     Yields
     ------
-    Ranges (start, stop) of rows, ascending, that hold every pending row once and no other.
+    tuple of int and int
+        Ranges (start, stop) of rows, ascending, that hold every pending row once and no other.
 
     Raises
     ------
@@ -132,7 +152,7 @@ def blocks(
 
 
 def _border(position: int, rows: int, samples_per_surface: int, largest: int) -> int:
-    """Where a block of some rows ends: with a surface, unless one alone is more than `largest`."""
+    """Return the end of a block of `rows` rows: that of a surface if `largest` allows it."""
     aligned = (position + rows) // samples_per_surface * samples_per_surface
     if aligned > position:
         return aligned
@@ -141,7 +161,7 @@ def _border(position: int, rows: int, samples_per_surface: int, largest: int) ->
 
 
 def _ascending(ranges: list[tuple[int, int]], samples: int) -> list[tuple[int, int]]:
-    """The ranges, if they ascend within the plan."""
+    """Refuse ranges that do not ascend within the plan."""
     previous = 0
     for start, stop in ranges:
         if not previous <= start <= stop <= samples:
@@ -153,19 +173,24 @@ def _ascending(ranges: list[tuple[int, int]], samples: int) -> list[tuple[int, i
 
 
 def _stream(seed: int, *key: int) -> np.random.PCG64:
-    """An independent stream for each key; named, as NumPy may change what `default_rng` takes."""
+    """Make an independent stream for a key.
+
+    The bit generator is named because NumPy may change the one that `default_rng` takes.
+    """
     return np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key))
 
 
 def _uniform_numbers(
     seed: int, samples_per_surface: int, first: int, last: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Numbers in [0, 1) for the surfaces first..last, cut from their chunks' streams.
+    """Draw numbers in [0, 1) for the surfaces first to last - 1 from their chunks' streams.
 
     Returns
     -------
-    hurst, sigma0 : (last - first,) [1]
-    delta : (last - first, samples_per_surface, 2) [1]
+    hurst, sigma0 : ndarray, shape (last - first,)
+        One number for each surface.
+    delta : ndarray, shape (last - first, samples_per_surface, 2)
+        Two numbers for each sample.
     """
     hurst, sigma0 = np.empty(last - first), np.empty(last - first)
     delta = np.empty((last - first, samples_per_surface, 2))
@@ -194,27 +219,30 @@ def _within(
     high: NDArray[np.float64] | float,
     uniform: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Numbers in [0, 1) carried over to [low, high].
+    """Map numbers in [0, 1) linearly to [low, high].
 
-    Rounding cannot step over the end: the largest number, 1 - 2^-53, takes off as much as rounding
-    high - low can have added.
+    Rounding cannot exceed the upper end: the largest number, 1 - 2^-53, takes off as much as the
+    rounding of high - low can add.
     """
     return low + (high - low) * uniform
 
 
 def _displacement(pieces: tuple[Piece, ...], uniform: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Far-field displacement from pairs of numbers in [0, 1): which piece, where in its range.
+    """Turn pairs of numbers in [0, 1) into displacements: one chooses the piece, one the place.
 
     Parameters
     ----------
-    pieces : shares, and ranges [um]
-    uniform : (rows, 2)
+    pieces : tuple of Piece
+        Shares, and ranges [um].
+    uniform : ndarray, shape (rows, 2)
+        The pairs of numbers.
 
     Returns
     -------
-    (rows,) far-field displacement [um]
+    ndarray, shape (rows,)
+        Far-field displacements [um].
     """
-    # The last piece takes what is left: rounded shares cannot leave a gap below 1.
+    # The last piece takes the rest: rounded shares cannot leave a gap below 1.
     borders = np.cumsum([piece.share for piece in pieces])[:-1]
     ranges = np.array([piece.range for piece in pieces])
     low, high = ranges[np.searchsorted(borders, uniform[:, 0], side="right")].T

@@ -1,4 +1,4 @@
-"""The main job: generate what a database lacks, on one process or on many."""
+"""The main job: generate the rows that a database lacks, on one process or on many."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gen.arrays import Columns
 from gen.generation import plan
 from gen.generation.delivery import (
     Block,
@@ -20,7 +21,7 @@ from gen.generation.delivery import (
     delivery,
     in_parallel,
 )
-from gen.generation.sample import Rows, compute_rows
+from gen.generation.sample import compute_rows
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.interruption import Interruption
@@ -31,32 +32,35 @@ if TYPE_CHECKING:  # a worker that writes nothing needs neither HDF5 nor a progr
     from gen.database import Counts
 
 BLOCK_ROWS = 64
-"""Rows of a block at most, for few workers: contiguous rows are written together, and a stop waits
-for them."""
+"""Largest number of rows of a block, for few workers: contiguous rows are written together, and a
+stop waits for them."""
 
 BLOCK_NODES = 64 * 129**2
-"""Nodes of a block at most, unless one row has more: a stop waits for what is in flight."""
+"""Largest number of nodes of a block, unless one row has more: a stop waits for blocks at work."""
 
 ANSWER_NODES = 129**2 / 10
-"""Nodes of which the contact is solved in the time that the master takes for one block: hand out,
-receive, write (measured by `python -m bench scale`)."""
+"""Number of nodes whose contact a worker solves in the time that the master takes to hand out,
+receive and write one block (measured by `python -m bench scale`)."""
 
 MASTER_SHARE = 1.5
-"""A block keeps its worker so many times as long as the master takes for one of each worker."""
+"""Smallest ratio of a block's compute time to the master's time to serve every worker once."""
 
 BLOCK_BYTES = 8 * 2**20
-"""Bytes of a block at most, unless one row has more: fields make blocks small."""
+"""Largest size of a block [bytes], unless one row has more: fields make blocks small."""
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """How a run ended, the same on every process.
+class RunResult:
+    """State in which a run left its database, the same on every process.
 
     Attributes
     ----------
-    counts : rows pending, done and failed in the file
-    signal : number of the signal that interrupted the run, 0 if none did
-    overdue : rows that were left pending because they took longer than the limit
+    counts : Counts
+        Numbers of pending, done and failed rows in the file.
+    signal : int
+        Number of the signal that interrupted the run; 0 if none did.
+    overdue : int
+        Number of rows left pending because they took longer than the limit.
     """
 
     counts: Counts
@@ -66,18 +70,26 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Request:
-    """What to generate and where.
+    """Request to generate rows of a scene into a file.
 
     Attributes
     ----------
-    scene : a shipped scene's name, or the path of a TOML file
-    path : the database
-    rows : first row and one past the last of those to compute, None for all; a job array's share
-    retry_failed : True to compute failed rows again
-    force : True to continue a file of another physics number
-    sample_limit : wall-clock time for a surface, and for each contact on it [s]; a sample that
-        takes longer is left pending; None for no limit
-    writer : who writes: the master, every worker its own rows, or as this h5py allows
+    scene : str
+        Name of a shipped scene, or path of a TOML file.
+    path : Path
+        The database.
+    rows : tuple of int or None
+        First row to compute and one past the last, as for a share of a job array; None for all.
+    retry_failed : bool
+        Whether failed rows are computed again.
+    force : bool
+        Whether a file of another physics number may be continued.
+    sample_limit : float or None
+        Wall-clock time allowed for a surface, and for each contact on it [s]; a sample that takes
+        longer is left pending. None for no limit.
+    writer : str
+        Writer of the rows: the master ("single"), every worker its own rows ("parallel"), or the
+        latter if this h5py and the file system allow it ("auto").
     """
 
     scene: str
@@ -89,20 +101,27 @@ class Request:
     writer: Choice = "auto"
 
 
-def generate_database(request: Request, world: farm.World) -> Outcome:
+def generate_database(request: Request, world: farm.World) -> RunResult:
     """Create or continue a database; every process of the world has to call it.
 
     Parameters
     ----------
-    request : what to generate and where
-    world : the processes; the master reads, checks and hands out, the others compute
+    request : Request
+        Scene, file and options.
+    world : farm.World
+        The processes: the master reads, checks and hands out work, the workers compute.
+
+    Returns
+    -------
+    RunResult
+        State of the file at the end of the run.
 
     Raises
     ------
     InputError
         On the master, for a scene or a file that cannot be used, or a full disk.
     gen.runtime.farm.MasterLeft
-        On the workers then.
+        On the workers in these cases.
     """
     with ExitStack() as stack:
         # From here on a signal is noted; it takes effect between two blocks, not in a broadcast.
@@ -116,7 +135,7 @@ def generate_database(request: Request, world: farm.World) -> Outcome:
 
 
 class _Job:
-    """The master's side of a run: the locked file, ready to be written, and what it lacks."""
+    """The master's side of a run: the locked file, ready for writing, and its pending rows."""
 
     def __init__(self, request: Request, world: farm.World) -> None:
         from gen import database
@@ -148,21 +167,29 @@ class _Job:
         self._stack.close()
 
     def blocks(self, world: farm.World) -> Iterator[Block]:
-        """Cut what the file lacks into tasks."""
+        """Cut the pending rows into tasks."""
         return blocks_of(self.target.scene, self.pending, world.workers)
 
 
 def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Block]:
-    """Cut pending rows into the tasks of a run, as large as this scene's rows allow.
+    """Cut pending rows into the blocks of a run, as large as the size of a row allows.
 
     Parameters
     ----------
-    scene : what is generated
-    pending : ranges of rows, ascending
-    workers : number of workers that the blocks are for
+    scene : Scene
+        Description of the samples.
+    pending : list of (int, int)
+        Ranges (start, stop) of rows, ascending.
+    workers : int
+        Number of workers that share the blocks.
+
+    Returns
+    -------
+    iterator of (int, int)
+        The blocks, see `gen.generation.plan.blocks`.
     """
     nodes = scene.surface.nodes
-    most = max(1, BLOCK_BYTES // row_bytes(scene.store, nodes))
+    most = max(1, BLOCK_BYTES // row_bytes(scene))
     least = max(1, min(most, _least_rows(nodes, sum(b - a for a, b in pending), workers)))
     return plan.blocks(
         pending,
@@ -175,10 +202,10 @@ def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Bloc
 
 
 def _least_rows(nodes: int, rows: int, workers: int) -> int:
-    """Rows of a block below which many workers would wait for the one master.
+    """Return the number of rows of a block below which many workers would wait for the master.
 
-    It has to answer all workers in the time of a block. Where there are few rows for each worker it
-    is enough that it deals with all blocks there are in that time: larger ones would idle workers.
+    The master has to answer all workers in the time of a block. If there are few rows for each
+    worker, it is enough to deal with all blocks in that time: larger blocks would idle workers.
     """
     answer = ANSWER_NODES / nodes**2  # the master's time for a block, in solves
     return int(min(MASTER_SHARE * workers * answer, sqrt(rows * answer)))
@@ -190,24 +217,24 @@ def _work_off(
     delivered: ThroughMaster | FromWorkers,
     world: farm.World,
     interruption: Interruption,
-) -> Outcome:
-    """Run the farm; the outcome of the master is everybody's.
+) -> RunResult:
+    """Run the farm, and broadcast the master's result.
 
-    Where all processes have opened the file, all of them have to close it: between here and the
-    farm the master does nothing that could fail.
+    If all processes have opened the file, all of them have to close it: between here and the farm
+    the master does nothing that can fail.
     """
     with delivered:
         if job is None:
             farm.run(delivered.work, blocks, _ignore, world)
         else:
             ended = _supervise(job, blocks, delivered, world, interruption)
-    # All who wrote have closed the file: what stands in it now is how the run ended.
-    outcome: Outcome = world.broadcast(None if job is None else _counted(job.target.path, ended))
-    return outcome
+    # Every writer has closed the file: its rows can be counted now.
+    result: RunResult = world.broadcast(None if job is None else _counted(job.target.path, ended))
+    return result
 
 
-def _counted(path: Path, ended: Outcome) -> Outcome:
-    """Count the rows."""
+def _counted(path: Path, ended: RunResult) -> RunResult:
+    """Count the rows of the file by status."""
     from gen import database
 
     with database.Reader(path) as reader:
@@ -220,8 +247,8 @@ def _supervise(
     delivered: ThroughMaster | FromWorkers,
     world: farm.World,
     interruption: Interruption,
-) -> Outcome:
-    """The master's part: hand out blocks, take what comes back, say how it ended."""
+) -> RunResult:
+    """Do the master's part: hand out blocks, take the results, and note signals and late rows."""
     from gen.database import Counts
     from gen.runtime.progress import RunProgress
 
@@ -238,11 +265,11 @@ def _supervise(
 
         farm.run(delivered.work, blocks, take, world, stopping=interruption.requested)
         delivered.confirm()
-    return Outcome(Counts(0, 0, 0), interruption.signal, overdue)
+    return RunResult(Counts(0, 0, 0), interruption.signal, overdue)
 
 
 def _opening_line(job: _Job, todo: int, world: farm.World) -> str:
-    """What is about to happen."""
+    """Describe the run that is about to begin."""
     again = f", {job.retried} failed ones among them" if job.retried else ""
     workers = "worker" if world.workers == 1 else "workers"
     writer = "parallel" if job.target.parallel else "single"
@@ -252,10 +279,10 @@ def _opening_line(job: _Job, todo: int, world: farm.World) -> str:
     )
 
 
-def _compute_block(scene: Scene, rank: int, limit: float | None, block: Block) -> Rows:
-    """Do a worker's task."""
+def _compute_block(scene: Scene, rank: int, limit: float | None, block: Block) -> Columns:
+    """Compute the rows of a worker's block."""
     return compute_rows(scene, *block, rank=rank, limit=limit)
 
 
 def _ignore(block: Block, result: Any) -> None:
-    """Drop results: only the master has any."""
+    """Drop a result: only the master receives any."""

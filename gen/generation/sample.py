@@ -1,15 +1,14 @@
-"""Compute the rows of a database: surface, statistics, contact, one after the other."""
+"""Computation of the rows of a database: surface, statistics and contact, one after another."""
 
 import itertools
 import socket
 import time
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import bem
+from gen.arrays import Columns, Heights
 from gen.generation.plan import Parameters, parameters, surface_random
 from gen.runtime.errors import InputError
 from gen.runtime.memory import too_little_for_solve
@@ -19,34 +18,36 @@ from gen.schema import Reason, Status, columns_for
 from gen.statistics import Description, describe
 from gen.surface import generate
 
-Heights = NDArray[np.float64]
-Rows = dict[str, NDArray[Any]]
-
 
 def compute_rows(
     scene: Scene, start: int, stop: int, rank: int = 0, limit: float | None = None
-) -> Rows:
-    """Generate, describe and solve the samples start..stop.
+) -> Columns:
+    """Generate, describe and solve the samples start to stop - 1.
 
     A surface is generated and described once for all its samples. A sample that cannot be solved
-    is a failed row with its reason, not an error; what else is raised is a bug and passes.
+    becomes a failed row with its reason; every other exception is a bug and passes through.
 
     Parameters
     ----------
-    scene : what to generate
-    start, stop : first row, and one past the last
-    rank : of this process, for the record
-    limit : wall-clock time for a surface, and for each contact on it [s]; a sample that takes
-        longer is left pending; None for no limit
+    scene : Scene
+        Description of the samples.
+    start, stop : int
+        First row, and one past the last.
+    rank : int
+        MPI rank of this process, for the record.
+    limit : float or None
+        Wall-clock time allowed for a surface, and for each contact on it [s]; a sample that takes
+        longer is left pending. None for no limit.
 
     Returns
     -------
-    Every column of `gen.schema.columns_for(scene.store)` by name, with stop - start rows
+    Columns
+        Every column of `gen.schema.columns_for(scene)`, with stop - start rows.
 
     Raises
     ------
     InputError
-        If memory runs out: it is not the sample's fault, so that no row has failed.
+        If memory runs out: that is not the sample's fault, so no row has failed.
     """
     try:
         return _computed(scene, start, stop, rank, limit)
@@ -54,10 +55,10 @@ def compute_rows(
         raise too_little_for_solve(scene.shape) from None
 
 
-def _computed(scene: Scene, start: int, stop: int, rank: int, limit: float | None) -> Rows:
-    """Compute the rows start..stop, as far as memory goes."""
+def _computed(scene: Scene, start: int, stop: int, rank: int, limit: float | None) -> Columns:
+    """Compute the rows start to stop - 1 without handling a lack of memory."""
     plan = parameters(scene, start, stop)
-    rows = _empty_rows(scene, stop - start)
+    rows = _pending_rows(scene, stop - start)
     for name in ("surface", "hurst", "sigma0", "delta"):
         rows[name][:] = getattr(plan, name)
     rows["rank"][:] = rank
@@ -68,17 +69,20 @@ def _computed(scene: Scene, start: int, stop: int, rank: int, limit: float | Non
     return rows
 
 
-def finished_parts(start: int, rows: Rows) -> Iterator[tuple[int, int, Rows]]:
-    """Cut what `compute_rows` returned so that no pending row is left in it.
+def finished_parts(start: int, rows: Columns) -> Iterator[tuple[int, int, Columns]]:
+    """Cut pending rows out of the result of `compute_rows`.
 
     Parameters
     ----------
-    start : first row
-    rows : every column by name
+    start : int
+        Number of the first row.
+    rows : Columns
+        Every column of the rows.
 
     Yields
     ------
-    (start, stop, rows) : of every run of finished rows, as long as possible
+    tuple of int, int and Columns
+        First row, one past the last, and the columns of every longest run of finished rows.
     """
     finished = rows["status"] != Status.PENDING
     edges = np.flatnonzero(np.diff(finished, prepend=False, append=False)).tolist()
@@ -88,7 +92,7 @@ def finished_parts(start: int, rows: Rows) -> Iterator[tuple[int, int, Rows]]:
 
 
 def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
-    """(n, n) heights of the surface that a row of the plan is about [um]."""
+    """Generate the surface of one row of a plan: heights (n, n) [um]."""
     return generate(
         scene.surface.generator,
         scene.surface.nodes,
@@ -99,7 +103,10 @@ def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
 
 
 def solve_contact(scene: Scene, heights: Heights, delta: float) -> bem.Contact:
-    """Solve one contact problem as the scene says; raises what `bem.solve` raises."""
+    """Solve the contact of a surface at one Delta [um], with the scene's settings.
+
+    Raises the exceptions of `bem.solve`.
+    """
     settings = scene.contact
     return bem.solve(
         heights,
@@ -115,20 +122,20 @@ def solve_contact(scene: Scene, heights: Heights, delta: float) -> bem.Contact:
     )
 
 
-def _empty_rows(scene: Scene, count: int) -> Rows:
-    """Rows in which nothing is known yet."""
+def _pending_rows(scene: Scene, count: int) -> Columns:
+    """Make rows in which every column has its fill value."""
     return {
         column.name: np.full(
             column.shape(count, scene.surface.nodes), column.fill, dtype=column.dtype
         )
-        for column in columns_for(scene.store)
+        for column in columns_for(scene)
     }
 
 
 def _compute_surface(
-    scene: Scene, plan: Parameters, rows: Rows, first: int, last: int, limit: float | None
+    scene: Scene, plan: Parameters, rows: Columns, first: int, last: int, limit: float | None
 ) -> None:
-    """Fill in the rows first..last of a block, which share one surface."""
+    """Fill in the rows first to last - 1 of a block, which share one surface."""
     began = time.perf_counter()
     try:
         with at_most(limit):
@@ -160,7 +167,7 @@ def _compute_surface(
 
 
 def _described(scene: Scene, plan: Parameters, row: int) -> tuple[Heights, Description] | None:
-    """A row's surface and its statistics, None if they are beyond what numbers can hold."""
+    """Generate and describe a row's surface; return None if that leaves the range of numbers."""
     try:
         heights = surface_of(scene, plan, row)
         return heights, describe(heights, scene.spacing)
@@ -168,8 +175,8 @@ def _described(scene: Scene, plan: Parameters, row: int) -> tuple[Heights, Descr
         return None
 
 
-def _solve(scene: Scene, heights: Heights, delta: float, rows: Rows, row: int) -> Reason:
-    """Solve one contact problem into its row; say why if that is impossible."""
+def _solve(scene: Scene, heights: Heights, delta: float, rows: Columns, row: int) -> Reason:
+    """Solve one contact problem and fill in its row; return the reason if that is impossible."""
     try:
         contact = solve_contact(scene, heights, delta)
     except bem.NotConverged as failure:
@@ -190,7 +197,7 @@ def _solve(scene: Scene, heights: Heights, delta: float, rows: Rows, row: int) -
     return Reason.NONE
 
 
-def _record_effort(contact: bem.Contact, rows: Rows, row: int) -> None:
-    """Keep what the solver spent and how far it came, also where it did not arrive."""
+def _record_effort(contact: bem.Contact, rows: Columns, row: int) -> None:
+    """Store the cost and the residual of a solve, converged or not."""
     for name in ("iterations", "convolutions", "residual"):
         rows[name][row] = getattr(contact, name)

@@ -25,7 +25,7 @@ from bench.surrogates.throughput import Speed, loaded, markdown_table, throughpu
 from bench.surrogates.verdict import covers, state_of, verdict
 from gen.database import Counts, Reader
 from gen.generation.plan import parameters
-from gen.generation.run import Outcome
+from gen.generation.run import RunResult
 from gen.generation.sample import compute_rows
 from gen.runtime.errors import InputError
 from gen.scene import Scene
@@ -104,7 +104,7 @@ def test_databases_are_resumed_and_others_are_refused(tmp_path):
 
 
 def test_a_signal_ends_the_report_with_what_to_do(tmp_path, monkeypatch):
-    interrupted = Outcome(Counts(4, 2, 0), signal.SIGTERM, "")
+    interrupted = RunResult(Counts(4, 2, 0), signal.SIGTERM, "")
     monkeypatch.setattr(databases, "generate_database", lambda request, world: interrupted)
     said = []
     with pytest.raises(KeyboardInterrupt):

@@ -15,7 +15,7 @@ from unittest import mock
 import bem
 import gen.__main__
 import gen.generation.sample
-from gen.generation.sample import Heights
+from gen.arrays import Heights
 from gen.scene import Scene
 
 Solve = Callable[[Scene, Heights, float], bem.Contact]

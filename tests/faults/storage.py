@@ -23,7 +23,7 @@ def disk_full_midway(stage: Stage) -> Found:
 
     The kernel reports that as it reports a full disk.
     """
-    rows = stage.scene.samples * row_bytes(stage.scene.store, stage.scene.surface.nodes)
+    rows = stage.scene.samples * row_bytes(stage.scene)
     size = int(stage.random.integers(SMALLEST, max(rows, SMALLEST + 1)))
     ranks = stage.ranks()
     with stage.run(ranks) as run:
@@ -49,7 +49,7 @@ def disk_full_for_real(stage: Stage) -> Found:
     later run can meet a full disk at any row.
     """
     before = stage.columns()
-    rows = stage.scene.samples * row_bytes(stage.scene.store, stage.scene.surface.nodes)
+    rows = stage.scene.samples * row_bytes(stage.scene)
     midway = before is not None and stage.random.random() < 0.7
     with _small_disk(stage.folder / "disk", 2 * rows + 64 * PAGE) as disk:
         path = disk / "rows.h5"

@@ -25,7 +25,7 @@ def test_run_info_and_plot(folder, capsys):
     assert cli.main(["info", "small.h5"]) == 0
     text = capsys.readouterr().out
     assert "24 done" in text
-    for column in schema.columns_for(cli_store(folder)):
+    for column in schema.columns_for(small_scene(folder)):
         if not column.group and column.name not in {"status", "reason"}:
             assert column.name in text
     assert "47.51" in text, "the paper's range stands beside ours"
@@ -33,10 +33,10 @@ def test_run_info_and_plot(folder, capsys):
     assert (folder / "small.png").read_bytes().startswith(b"\x89PNG")
 
 
-def cli_store(folder):
+def small_scene(folder):
     from gen.scene import load
 
-    return load(str(folder / "small.toml")).store
+    return load(str(folder / "small.toml"))
 
 
 def test_running_again_changes_nothing(folder, capsys):

@@ -99,7 +99,7 @@ def small(samples=10, **keys):
 def block(scene, start, stop, status=Status.DONE):
     """Values that tell the row and the column; any scene's."""
     values = {}
-    for number, column in enumerate(columns_for(scene.store)):
+    for number, column in enumerate(columns_for(scene)):
         rows = np.arange(start, stop) * 100.0 + number
         shape = column.shape(stop - start, scene.surface.nodes)
         field = np.broadcast_to(rows.reshape(-1, *[1] * (len(shape) - 1)), shape)
@@ -139,7 +139,7 @@ def test_new_file_has_every_column_pending(path):
     assert open_or_create(path, scene) == ("created", 10)
     with Reader(path) as reader:
         assert reader.scene == scene
-        assert reader.columns() == columns_for(scene.store)
+        assert reader.columns() == columns_for(scene)
         assert reader.counts() == Counts(pending=10, done=0, failed=0)
         for column in reader.columns():
             values = reader.column(column.name)
@@ -152,7 +152,7 @@ def test_new_file_has_every_column_pending(path):
 def test_file_is_allocated_contiguous_and_opens_after_a_kill(path):
     create(path, small(store=Store(pressure=True)))
     with h5py.File(path) as file:
-        for column in columns_for(Store(pressure=True)):
+        for column in columns_for(small(store=Store(pressure=True))):
             dataset = file[column.path]
             assert dataset.chunks is None
             assert dataset.id.get_offset() is not None
@@ -258,7 +258,7 @@ def test_status_is_written_after_all_else_is_flushed(path, monkeypatch):
     with Writer(path, scene) as writer:
         writer.write_block(0, 3, block(scene, 0, 3))
     assert seen[-3:] == ["flush", "/status", "flush"]
-    others = {f"/{column.path}" for column in columns_for(scene.store)} - {"/status"}
+    others = {f"/{column.path}" for column in columns_for(scene)} - {"/status"}
     assert len(seen) == len(others) + 3
     assert set(seen[:-3]) == others
 
@@ -390,7 +390,7 @@ def test_xarray_reads_both_groups_with_units(path):
     pytest.importorskip("h5netcdf")
     scene = small(store=Store(heights=True))
     filled(path, scene, (0, 3, Status.DONE))
-    columns = columns_for(scene.store)
+    columns = columns_for(scene)
     with xarray.open_dataset(path, engine="h5netcdf") as results:
         assert list(results.variables) == [c.name for c in columns if not c.group]
         assert results.sizes == {"sample": 10, "x": 5, "y": 5}

@@ -22,7 +22,7 @@ def scene(text: str = "", samples: int = 12) -> Scene:
 def test_a_row_is_what_its_parts_say():
     made = scene(f"samples_per_surface = 3\nstore = {STORE_ALL}")
     rows = compute_rows(made, 3, 9, rank=7)
-    assert rows.keys() == {column.name for column in columns_for(made.store)}
+    assert rows.keys() == {column.name for column in columns_for(made)}
     plan = parameters(made, 3, 9)
     for row in range(6):
         heights = surface_of(made, plan, row)
@@ -46,7 +46,7 @@ def test_blocks_do_not_change_rows(m):
     made = scene(f"samples_per_surface = {m}", samples=10)
     whole = compute_rows(made, 0, 10)
     parts = [compute_rows(made, start, start + 5) for start in (0, 5)]
-    for column in columns_for(made.store):
+    for column in columns_for(made):
         if column.deterministic:
             joined = np.concatenate([part[column.name] for part in parts])
             assert joined.tobytes() == whole[column.name].tobytes(), column.name
