@@ -38,7 +38,7 @@ def print_outcome(path: Path, outcome: RunResult) -> None:
     ----------
     path : Path
         Database.
-    outcome : Outcome
+    outcome : RunResult
         Counts of rows and the signal that ended the run, if any.
     """
     console = _console()
