@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from bench.page.content import Absent, Content, Table, Words
+from bench.page.files import content_of, is_there
 from bench.table import write_table
 from gen.runtime.errors import InputError
+from gen.runtime.output import write
 
 COMMAND = "pytest bench --benchmark-only --benchmark-json {json}"
 
@@ -29,18 +31,25 @@ HEADER = (
 SHOWN = ("suite", "case", "size", "median_ms", "spread_ms", "rounds", "convolutions", "residual")
 
 
-def contents(path: Path) -> list[Content]:
-    """The table, and where and with what it was measured; writes the CSV file beside the JSON one.
+def contents(folder: Path) -> list[Content]:
+    """List the table of times, and a sentence on where and with what they were measured.
+
+    Where pytest-benchmark's `times.json` is in the folder, `times.csv` and `times.txt` are written
+    from it first; without it they are shown as they are.
 
     Parameters
     ----------
-    path : that `pytest bench --benchmark-json` has written
+    folder : Path
+        Folder of `times.json`, or of the two files made of it.
     """
-    command = COMMAND.format(json=path)
-    if not path.exists():
-        return [Absent("Times of single steps", command)]
-    measured = read(path)
-    table = write_table(path.with_suffix(".csv"), HEADER, rows(measured))
+    measured = folder / "times.json"
+    table, words = measured.with_suffix(".csv"), measured.with_suffix(".txt")
+    if measured.exists():
+        found = read(measured)
+        write_table(table, HEADER, rows(found))
+        write(words, circumstances(found) + "\n")
+    if not is_there(table):
+        return [Absent("Times of single steps", COMMAND.format(json=measured))]
     return [
         Table(
             table,
@@ -49,7 +58,7 @@ def contents(path: Path) -> list[Content]:
             " look, paper the paper's, large beyond it. Compare ratios, not milliseconds.",
             columns=SHOWN,
         ),
-        Words(circumstances(measured)),
+        Words(content_of(words).decode().strip()),
     ]
 
 

@@ -21,6 +21,7 @@ from scipy import optimize
 import bem
 from bem import half_space
 from bem.convolution import fast_period
+from bench.page.content import Content, Figure, Table
 from bench.picture import new_figure, save
 from bench.style import STYLES
 from bench.table import write_table
@@ -125,6 +126,25 @@ def write_report(folder: Path, rows: Sequence[Row]) -> list[Path]:
     names = [field.name for field in fields(Row)]
     table = write_table(folder / "growth.csv", names, map(astuple, rows))
     return [table, save(_picture(rows), folder / "growth.png")]
+
+
+def contents(folder: Path) -> list[Content]:
+    """List what a page shows of a folder that `write_report` has written."""
+    return [
+        Figure(
+            folder / "growth.png",
+            "Convolutions, seconds and memory of a solve over the nodes a side, at 1, 10 and 50 %"
+            " of the nodes in contact. Seconds grow with the nodes times their logarithm, and with"
+            " the convolutions.",
+            data=(folder / "growth.csv",),
+        ),
+        Table(
+            folder / "growth.csv",
+            "Growth is per doubling of the nodes a side, from the first grid on. Convolutions are"
+            " those of iterations alone: dense algebra, for which only small grids have few enough"
+            " nodes in contact, would pass for growth.",
+        ),
+    ]
 
 
 def markdown_table(rows: Sequence[Row]) -> str:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import bem
 from bem.analytic import Paraboloid, distances_to_centre
 from bem.influence import KERNELS, Kernel
+from bench.page.content import Content, Figure
 from bench.picture import new_figure, save
 from bench.style import STYLES
 from bench.table import write_table
@@ -103,6 +104,21 @@ def write_report(folder: Path) -> list[Path]:
     write_table(table, map(str, header), rows)
     _draw(figure, curves)
     return [table, save(figure, picture)]
+
+
+def contents(folder: Path) -> list[Content]:
+    """List what a page shows of a folder that `write_report` has written."""
+    return [
+        Figure(
+            folder / "hertz.png",
+            "A rigid paraboloid (R = 5 mm) pressed into a half-space: force and contact area over"
+            " the displacement, with the deviation from Hertz below, in per cent of Hertz's largest"
+            " value. Areas move in steps because nodes touch one after the other. The default"
+            " kernel, uniform pressure on cells, is the nearer one; the concentrated-force kernel,"
+            " MIRCO's, gives way too little under a cell's own force.",
+            data=(folder / "hertz.csv",),
+        )
+    ]
 
 
 def _rows(curves: Iterable[Curve]) -> Iterable[tuple[object, ...]]:

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.page.content import Content, Table
 from bench.table import write_table
 from gen.runtime.errors import InputError
 from learn import memory
@@ -100,6 +101,13 @@ def report(peaks: list[Peak], output: Path | None) -> str:
         header = (field.name for field in fields(Peak))
         write_table(output / "memory.csv", header, map(astuple, peaks))
     return "\n".join(lines)
+
+
+def contents(folder: Path) -> list[Content]:
+    """List what a page shows of a folder that `report` has written."""
+    return [
+        Table(folder / "memory.csv", "Peak memory [GiB] of the dearest fit of each model's space.")
+    ]
 
 
 def _peak(name: str, rows: int) -> Peak:

@@ -1,13 +1,19 @@
 """What is published: numbers of the README are those of bench/results, which say how they came."""
 
+import base64
 import csv
 import json
+import lzma
 import re
 from collections.abc import Callable
 from pathlib import Path
+from zlib import crc32
 
 import pytest
 
+from bench.page.html import page_of
+from bench.page.inputs import Inputs
+from bench.page.parts import PARTS
 from learn.comparison.folder import LIBRARIES
 from learn.comparison.tables import hours
 from learn.models import MODELS
@@ -185,17 +191,64 @@ def test_tables_of_the_readme_are_those_of_the_results(
     assert block.splitlines()[2:] == expected()
 
 
+@pytest.fixture(scope="module")
+def page() -> str:
+    """The page that `python -m bench page bench/results` writes."""
+    pytest.importorskip("jinja2")
+    return page_of(PARTS, Inputs(RESULTS, RESULTS / "none.h5", RESULTS / "comparison", full=True))
+
+
 @pytest.mark.parametrize("record", sorted(RESULTS.glob("*/*.part.json")), ids=lambda p: p.name)
-def test_every_part_says_how_it_came(record: Path) -> None:
+def test_every_part_says_how_it_came(record: Path, page: str) -> None:
     found = json.loads(record.read_text(encoding="utf-8"))
     assert found["command"].startswith("python -m ")
     assert re.fullmatch(r"[0-9a-f]{40}", found["commit"])
     assert found["machine"]["processor"]
     assert found["finished"]
     report = " ".join(found["command"].split()[:4])
-    page = (RESULTS / "index.html").read_text(encoding="utf-8")
     assert report in page
     assert found["commit"][:7] in page
+
+
+SHOWN = {
+    "solver": (1, 0, 0x00000000),
+    "peers": (1, 1, 0x5C2966B3),
+    "growth": (1, 1, 0xC69B18E1),
+    "hertz": (1, 0, 0x00000000),
+    "stability": (0, 3, 0xD2BCAC28),
+    "scale": (1, 1, 0xCA82B964),
+    "comparison": (0, 2, 0x878D84F1),
+    "tuning": (0, 1, 0x13436DE1),
+    "grids": (0, 1, 0x35772F9C),
+    "models": (1, 1, 0xA9BC842C),
+    "tolerance": (1, 1, 0xD323C97D),
+    "generalisation": (1, 1, 0x7C75B17C),
+    "cost": (1, 1, 0xA3F87E7F),
+    "throughput": (0, 1, 0x5D0897D2),
+    "memory": (0, 1, 0xA59AEEB4),
+    "paper": (13, 7, 0x6F585B83),
+    "unstated": (1, 3, 0xD9D70DBE),
+    "benchmarks": (0, 1, 0x5B5B351C),
+}
+"""Pictures and tables of each part as published, and a checksum of the tables' texts."""
+
+
+def test_pictures_and_tables_of_the_page_are_those_published(page: str) -> None:
+    found = {}
+    for part in re.split(r'<h3 id="', page)[1:]:
+        tables = re.findall(r"<table>.*?</table>", part, flags=re.DOTALL)
+        words = re.sub(r"(<[^>]*>|\s)+", " ", " ".join(tables))
+        found[part.partition('"')[0]] = part.count("<img "), len(tables), crc32(words.encode())
+    assert found == SHOWN
+    assert page.count("Left out:") == 1, "the loads of stability, which were not run at full size"
+    assert "Not here." not in page
+    assert "cannot be read" not in page
+
+
+def test_every_picture_is_shown_somewhere(page: str) -> None:
+    for picture in RESULTS.rglob("*.png"):
+        shown = base64.b64encode(picture.read_bytes()).decode() in page
+        assert shown or picture.relative_to(ROOT).as_posix() in README, picture
 
 
 @pytest.mark.parametrize("name", ["comparison", "comparison-hybrid"])
@@ -210,10 +263,10 @@ def test_comparisons_are_of_the_same_data_and_say_their_versions(name: str) -> N
 def test_finished_fits_are_those_of_their_comparison() -> None:
     folder = RESULTS / "comparison" / "area"
     conditions = json.loads((folder / "comparison.json").read_text("utf-8"))["conditions"]
-    files = sorted((folder / "trials").glob("*.jsonl"))
-    assert {path.stem for path in files} <= set(MODELS)
+    files = sorted((folder / "trials").glob("*.jsonl.xz"))
+    assert {path.name.removesuffix(".jsonl.xz") for path in files} == set(MODELS)
     for path in files:
-        lines = path.read_text("utf-8").splitlines()
+        lines = lzma.decompress(path.read_bytes()).decode().splitlines()
         assert json.loads(lines[0]) == conditions
         assert all(json.loads(line)["rows"] <= conditions["train_rows"] for line in lines[1:])
 
@@ -229,4 +282,4 @@ def test_searches_took_the_time_that_is_said() -> None:
 def test_nothing_large_is_published() -> None:
     sizes = {path: path.stat().st_size for path in RESULTS.rglob("*") if path.is_file()}
     assert not [path for path in sizes if path.suffix == ".h5"]
-    assert sum(sizes.values()) < 20e6
+    assert sum(sizes.values()) < 6e6

@@ -8,6 +8,7 @@ from typing import Any
 
 from bench.circumstances import circumstances
 from bench.page.content import Absent, Content, Figure, Table, Words
+from bench.page.files import content_of
 from bench.page.inputs import Inputs, typed
 from bench.page.part import Part
 from bench.page.record import record
@@ -48,21 +49,32 @@ class Shown:
 
 
 def write_page(parts: Sequence[Part], inputs: Inputs) -> Path:
-    """Write the page of what a folder holds.
-
-    Parameters
-    ----------
-    parts : in the page's order
-    inputs : where their files are
-
-    Returns
-    -------
-    The page
+    """Write the page of what a folder holds into that folder; return the file.
 
     Raises
     ------
     InputError
         If jinja2 is not installed, or the page cannot be written.
+    """
+    path = inputs.output / PAGE
+    write(path, page_of(parts, inputs))
+    return path
+
+
+def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
+    """Return the page of what a folder holds.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        The reports, in the page's order.
+    inputs : Inputs
+        Where their files are.
+
+    Raises
+    ------
+    InputError
+        If jinja2 is not installed.
     """
     try:
         from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -79,15 +91,12 @@ def write_page(parts: Sequence[Part], inputs: Inputs) -> Path:
     chapters: dict[str, list[Shown]] = {}
     for each in shown:
         chapters.setdefault(each.part.chapter, []).append(each)
-    text = environment.get_template("page.html").render(
+    return environment.get_template("page.html").render(
         chapters=chapters,
         made=circumstances(),
         judged=sum(len(each.judged) for each in shown),
         failures=sum(each.failures for each in shown),
     )
-    path = inputs.output / PAGE
-    write(path, text)
-    return path
 
 
 def _shown(part: Part, inputs: Inputs) -> Shown:
@@ -101,7 +110,7 @@ def _shown(part: Part, inputs: Inputs) -> Shown:
         return Shown(part, found, absent=f"{found['command']}: code {found['code']}, {told}")
     try:
         contents = tuple(_prepared(each) for each in part.show(inputs.folder(part)))
-    except InputError as error:
+    except (InputError, ModuleNotFoundError) as error:
         return Shown(part, found or {}, absent=str(error))
     if not contents:
         return Shown(part, {}, absent=f"{inputs.folder(part)} holds nothing to show")
@@ -120,7 +129,7 @@ def _prepared(content: Content) -> tuple[str, dict[str, Any]]:
     """Kind of a content, and what the template needs to show it."""
     match content:
         case Figure():
-            source = base64.b64encode(_bytes(content.picture)).decode()
+            source = base64.b64encode(content_of(content.picture)).decode()
             return "figure", {
                 "source": f"data:image/png;base64,{source}",
                 "size": _size(content.picture),
@@ -143,18 +152,11 @@ def _prepared(content: Content) -> tuple[str, dict[str, Any]]:
 
 def _download(path: Path) -> dict[str, str]:
     """A file as a link that holds it."""
-    source = base64.b64encode(_bytes(path)).decode()
+    source = base64.b64encode(content_of(path)).decode()
     return {"name": path.name, "source": f"data:text/csv;base64,{source}"}
 
 
 def _size(picture: Path) -> tuple[int, int]:
     """Width and height of a PNG file, from its header [pixels]."""
-    start = _bytes(picture)[16:24]
+    start = content_of(picture)[16:24]
     return int.from_bytes(start[:4]), int.from_bytes(start[4:])
-
-
-def _bytes(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from None

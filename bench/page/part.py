@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import resolve_name
 
 from bench.page.content import Content
 
@@ -34,3 +35,21 @@ class Part:
     show: ShowContents
     folder: str = ""
     judges: bool = False
+
+
+def contents_of(report: str) -> ShowContents:
+    """Return the function by which a report says what its folder shows.
+
+    Its module is loaded when the page asks: one part needs not the packages of all others.
+
+    Parameters
+    ----------
+    report : str
+        Where the function is, as "module:function".
+    """
+
+    def show(folder: Path) -> Sequence[Content]:
+        contents: ShowContents = resolve_name(report)
+        return contents(folder)
+
+    return show

@@ -1,7 +1,6 @@
 """The parts of the page, in its order. Names of commands that users type stand here once more."""
 
-from bench.page import captions
-from bench.page.part import Part
+from bench.page.part import Part, contents_of
 
 SOLVER = "The contact solver: error against run time"
 STABILITY = "Stiff and extreme cases"
@@ -21,7 +20,7 @@ PARTS = (
         "Work and precision",
         quick="-m bench solver --quick -o {folder}",
         full="-m bench solver -o {folder}",
-        show=captions.solver,
+        show=contents_of("bench.work_precision.report:contents"),
     ),
     Part(
         "peers",
@@ -29,7 +28,7 @@ PARTS = (
         "Other solvers, and the paper's algorithm",
         quick="-m bench peers --nodes 129 --deltas 5,15,25 --rounds 2 -o {folder}",
         full="-m bench peers --nodes 129,257,513 --deltas 5,15,25,35,45 --rounds 2 -o {folder}",
-        show=captions.peers,
+        show=contents_of("bench.peers.report:contents"),
     ),
     Part(
         "growth",
@@ -37,7 +36,7 @@ PARTS = (
         "Growth with the grid",
         quick="-m bench growth --nodes 129,257,513 --surfaces 1 -o {folder}",
         full="-m bench growth --nodes 129,257,513,1025,2049 --surfaces 3 -o {folder}",
-        show=captions.growth,
+        show=contents_of("bench.growth:contents"),
     ),
     Part(
         "hertz",
@@ -45,7 +44,7 @@ PARTS = (
         "Hertz",
         quick="-m bench hertz -o {folder}",
         full="-m bench hertz -o {folder}",
-        show=captions.hertz,
+        show=contents_of("bench.hertz:contents"),
     ),
     Part(
         "stability",
@@ -53,7 +52,7 @@ PARTS = (
         "Generators, statistics, solver, models",
         quick="-m bench stability -o {folder}",
         full="-m bench stability --full -o {folder}",
-        show=captions.stability,
+        show=contents_of("bench.stability.contents:contents"),
         judges=True,
     ),
     Part(
@@ -62,7 +61,7 @@ PARTS = (
         "Many ranks, simulated",
         quick="",
         full="-m bench scale --validate -o {folder}",
-        show=captions.scale,
+        show=contents_of("bench.scale.report:contents"),
     ),
     Part(
         "comparison",
@@ -70,7 +69,7 @@ PARTS = (
         "Nine models",
         quick="-m learn compare {database} --area-max 16.56 -o {folder}",
         full="-m learn compare {database} --area-max 16.56 -o {folder}",
-        show=captions.comparison,
+        show=contents_of("bench.page.comparison:scores"),
     ),
     Part(
         "tuning",
@@ -78,7 +77,7 @@ PARTS = (
         "The search for settings",
         quick="",
         full="-m learn tune {database} --area-max 16.56 --budget 2h -o {comparison}",
-        show=captions.tuning,
+        show=contents_of("bench.page.comparison:searches"),
         folder="comparison",
     ),
     Part(
@@ -87,7 +86,7 @@ PARTS = (
         "What the search over whole grids takes",
         quick="",
         full="-m learn estimate {database} --area-max 16.56 --budget 1h -o {comparison}",
-        show=captions.grids,
+        show=contents_of("bench.page.comparison:whole_grids"),
         folder="comparison",
     ),
     Part(
@@ -96,7 +95,7 @@ PARTS = (
         "Error against the time of prediction, fit and search",
         quick="-m bench models {comparison} -o {folder}",
         full="-m bench models {comparison} -o {folder}",
-        show=captions.models,
+        show=contents_of("bench.surrogates.models:contents"),
     ),
     Part(
         "tolerance",
@@ -104,7 +103,7 @@ PARTS = (
         "What the solver's tolerance does to a surrogate",
         quick="-m bench tolerance --rows 400 -o {folder}",
         full="-m bench tolerance --rows 4000 -o {folder}",
-        show=captions.tolerance,
+        show=contents_of("bench.surrogates.tolerance_report:contents"),
     ),
     Part(
         "generalisation",
@@ -112,7 +111,7 @@ PARTS = (
         "Where surrogates were not trained",
         quick="-m bench generalisation --rows 600 --database {database} -o {folder}",
         full="-m bench generalisation --database {database} -o {folder}",
-        show=captions.generalisation,
+        show=contents_of("bench.surrogates.generalisation_report:contents"),
     ),
     Part(
         "cost",
@@ -120,7 +119,7 @@ PARTS = (
         "Total cost, and from where on a surrogate pays",
         quick="-m bench cost --rows 1000 --database {database} -o {folder}",
         full="-m bench cost --database {database} -o {folder}",
-        show=captions.cost,
+        show=contents_of("bench.surrogates.cost_report:contents"),
     ),
     Part(
         "throughput",
@@ -128,7 +127,7 @@ PARTS = (
         "Time of one contact",
         quick="-m bench throughput --rows 500 --database {database} -o {folder}",
         full="-m bench throughput --database {database} -o {folder}",
-        show=captions.throughput,
+        show=contents_of("bench.surrogates.throughput:contents"),
     ),
     Part(
         "memory",
@@ -136,7 +135,7 @@ PARTS = (
         "Memory of fits",
         quick="",
         full="-m bench memory -o {folder}",
-        show=captions.memory,
+        show=contents_of("bench.memory:contents"),
     ),
     Part(
         "paper",
@@ -146,7 +145,7 @@ PARTS = (
         " -o {folder}",
         full="-m bench paper --database {database} [--comparison {comparison}] [--cost {cost}]"
         " [--fine {fine}] -o {folder}",
-        show=captions.paper,
+        show=contents_of("bench.paper.contents:contents"),
     ),
     Part(
         "unstated",
@@ -154,7 +153,7 @@ PARTS = (
         "What the paper does not say, and what it does to the result",
         quick="",
         full="-m bench unstated --rows 3000 -o {folder}",
-        show=captions.unstated,
+        show=contents_of("bench.unstated.report:contents"),
     ),
     Part(
         "benchmarks",
@@ -162,7 +161,7 @@ PARTS = (
         "Times of single steps",
         quick="-m pytest bench --benchmark-only -q -k smoke --benchmark-json {folder}/times.json",
         full="-m pytest bench --benchmark-only -q --benchmark-json {folder}/times.json",
-        show=captions.benchmarks,
+        show=contents_of("bench.benchmarks:contents"),
         judges=True,
     ),
 )

@@ -3,9 +3,11 @@
 import csv
 import math
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
 from bench.page.content import Table
+from bench.page.files import content_of
 from gen.runtime.errors import InputError
 
 DIGITS = 4
@@ -91,9 +93,8 @@ def column(path: Path, name: str) -> list[str]:
 
 def _read(path: Path) -> tuple[list[str], list[list[str]]]:
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            header, *lines = csv.reader(file)
-    except (OSError, ValueError) as error:
+        header, *lines = csv.reader(StringIO(content_of(path).decode(), newline=""))
+    except (InputError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as a table ({error})") from None
     return header, lines
 

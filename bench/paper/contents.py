@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.page.content import Absent, Content, Figure, Table, Words
+from bench.page.files import is_there
 from gen.runtime.errors import InputError
 from gen.runtime.output import write
 
@@ -99,7 +100,7 @@ def keep(folder: Path, name: str, key: str, shown: list[Content]) -> None:
 def whole(folder: Path, part: dict[str, Any] | None) -> list[Content]:
     """What a part shows; nothing unless all of its files are there."""
     shown = [_unpacked(folder, each) for each in (part or {}).get("contents", [])]
-    return shown if all(path.is_file() for each in shown for path in files_of(each)) else []
+    return shown if all(is_there(path) for each in shown for path in files_of(each)) else []
 
 
 def files_of(content: Content) -> list[Path]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.page.content import Content, Figure, Table
 from bench.picture import new_figure, save
 from bench.scale.costs import Costs, measure, read_costs, write_costs
 from bench.scale.picture import draw
@@ -56,6 +57,21 @@ def write_report(
     draw(figure, points)
     save(figure, paths[2])
     return paths, text + summary(costs, points)
+
+
+def contents(folder: Path) -> list[Content]:
+    """List what a page shows of a folder that `write_report` has written."""
+    shown: list[Content] = [
+        Figure(
+            folder / "scale.png",
+            "SIMULATED, with costs of rows, messages and writes measured on this machine:"
+            " efficiency of the farm on 10 to 10,000 ranks, for 1e4 to 1e7 rows, both writers.",
+            data=(folder / "scale.csv",),
+        )
+    ]
+    if (folder / "validation.csv").exists():
+        shown.append(Table(folder / "validation.csv", "The simulation beside real runs here."))
+    return shown
 
 
 def summary(costs: Costs, points: Sequence[Point]) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.page.content import Content, Figure, Table, Words
 from bench.picture import new_figure, save
 from bench.surrogates.cost import LADDER, NEW, OURS, PAPER, Costs, Question
 from bench.surrogates.costs import LOADS, LOOSE, PAPER_BREAK_EVEN, break_even
@@ -50,6 +51,25 @@ def write_report(folder: Path, costs: Costs) -> tuple[list[Path], str]:
     words = folder / "cost.txt"
     write(words, text + "\n")
     return [*tables, words, save(_picture(costs), folder / "cost.png")], text
+
+
+def contents(folder: Path) -> list[Content]:
+    """List what a page shows of a folder that `write_report` has written."""
+    words = folder / "cost.txt"
+    return [
+        Figure(
+            folder / "cost.png",
+            "Above, total cost against queries, with the paper's solver (190 s a solve) and with"
+            " ours: dots mark where a surrogate starts to pay. Below, test error against training"
+            " samples and against the seconds that database, tuning and fit took.",
+            data=(folder / "cost.csv", folder / "learning.csv"),
+        ),
+        Table(
+            folder / "cost.csv",
+            "Database, tuning, fit, a solve and an answer [s]; break-even in queries.",
+        ),
+        *([Words(words.read_text(encoding="utf-8"), typed=True)] if words.exists() else []),
+    ]
 
 
 def lines(costs: Costs) -> Iterator[str]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import astuple, fields
 from pathlib import Path
 
+from bench.page.content import Content, Figure, Table
 from bench.picture import new_figure, save
 from bench.surrogates.generalisation import Judged, Row
 from bench.surrogates.verdict import covers, verdict
@@ -26,6 +27,32 @@ def write_report(folder: Path, found: Sequence[Judged]) -> list[Path]:
     )
     models = dict.fromkeys(row.model for row in rows)
     return [path, *(_draw(folder, model, found) for model in models)]
+
+
+def contents(folder: Path) -> list[Content]:
+    """List what a page shows of a folder that `write_report` has written."""
+    return [
+        *(
+            Figure(
+                picture,
+                "Prediction over truth where the surrogate was not trained: a row for each feature"
+                " set, a column for each case; dots off the diagonal are wrong. Statistics such as"
+                " curvatures depend on the spacing of the nodes, a loose solve among the features"
+                " does not.",
+                data=(folder / "generalisation.csv",),
+            )
+            for picture in sorted(folder.glob("generalisation-*.png"))
+        ),
+        Table(
+            folder / "generalisation.csv",
+            "Scores [%]; shares (0 to 1) of rows flagged as outside the training ranges, and"
+            " covered by the 90 % intervals; and what follows.",
+            columns=(
+                "tested_on", "features", "trained", "judged", "nmse", "nmae", "r2", "flagged",
+                "covered", "verdict",
+            ),
+        ),
+    ]  # fmt: skip
 
 
 def show(found: Sequence[Judged]) -> None:

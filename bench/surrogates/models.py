@@ -9,6 +9,7 @@ from dataclasses import astuple, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from bench.page.content import Content, Figure, Table
 from bench.picture import new_figure, save
 from bench.style import STYLES
 from bench.table import write_table
@@ -122,6 +123,21 @@ def write_report(folder: Path, found: Sequence[Cost]) -> list[Path]:
     picture = _picture(found)
     table = write_table(folder / "models.csv", names, map(astuple, found))
     return [table, save(picture, folder / "models.png")]
+
+
+def contents(folder: Path) -> list[Content]:
+    """List what a page shows of a folder that `write_report` has written."""
+    return [
+        Figure(
+            folder / "models.png",
+            "Test error of the nine models over the time that one prediction, a fit and a search"
+            " of the hyperparameters take; filled dots are tuned, hollow ones have their"
+            " libraries' settings. The line is the Pareto front: whatever lies above it is both"
+            " slower and less accurate than something else.",
+            data=(folder / "models.csv",),
+        ),
+        Table(folder / "models.csv", "The same as numbers; times in seconds, error nMAE in %."),
+    ]
 
 
 def _marked(cost: Cost, found: Sequence[Cost]) -> Cost:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
+from bench.page.content import Content, Table
 from bench.surrogates import databases
 from bench.surrogates.clock import mean_seconds, median_seconds
 from bench.surrogates.costs import LOADS
@@ -152,6 +153,17 @@ def write_report(folder: Path, speeds: Sequence[Speed]) -> Path:
     """
     header = [field.name for field in fields(Speed)]
     return write_table(folder / "throughput.csv", header, map(astuple, speeds))
+
+
+def contents(folder: Path) -> list[Content]:
+    """List what a page shows of a folder that `write_report` has written."""
+    return [
+        Table(
+            folder / "throughput.csv",
+            "Processor time of one contact, by surrogates called singly and in batches and by the"
+            " solver; `solves` is how many of them fit into the time of one solve.",
+        )
+    ]
 
 
 def _solver(

@@ -1,0 +1,37 @@
+"""Files that a page shows: as a report has written them, or compressed beside that name."""
+
+import lzma
+from pathlib import Path
+
+from gen.runtime.errors import InputError
+
+COMPRESSED = ".xz"
+"""Added to the names of large tables in the repository; `unxz` gives them back."""
+
+
+def content_of(path: Path) -> bytes:
+    """Read a file, or the compressed one that stands beside where it would be.
+
+    Raises
+    ------
+    InputError
+        If there is neither, or it cannot be read.
+    """
+    packed = _packed(path)
+    try:
+        if packed.exists() and not path.exists():
+            return lzma.decompress(packed.read_bytes())
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
+    except lzma.LZMAError as error:
+        raise InputError(f"{packed} cannot be read: {error}") from None
+
+
+def is_there(path: Path) -> bool:
+    """Say whether a file, or the compressed one, is there."""
+    return path.is_file() or _packed(path).is_file()
+
+
+def _packed(path: Path) -> Path:
+    return path.with_name(path.name + COMPRESSED)
