@@ -1,9 +1,9 @@
 """Complementarity of pressure and gap: primal-dual active set with preconditioned gradients.
 
-Contacts of few nodes are left to dense algebra (`bem.first_contact`). Elsewhere the active set is
-fast but can cycle, above all on a compliant far field, where sets that are too large are nearly
-singular. Then projected gradients, slow but certain to descend, take over for a while, and for
-twice as long each time; under a given load the caller has another way out.
+Dense algebra solves contacts of few nodes (`bem.first_contact`). Elsewhere the active set is fast
+but can cycle, above all on a compliant far field, where sets that are too large are nearly
+singular. Projected gradients, which are slow but certain to descend, then take over for a while,
+and for twice as long the next time. Under a given load the caller handles cycles instead.
 """
 
 from collections.abc import Callable
@@ -11,37 +11,45 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bem.arrays import Nodes, Values
 from bem.first_contact import settle_few, take_first_steps
-from bem.iterate import Iterate, Nodes, Operators, Values, inner, rescale
+from bem.iterate import CONVOLUTION, ITERATION, STEP, Iterate, Operators, inner, rescale
 
-# What a residual reduction is multiplied with whenever sets taken so soon raise the energy.
+# Factor on the wanted reduction of the residual whenever a new contact set raises the energy: the
+# previous set was then left too early.
 TIGHTENING = 0.5
 
-# A residual kept up in working precision is not believed below this share of its last exact value.
+# Share of its last exact value below which a residual updated in working precision is not trusted:
+# single precision carries about seven digits.
 ROUNDING = 1e-6
 
-# Rounds in a row without a step, and exact residuals in a row that do not halve the smallest one,
-# after which rounding has the last word.
+# Rounds in a row without a step after which only rounding is left to change.
 IDLE_ROUNDS = 4
+
+# Exact residuals in a row, none below half of the smallest, after which only rounding is left.
 IDLE_RENEWALS = 5
 
-# Contact sets in a row without a new smallest violation that count as cycling, and the projected
-# gradients that follow the first time.
+# Contact sets in a row without a new smallest violation that count as cycling.
 PATIENCE = 8
+
+# Projected gradient steps after the first cycle: enough to leave it, few enough to lose little.
 SAFE_STEPS = 32
 
 
 @dataclass(frozen=True)
 class Pace:
-    """How soon contact sets are changed, and by how much.
+    """The settings that decide when and how far contact sets change.
 
     Attributes
     ----------
-    first_steps : projected steps before the first contact set is taken: fewer near the solution
-    inner_reduction : of the residual, asked of conjugate gradients before the set is looked at
-        again: more where sets are better
-    advance : share of the preconditioned residual taken when tension is cut off; the preconditioner
-        is too large rather than too small: a whole step would put too many nodes into contact
+    first_steps : int
+        Projected steps before the first contact set is taken; fewer are needed near the solution.
+    inner_reduction : float
+        Factor by which conjugate gradients reduce the residual before the set is checked again;
+        it should be smaller where sets are better.
+    advance : float
+        Share of the preconditioned residual added when tension is cut off. The preconditioner
+        tends to overestimate, and a whole step would put too many nodes into contact.
     """
 
     first_steps: int
@@ -49,10 +57,12 @@ class Pace:
     advance: float
 
 
-# From no pressure at all: the fewest convolutions a solve on the paper's distribution
-# (`pytest bench -k solve_paper` records them), of 3 to 5 steps, reductions of 0.3 to 0.55 and
-# advances of 0.3 to 0.5. And from a pressure that is near.
+# Pace of a solve from no pressure: of 3 to 5 steps, reductions of 0.3 to 0.55 and advances of 0.3
+# to 0.5 these take the fewest convolutions on the paper's distribution, which
+# `pytest bench -k solve_paper` records.
 FROM_SCRATCH = Pace(first_steps=4, inner_reduction=0.4, advance=0.5)
+
+# Pace of a solve from a pressure near the solution, whose contact set is already good.
 FROM_NEAR = replace(FROM_SCRATCH, first_steps=0)
 
 
@@ -67,43 +77,52 @@ def solve_complementarity(
 ) -> tuple[Iterate, bool]:
     """Find p >= 0 with w = H p - u >= 0 and p w = 0.
 
-    A semi-smooth Newton method: nodes under pressure and nodes that would penetrate are held in
-    contact, the equations on them are solved loosely, tension is cut off, and so on until the
-    set stands (Hintermueller, Ito and Kunisch 2002; inexact and preconditioned here).
+    This is a semi-smooth Newton method. Nodes under pressure and nodes that would penetrate form
+    the contact set; the equations on it are solved loosely, tension is cut off, and the set is
+    updated until it no longer changes (Hintermueller, Ito and Kunisch 2002; here inexact and
+    preconditioned).
 
     Parameters
     ----------
-    operators : see there; positive definite on every contact set met
-    interference : (m,) u [unit of displacement]
-    rtol : largest violation accepted
-    max_iterations : bound on the steps of conjugate gradients and contact sets of dense algebra,
-        those of the start included
-    start : a pressure to start from with its residual, which is not taken for converged before it
-        has been recomputed; improved in place
-    pace : see there
+    operators : Operators
+        The influence matrix; it must be positive definite on every contact set that occurs.
+    interference : ndarray, shape (m,)
+        Interference u [unit of displacement].
+    rtol : float
+        Largest violation accepted [unit of displacement].
+    max_iterations : int
+        Bound on the steps of conjugate gradients and contact sets of dense algebra, including
+        those that `start` has taken already.
+    start : Iterate, optional
+        Pressure and residual to start from, improved in place. It does not count as converged
+        before its residual has been recomputed.
+    pace : Pace
+        When and how far contact sets change.
 
     Returns
     -------
-    (iterate, converged) : the solution, or the best that the bound or rounding allowed; its
-        residual has been recomputed from the pressure. Under a given load, contact sets that cycle
-        end it too
+    iterate : Iterate
+        The solution, or the best that the bound or rounding allowed. Its residual has been
+        recomputed from the pressure.
+    converged : bool
+        Whether the tolerance is met. Under a given load, cycling contact sets end the solve too.
     """
-    iterate = start or Iterate(np.zeros_like(interference), interference.copy())
+    iterate = start or Iterate.from_zero(interference)
     iterate.exact = start is None
     _take_first_contact(operators, interference, iterate, pace, (rtol, max_iterations))
     violation = iterate.violation()
     renewed = violation if iterate.exact else 1.0
-    progress, safe_steps = _Progress(iterate), SAFE_STEPS
+    progress, safe_steps = _Progress(iterate.effort.iterations), SAFE_STEPS
     energy, reduction, following = np.inf, pace.inner_reduction, None
     while True:
         if progress.cycles() and operators.load is None:
-            steps = min(safe_steps, max_iterations - iterate.iterations)
+            steps = min(safe_steps, max_iterations - iterate.effort.iterations)
             descend(operators, interference, iterate, steps)
             violation, safe_steps = iterate.violation(), 2 * safe_steps
             progress.begin_again()
         floor = max(rtol, ROUNDING * renewed)
-        ended = progress.stalls() or progress.cycles() or iterate.iterations >= max_iterations
-        if ended or not violation > floor:  # not a number ends it too
+        ended = progress.ends() or iterate.effort.iterations >= max_iterations
+        if ended or not violation > floor:  # a violation that is nan also ends the loop
             if iterate.exact:
                 iterate.stalled = progress.stalls()
                 return iterate, violation <= rtol
@@ -123,7 +142,7 @@ def solve_complementarity(
             reduction *= TIGHTENING
         violation = iterate.violation()
         renewed = violation if iterate.exact else renewed
-        progress.step(iterate.iterations, violation)
+        progress.step(iterate.effort.iterations, violation)
 
 
 def _take_first_contact(
@@ -133,52 +152,54 @@ def _take_first_contact(
     pace: Pace,
     bounds: tuple[float, int],
 ) -> None:
-    """Find the first contact set: by projected steps, and by dense algebra where it is small.
+    """Find the first contact set by projected steps, and by dense algebra if it is small.
 
-    Parameters
-    ----------
-    bounds : tolerance and bound on iterations of the solve
+    `bounds` are the tolerance of the solve and its bound on iterations.
     """
     rtol, max_iterations = bounds
     take_first_steps(operators, interference, iterate, pace.first_steps)
-    settle_few(operators, interference, iterate, rtol, max_iterations - iterate.iterations)
-    if operators.load is not None and not iterate.pressure.any():  # something has to carry it
+    settle_few(operators, interference, iterate, rtol, max_iterations - iterate.effort.iterations)
+    if operators.load is not None and not iterate.pressure.any():  # some nodes must carry the load
         iterate.pressure[:] = operators.load / iterate.pressure.size
         iterate.renew(operators, interference)
 
 
 class _Progress:
-    """Whether contact sets still come nearer to equilibrium."""
+    """A record of violations that tells whether contact sets still approach equilibrium."""
 
-    def __init__(self, iterate: Iterate) -> None:
-        self._iterations = iterate.iterations
+    def __init__(self, iterations: int) -> None:
+        self._iterations = iterations
         self._idle_rounds = self._idle_renewals = 0
         self._smallest_renewed = np.inf
         self.begin_again()
 
     def begin_again(self) -> None:
-        """Forget the contact sets so far."""
+        """Forget the violations recorded so far."""
         self._smallest, self._patience = np.inf, PATIENCE
 
     def step(self, iterations: int, violation: float) -> None:
-        """Take note of a contact set that was solved on."""
+        """Record the violation after a solve on a contact set."""
         self._idle_rounds = 0 if iterations > self._iterations else self._idle_rounds + 1
         self._iterations = iterations
         self._patience = PATIENCE if violation < self._smallest else self._patience - 1
         self._smallest = min(self._smallest, violation)
 
     def renew(self, violation: float) -> None:
-        """Take note of an exact residual, where the one kept up had become small enough."""
+        """Record the violation of a residual recomputed in double precision."""
         smaller = violation < self._smallest_renewed / 2
         self._idle_renewals = 0 if smaller else self._idle_renewals + 1
         self._smallest_renewed = min(self._smallest_renewed, violation)
 
     def cycles(self) -> bool:
-        """Whether contact sets recur."""
+        """Return whether contact sets recur."""
         return self._patience == 0
 
+    def ends(self) -> bool:
+        """Return whether further contact sets would gain nothing."""
+        return self.stalls() or self.cycles()
+
     def stalls(self) -> bool:
-        """Whether rounding has the last word."""
+        """Return whether only rounding is left to change."""
         return self._idle_rounds >= IDLE_ROUNDS or self._idle_renewals >= IDLE_RENEWALS
 
 
@@ -190,11 +211,11 @@ def _solve_in_contact(
     goals: tuple[float, float],
     max_iterations: int,
 ) -> None:
-    """Conjugate gradients on the nodes in contact until their set has to change.
+    """Run conjugate gradients on the nodes in contact until their set has to change.
 
-    The set is looked at whenever the residual has fallen by the first of the goals, and left for
-    good below the second. The residual is kept up on all nodes, where the convolution gives it for
-    nothing.
+    The set is checked whenever the residual has fallen by the first of the goals; a residual
+    below the second ends the stage. The residual is updated on all nodes, because the convolution
+    yields it there at no extra cost.
     """
     iterate.exact = False
     deflate = _deflation(operators, interference, contact, iterate)
@@ -208,20 +229,20 @@ def _solve_in_contact(
     goal = max(reduction * largest, floor)
     precondition = operators.approximate_inverse(contact)
     direction, previous = np.zeros_like(pressure), np.inf
-    while iterate.iterations < max_iterations and largest > floor:
+    while iterate.effort.iterations < max_iterations and largest > floor:
         correction = deflate(precondition(residual), residual)
         product = inner(residual, correction)
         direction = correction + (product / previous) * direction
         previous = product
         image = operators.displace_some(contact, direction)
         stiffness = inner(direction, image[contact])
-        iterate.convolutions += 1
-        if not (product > 0 and stiffness > 0):  # nothing is left but rounding
+        iterate.effort += CONVOLUTION
+        if not (product > 0 and stiffness > 0):  # only rounding is left
             break
         step = product / stiffness
         pressure += step * direction
         iterate.residual -= step * image
-        iterate.iterations += 1
+        iterate.effort += ITERATION
         if operators.load is not None:
             iterate.level(known, iterate.residual[contact])
         residual = iterate.residual[contact]
@@ -239,13 +260,14 @@ def _deflation(
 ) -> Callable[[Values, Values], Values]:
     """Scale the pressure to the least energy, and keep all corrections conjugate to it.
 
-    Tension that was cut off leaves too much load, by which all of the contact is then off: the
-    pressure, whose image is known, takes that out for nothing (deflation: Nicolaides 1987). What
-    rounding puts back into the residual along it is taken out again with each correction (A-DEF2
-    of Tang, Nabben, Vuik and Erlangga 2009); else long stages would come to stand on it and part.
-    On a compliant far field the scale is what the contact set hangs on most, and is left to the
-    rest. A given load fixes the scale: corrections carry nothing in all, and the pressure takes
-    the place of a constraint (projected conjugate gradients: Gould, Hribar and Nocedal 2001).
+    Cutting off tension leaves too much load, which shifts the residual of the whole contact. The
+    image of the pressure is known, so that scaling the pressure removes this error at no cost
+    (deflation: Nicolaides 1987). Rounding puts some of it back into the residual, and every
+    correction removes that part again (A-DEF2 of Tang, Nabben, Vuik and Erlangga 2009); otherwise
+    long stages would stagnate. On a compliant far field the contact set depends most on this
+    scale, and conjugate gradients are left to find it. A given load fixes the scale: corrections
+    add up to zero, with the pressure as the direction that absorbs their sum (projected conjugate
+    gradients: Gould, Hribar and Nocedal 2001).
     """
     if operators.softening > 0:
         return lambda correction, _: correction
@@ -273,10 +295,10 @@ def _cut_off_tension(
     advance: float,
     renewing: bool,
 ) -> Nodes | None:
-    """Set negative pressures to zero, and step ahead on the next contact set.
+    """Set negative pressures to zero, and take a step on the next contact set.
 
-    Both for one convolution: of the change, or of the whole pressure where that renews a residual
-    which working precision could not carry to the end.
+    Both together cost one convolution. It is applied to the change of pressure, or to the whole
+    pressure if the residual has to be recomputed because working precision no longer suffices.
     """
     tension = contact[iterate.pressure[contact] < 0]
     if not tension.size:
@@ -292,7 +314,7 @@ def _cut_off_tension(
         change = iterate.pressure - before
         changed = np.flatnonzero(change)
         iterate.residual -= operators.displace_some(changed, change[changed])
-        iterate.convolutions += 1
+        iterate.effort += CONVOLUTION
     if operators.load is not None:
         rescale(operators, interference, iterate)
         return following
@@ -302,15 +324,27 @@ def _cut_off_tension(
 def descend(operators: Operators, interference: Values, iterate: Iterate, steps: int) -> None:
     """Lower the energy by modified proportioning with reduced gradient projections.
 
-    Conjugate gradients while they stay in p >= 0, else to the bound and on by a short projected
-    step; nodes are released when their gradient outweighs that of the nodes in contact (Dostal and
-    Schoeberl 2005, algorithm 2 with Gamma = 1). Converges from any start.
+    Conjugate gradients run while they stay in p >= 0; a step that would leave it goes to the
+    bound, and a short projected step follows. Nodes are released when their gradient outweighs
+    that of the nodes in contact (Dostal and Schoeberl 2005, algorithm 2 with Gamma = 1). The
+    method converges from any start.
+
+    Parameters
+    ----------
+    operators : Operators
+        The influence matrix.
+    interference : ndarray, shape (m,)
+        Interference u [unit of displacement].
+    iterate : Iterate
+        Pressure and residual, improved in place.
+    steps : int
+        Number of steps to take.
     """
     length = 1 / operators.norm
     everywhere = np.arange(iterate.pressure.size)
-    last, iterate.exact = iterate.iterations + steps, False
+    last, iterate.exact = iterate.effort.iterations + steps, False
     direction = _free_gradient(iterate)
-    while iterate.iterations < last and iterate.violation() > 0:
+    while iterate.effort.iterations < last and iterate.violation() > 0:
         free = _free_gradient(iterate)
         released = np.where(iterate.pressure > 0, 0.0, np.maximum(iterate.residual, 0))
         reduced = np.maximum(free, -iterate.pressure / length)
@@ -319,20 +353,19 @@ def descend(operators: Operators, interference: Values, iterate: Iterate, steps:
             direction = released
         image = operators.displace_some(everywhere, direction)
         stiffness = inner(direction, image)
-        if not stiffness > 0:  # nothing is left to descend but rounding
+        if not stiffness > 0:  # only rounding is left
             return
         step = inner(iterate.residual, direction) / stiffness
         shrinking = direction < 0
         room = np.min(-iterate.pressure[shrinking] / direction[shrinking], initial=np.inf)
         iterate.pressure += min(step, room) * direction
         iterate.residual -= min(step, room) * image
-        iterate.iterations += 1
-        iterate.convolutions += 1
+        iterate.effort += STEP
         if step > room:
             np.maximum(iterate.pressure, 0, out=iterate.pressure)
             np.maximum(iterate.pressure + length * _free_gradient(iterate), 0, out=iterate.pressure)
             iterate.residual = interference - operators.displace(iterate.pressure)
-            iterate.convolutions += 1
+            iterate.effort += CONVOLUTION
             direction = _free_gradient(iterate)
         elif proportional:
             free = _free_gradient(iterate)
@@ -342,5 +375,5 @@ def descend(operators: Operators, interference: Values, iterate: Iterate, steps:
 
 
 def _free_gradient(iterate: Iterate) -> Values:
-    """The downhill gradient of the energy on the nodes under pressure."""
+    """Return the downhill gradient of the energy on the nodes under pressure."""
     return np.where(iterate.pressure > 0, iterate.residual, 0.0)

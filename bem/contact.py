@@ -1,4 +1,4 @@
-"""Press a rigid rough surface into an elastic half-space: `solve` and the `Contact` it returns."""
+"""The contact of a rigid rough surface with an elastic half-space: `solve` and its `Contact`."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -192,17 +192,24 @@ def solve(
     return contact_of(problem, equilibrium_of(problem, start))
 
 
-def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium | None:
-    """Solve a checked problem as its load and far field ask for.
+def equilibrium_of(
+    problem: Problem, near: Start | None = None, *, keep_displacement: bool = False
+) -> Equilibrium | None:
+    """Solve a checked problem with the method that its load and far field need.
 
     Parameters
     ----------
-    problem : see there
-    near : what to start from; no use to a given Delta on a compliant far field
+    problem : Problem
+        The problem.
+    near : Start, optional
+        A pressure to start from; it is ignored for a given Delta on a compliant far field.
+    keep_displacement : bool
+        Whether the result has the displacement of the half-space, where the solve yields it.
 
     Returns
     -------
-    Equilibrium, or None where the bodies are apart or just touch
+    Equilibrium or None
+        None if the bodies are apart or just touch.
     """
     if problem.delta is None:
         return under_given_force(problem, near) if problem.force else None
@@ -210,7 +217,7 @@ def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium |
         return None
     if problem.far_field == "compliant":
         return on_compliant_far_field(problem, problem.delta)
-    return on_rigid_far_field(problem, problem.delta, near)
+    return on_rigid_far_field(problem, problem.delta, near, keep_displacement=keep_displacement)
 
 
 def contact_of(problem: Problem, found: Equilibrium | None) -> Contact:
@@ -230,8 +237,8 @@ def contact_of(problem: Problem, found: Equilibrium | None) -> Contact:
         delta=found.delta,
         approach=found.approach,
         residual=found.iterate.violation(),
-        iterations=found.iterate.iterations,
-        convolutions=found.iterate.convolutions,
+        iterations=found.iterate.effort.iterations,
+        convolutions=found.iterate.effort.convolutions,
     )
     if found.converged:
         return contact

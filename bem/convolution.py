@@ -142,11 +142,10 @@ class Selection:
         """(m,) values on the nodes -> (m,) filtered values on the same nodes."""
         return self._apply(self._places, values)[self._places]
 
-    @property
-    def field(self) -> Real:
-        """(nx, ny) what was filtered last, on all nodes; the filter's next user overwrites it."""
-        nodes = self._operator.shape[1]
-        field: Real = self._operator.field[:, :nodes]
+    def everywhere(self, values: Real) -> Real:
+        """Filter (m,) values on the nodes into a new (nx, ny) field on all nodes of the grid."""
+        self._apply(self._places, values)
+        field: Real = self._operator.field[:, : self._operator.shape[1]].copy()
         return field
 
     def spread(self, some: NDArray[np.intp], values: Real) -> Real:

@@ -1,4 +1,4 @@
-"""Equilibrium of a checked problem, in reduced units, on a rigid or on a compliant far field."""
+"""Equilibrium at a given displacement of the far field, which is rigid or compliant."""
 
 from dataclasses import replace
 from functools import partial
@@ -6,100 +6,135 @@ from functools import partial
 import numpy as np
 
 from bem.active_set import FROM_NEAR, FROM_SCRATCH, solve_complementarity
+from bem.arrays import Field
 from bem.direct import FEW_NODES, solve_directly
-from bem.equilibrium import Equilibrium, NoSolution, Start, overlap, started, unfold
+from bem.equilibrium import Equilibrium, NoSolution, Overlap, Start, overlap, started, unfold
 from bem.far_field import critical_delta, flat_punch
 from bem.half_space import HalfSpace
 from bem.influence import InfluenceMatrix
-from bem.iterate import Iterate
-from bem.problem import Field, Problem
+from bem.iterate import Effort, Iterate
+from bem.problem import Problem
 
-# Iterations after which a compliant far field is approached by rigid solves, how near they have to
-# come over what they have approached, how many they may be, and the longest step between two.
+# Iterations with the compliant far field in the operator after which rigid solves approach it: most
+# problems need fewer.
 DIRECT_ITERATIONS = 150
+
+# Accuracy of that approach, over the approach: the active set arrives from there.
 APPROACH_RTOL = 1e-2
+
+# Rigid solves of the approach at most; secants need far fewer.
 APPROACH_STEPS = 40
+
+# Longest step of the approach between two rigid solves, over the approach.
 LONGEST_ADVANCE = 0.5
 
-# From so many nodes a side on, a solve starts from a loose one on every second node: it spares more
-# than it costs (`python -m bench growth`).
+# Nodes a side from which on a solve starts from a loose solve on every second node, which saves
+# more than it costs (`python -m bench growth`).
 NESTED = 1000
+
+# Tolerance of that loose solve.
 NESTED_RTOL = 3e-2
+
+# Pace after that loose solve: its contact set is good except along its borders.
 NESTED_PACE = replace(FROM_SCRATCH, first_steps=1, advance=0.3)
 
-# A start whose residual is larger than that [Delta] is no better than no pressure at all.
+# Largest residual [Delta] of a start that is better than no pressure at all.
 FARTHEST = 10.0
 
 
-def on_rigid_far_field(problem: Problem, delta: float, near: Start | None = None) -> Equilibrium:
-    """Solve on the smallest box that holds every node which the undeformed bodies overlap.
+def on_rigid_far_field(
+    problem: Problem, delta: float, near: Start | None = None, *, keep_displacement: bool = False
+) -> Equilibrium:
+    """Solve on the smallest box that holds every node at which the undeformed bodies overlap.
 
     Parameters
     ----------
-    problem : its displacement or force is left aside
-    delta : above 0 [um]
-    near : what to start from, if there is anything
+    problem : Problem
+        The problem, whose own displacement or force is ignored.
+    delta : float
+        Displacement of the far field, above 0 [um].
+    near : Start, optional
+        A pressure to start from.
+    keep_displacement : bool
+        Whether the result has the displacement of the half-space, unless dense algebra found it.
     """
-    box, nodes, interference = overlap(problem, delta)
-    shape = box[0].stop - box[0].start, box[1].stop - box[1].start
-    if len(nodes) <= FEW_NODES:
-        iterate, _, converged = solve_directly(
-            InfluenceMatrix(shape, problem.kernel, problem.aspect),
-            nodes,
-            interference,
+    touching = overlap(problem, delta)
+    if len(touching.nodes) <= FEW_NODES:
+        iterate, converged = solve_directly(
+            InfluenceMatrix(touching.shape, problem.kernel, problem.aspect),
+            touching.nodes,
+            touching.interference,
             rtol=problem.rtol,
             max_iterations=problem.max_iterations,
         )
         if converged:
-            return unfold(problem, delta, box, nodes, iterate)
-    operators = HalfSpace(shape, problem.kernel, problem.aspect, nodes)
-    pace, spent = FROM_NEAR, 0
-    if near is None and min(shape) >= NESTED:
+            return unfold(problem, delta, touching, iterate)
+    operators = HalfSpace(
+        touching.shape,
+        problem.kernel,
+        problem.aspect,
+        touching.nodes,
+        keep_field=keep_displacement,
+    )
+    pace, spent = FROM_NEAR, Effort()
+    if near is None and min(touching.shape) >= NESTED:
         near, spent = _on_coarser_grid(problem, delta)
         pace = NESTED_PACE
-    start = None
-    if near is None:
+    start = _usable_start(problem, operators, touching, delta, near)
+    if start is None:
         pace = FROM_SCRATCH
     else:
-        pressure = near.pressure[box].reshape(-1)[nodes] * (problem.spacing[0] / delta)
-        displaced, whole = None, np.count_nonzero(pressure) == np.count_nonzero(near.pressure)
-        if near.moved is not None and whole:
-            displaced = near.moved[box].reshape(-1)[nodes] / delta
-        start = started(operators, interference, pressure, displaced)
-        start.convolutions += spent
-        if not start.violation() <= FARTHEST:
-            start, pace = None, FROM_SCRATCH
+        start.effort += spent
     iterate, converged = solve_complementarity(
         operators,
-        interference,
+        touching.interference,
         rtol=problem.rtol,
         max_iterations=problem.max_iterations,
         start=start,
         pace=pace,
     )
-    return unfold(problem, delta, box, nodes, iterate, converged, operators.displaced)
+    return unfold(
+        problem, delta, touching, iterate, converged=converged, displacement=operators.field
+    )
 
 
-def _on_coarser_grid(problem: Problem, delta: float) -> tuple[Start | None, int]:
-    """Pressure near the solution from every second node, None where those do not touch.
+def _usable_start(
+    problem: Problem, operators: HalfSpace, touching: Overlap, delta: float, near: Start | None
+) -> Iterate | None:
+    """Return the start on the nodes that may touch, or None if it is too far from equilibrium."""
+    if near is None:
+        return None
+    pressure = touching.select(near.pressure) * (problem.spacing[0] / delta)
+    displacement = None
+    all_inside = np.count_nonzero(pressure) == np.count_nonzero(near.pressure)
+    if near.displacement is not None and all_inside:
+        displacement = touching.select(near.displacement) / delta
+    start = started(operators, touching.interference, pressure, displacement)
+    return start if start.violation() <= FARTHEST else None
 
-    And what it cost, in applications of the influence matrix of the whole grid.
+
+def _on_coarser_grid(problem: Problem, delta: float) -> tuple[Start | None, Effort]:
+    """Solve on every second node and interpolate the pressure; None if those nodes do not touch.
+
+    The effort is in convolutions of the whole grid.
     """
     heights = problem.heights[::2, ::2]
-    touching = delta - float(problem.heights.max() - heights.max())
-    if touching <= 0:
-        return None, 0
+    coarse_delta = delta - float(problem.heights.max() - heights.max())
+    if coarse_delta <= 0:
+        return None, Effort()
     spacing = 2 * problem.spacing[0], 2 * problem.spacing[1]
     coarse = replace(problem, heights=heights, spacing=spacing, rtol=NESTED_RTOL)
-    found = on_rigid_far_field(coarse, touching)
-    pressure = found.pressure * (found.length / spacing[0])
+    loose = on_rigid_far_field(coarse, coarse_delta)
+    pressure = loose.pressure * (loose.length / spacing[0])
     for axis, nodes in enumerate(problem.heights.shape):
         pressure = _between(pressure, axis, nodes)
-    return Start(pressure), -(-found.iterate.convolutions * heights.size // problem.heights.size)
+    convolutions = loose.iterate.effort.convolutions
+    whole = -(-convolutions * heights.size // problem.heights.size)
+    return Start(pressure), Effort(convolutions=whole)
 
 
 def _between(values: Field, axis: int, nodes: int) -> Field:
-    """Means of neighbours put between them along an axis; a last node without one repeats."""
+    """Insert means of neighbours along an axis; repeat the last value if it has no neighbour."""
     here = np.moveaxis(values, axis, 0)
     filled = np.empty((nodes, *here.shape[1:]))
     filled[::2] = here
@@ -111,10 +146,22 @@ def _between(values: Field, axis: int, nodes: int) -> Field:
 
 
 def on_compliant_far_field(problem: Problem, delta: float) -> Equilibrium:
-    """Solve with the far field inside the operator; any node may come to touch.
+    """Solve with the far field's compliance in the operator; any node may come to touch.
 
-    That operator is nearly singular on contact sets much larger than the solution's, on which the
-    active set can cycle. If it has not arrived soon, rigid solves bring it near from below.
+    The operator is nearly singular on contact sets much larger than the solution's, on which the
+    active set can cycle. If it has not converged soon, rigid solves bring it near from below.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem, whose own displacement or force is ignored.
+    delta : float
+        Displacement of the far field, above 0 [um].
+
+    Raises
+    ------
+    NoSolution
+        If delta is Delta* or more.
     """
     critical = critical_delta(problem.heights, problem.kernel, problem.aspect)
     if delta >= critical:
@@ -129,25 +176,30 @@ def on_compliant_far_field(problem: Problem, delta: float) -> Equilibrium:
     soon = min(DIRECT_ITERATIONS, problem.max_iterations)
     iterate, converged = solve_here(max_iterations=soon)
     if not converged and soon < problem.max_iterations:
-        left = problem.max_iterations - iterate.iterations
+        left = problem.max_iterations - iterate.effort.iterations
         near = _approach_from_below(left, rigid, depth, softening)
-        near.iterations += iterate.iterations
-        near.convolutions += iterate.convolutions
+        near.effort += iterate.effort
         iterate, converged = solve_here(
             max_iterations=problem.max_iterations, start=near, pace=FROM_NEAR
         )
     reduced = iterate.pressure.reshape(shape)
-    approach = delta * (1 + softening * float(reduced.sum()))
-    return Equilibrium(reduced, delta, delta, approach, iterate, converged)
+    return Equilibrium(
+        pressure=reduced,
+        length=delta,
+        delta=delta,
+        approach=delta * (1 + softening * float(reduced.sum())),
+        iterate=iterate,
+        converged=converged,
+    )
 
 
 def _approach_from_below(
     max_iterations: int, rigid: HalfSpace, depth: Field, softening: float
 ) -> Iterate:
-    """A pressure near equilibrium on the compliant far field, with its residual there.
+    """Find a pressure near equilibrium on the compliant far field, with its residual there.
 
-    What is left to approach, 1 + softening sum(p) - approach in units of Delta, falls and is
-    convex in the approach: secants through its values never pass the solution.
+    The remaining approach, 1 + softening sum(p) - approach in units of Delta, falls and is convex
+    in the approach: secants through its values never pass the solution.
     """
     solve_rigid = partial(
         solve_complementarity,
@@ -160,7 +212,7 @@ def _approach_from_below(
     for _ in range(APPROACH_STEPS):
         left = 1 + softening * float(iterate.pressure.sum()) - approach
         slope = (left - before) / advance if advance else -1.0
-        # Near Delta* the slope is nearly zero and made of rounding: no step may be trusted far.
+        # Near Delta* the slope is nearly zero and made of rounding: limit the step.
         advance = min(left / min(max(-slope, 1e-3), 1.0), LONGEST_ADVANCE * approach)
         if abs(advance) <= APPROACH_RTOL * approach or not converged:
             break

@@ -1,29 +1,37 @@
-"""The solver's answer to a problem, in reduced units, and its way to the grid and from it."""
+"""The equilibrium of a problem in reduced units, and the nodes of the grid that it is solved on."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from bem.arrays import Field, Nodes, Values
 from bem.half_space import HalfSpace
-from bem.iterate import Iterate, Nodes
-from bem.problem import Field, Problem
+from bem.iterate import CONVOLUTION, Iterate
+from bem.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """What the solver found.
+    """The solver's result for a whole grid.
 
     Attributes
     ----------
-    pressure : (nx, ny) [length E* / first side of a cell]
-    length : unit of reduced displacements [um]
-    delta : far-field displacement Delta [um]
-    approach : displacement of the far field in all [um]
-    iterate : the solver's last state, in units of `length`
-    converged : whether that is the solution
-    displacement : (nx, ny) of the half-space under that pressure, nan where nobody asked for it,
-        or None [length]
+    pressure : ndarray, shape (nx, ny)
+        Pressure [length E* / first side of a cell].
+    length : float
+        Unit of reduced displacements [um].
+    delta : float
+        Far-field displacement Delta [um].
+    approach : float
+        Total displacement of the far field [um].
+    iterate : Iterate
+        Last state of the solver, in units of `length`.
+    converged : bool
+        Whether that state is the solution.
+    displacement : ndarray, shape (nx, ny), or None
+        Displacement of the half-space under that pressure, nan outside the box that was solved;
+        None if it was not asked for [length].
     """
 
     pressure: Field
@@ -36,23 +44,33 @@ class Equilibrium:
 
 
 class Start(NamedTuple):
-    """What to begin with, near the solution.
+    """A pressure near the solution, from which a solve begins.
 
     Attributes
     ----------
-    pressure : (nx, ny) [E*]
-    moved : (nx, ny) displacement under that pressure, nan where unknown, or None: spares a
-        convolution [um]
-    approach : displacement of the far field in all; a given one takes its place [um]
+    pressure : ndarray, shape (nx, ny)
+        Pressure [E*].
+    displacement : ndarray, shape (nx, ny), or None
+        Displacement under that pressure, nan where it is unknown; it saves a convolution [um].
+    approach : float or None
+        Total displacement of the far field; a given Delta takes precedence [um].
     """
 
     pressure: Field
-    moved: Field | None = None
+    displacement: Field | None = None
     approach: float | None = None
 
 
 class NoSolution(ValueError):
-    """A compliant far field at or beyond Delta*, where the force has no bound."""
+    """A compliant far field at or beyond Delta*, where the force has no bound.
+
+    Attributes
+    ----------
+    delta : float
+        The far-field displacement asked for [um].
+    critical_delta : float
+        Delta* of the surface [um].
+    """
 
     def __init__(self, delta: float, critical: float) -> None:
         self.delta = delta
@@ -63,8 +81,36 @@ class NoSolution(ValueError):
         )
 
 
-def overlap(problem: Problem, delta: float) -> tuple[tuple[slice, slice], Nodes, Field]:
-    """The box of all nodes that may touch, these nodes in it, their interference over Delta."""
+class Overlap(NamedTuple):
+    """The nodes that may touch at a displacement of the far field.
+
+    Attributes
+    ----------
+    box : tuple of slice
+        Rows and columns of a box that holds these nodes.
+    nodes : ndarray, shape (m,)
+        Flat indices of the nodes in the box.
+    interference : ndarray, shape (m,)
+        Overlap of the undeformed bodies [displacement of the far field].
+    """
+
+    box: tuple[slice, slice]
+    nodes: Nodes
+    interference: Values
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of rows and columns of the box."""
+        return self.box[0].stop - self.box[0].start, self.box[1].stop - self.box[1].start
+
+    def select(self, field: Field) -> Values:
+        """Return the values of an (nx, ny) field at the nodes."""
+        values: Values = field[self.box].reshape(-1)[self.nodes]
+        return values
+
+
+def overlap(problem: Problem, delta: float) -> Overlap:
+    """Find the nodes that may touch at a displacement of the far field [um]."""
     shape = problem.heights.shape
     below = problem.heights - problem.heights.max()
     nodes = np.flatnonzero(below > -delta)
@@ -77,44 +123,55 @@ def overlap(problem: Problem, delta: float) -> tuple[tuple[slice, slice], Nodes,
     rows -= box[0].start
     columns -= box[1].start
     interference = (below.reshape(-1)[nodes] + delta) / delta  # above 0, as below > -delta is
-    return box, rows * (box[1].stop - box[1].start) + columns, interference
+    return Overlap(box, rows * (box[1].stop - box[1].start) + columns, interference)
 
 
 def started(
-    operators: HalfSpace, interference: Field, pressure: Field, displaced: Field | None = None
+    operators: HalfSpace, interference: Values, pressure: Values, displacement: Values | None = None
 ) -> Iterate:
-    """A pressure to start from, with its residual: one convolution, or none if it is known."""
-    if displaced is not None and np.isfinite(displaced).all():
-        return Iterate(pressure, interference - displaced)
+    """Return an iterate with its residual, for one convolution unless the displacement is known."""
+    if displacement is not None and np.isfinite(displacement).all():
+        return Iterate(pressure, interference - displacement)
     everywhere = np.arange(len(pressure))
-    with np.errstate(over="ignore", invalid="ignore"):  # too far to start from, and seen to be
+    with np.errstate(over="ignore", invalid="ignore"):  # the caller refuses starts that far away
         residual = interference - operators.displace_some(everywhere, pressure)
-    return Iterate(pressure, residual, convolutions=1)
+    return Iterate(pressure, residual, CONVOLUTION)
 
 
 def unfold(
     problem: Problem,
     delta: float,
-    box: tuple[slice, slice],
-    nodes: Nodes,
+    touching: Overlap,
     iterate: Iterate,
+    *,
     converged: bool = True,
-    displaced: Field | None = None,
+    displacement: Field | None = None,
 ) -> Equilibrium:
-    """Put the pressure on some nodes of a box, and the box's displacement, back on the grid."""
+    """Put the pressure on the nodes, and the displacement of their box, back on the grid."""
     reduced = np.zeros(problem.heights.shape)
-    values = np.zeros(reduced[box].shape)
-    values.reshape(-1)[nodes] = iterate.pressure
-    reduced[box] = values
-    displacement = None
-    if displaced is not None:
-        displacement = np.full(reduced.shape, np.nan)
-        displacement[box] = displaced
-    return Equilibrium(reduced, delta, delta, delta, iterate, converged, displacement)
+    values = np.zeros(touching.shape)
+    values.reshape(-1)[touching.nodes] = iterate.pressure
+    reduced[touching.box] = values
+    whole = None
+    if displacement is not None:
+        whole = np.full(reduced.shape, np.nan)
+        whole[touching.box] = displacement
+    return Equilibrium(
+        pressure=reduced,
+        length=delta,
+        delta=delta,
+        approach=delta,
+        iterate=iterate,
+        converged=converged,
+        displacement=whole,
+    )
 
 
 def _span(first: int, last: int, size: int) -> slice:
-    """From first to last, widened to 1 + (4, 5, 6, 7) 2^j nodes inside the grid: plans recur."""
+    """Return a slice from first to last, widened to one of a few lengths to reuse FFT plans.
+
+    The lengths are 1 + (4, 5, 6, 7) 2^j nodes, or all `size` nodes of the grid.
+    """
     unit = 2 ** max((last - first).bit_length() - 3, 0)
     nodes = -(-(last - first) // unit) * unit + 1
     if nodes >= size:

@@ -1,9 +1,9 @@
-"""The influence matrix of a few nodes, factorised: pressure on any part of them, exactly.
+"""The factorised influence matrix of a few nodes, which gives the pressure on any part of them.
 
-A contact set that is too large gives itself away by tension. Taking the nodes that pull out of a
-factorised matrix costs far less than a factor of what is left. With uniform pressures on the cells
-none of them ever comes back, since no node's pressure pulls on another's
-(`tests/bem/test_properties.py`); concentrated forces and rounding may make exceptions.
+A contact set that is too large shows by tension. Removing the nodes under tension from a
+factorised matrix costs far less than factorising the matrix of the rest. With uniform pressures on
+the cells no removed node ever returns, because no entry off the diagonal of the matrix's inverse is
+positive (`tests/bem/test_properties.py`); concentrated forces and rounding may make exceptions.
 """
 
 from collections.abc import Callable
@@ -13,45 +13,45 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bem.arrays import Nodes, Real, Values
 from bem.influence import InfluenceMatrix
 
-Values = NDArray[np.float64]
-Nodes = NDArray[np.intp]
-Real = NDArray[Any]  # of float64 or float32
-
-# (sum of the pressure under u, sum of it under a displacement of one) -> displacement of the far
-# field besides u
+# Maps the sum of the pressure under u, and its sum under a unit displacement, to the displacement
+# of the far field in addition to u.
 FarFieldLaw = Callable[[float, float], float]
 
-# Contact sets tried before the solution is left to others.
+# Contact sets tried before iterations take over: sets that do not cycle need fewer.
 CONTACT_SETS = 20
 
-# From this share of the nodes on, those that pull are left out of a new factor.
+# Share of nodes under tension above which a new factor of the rest is cheaper than removing them.
 MANY = 0.15
 
 
 class ContactFactor:
-    """Cholesky's factor of H on n nodes, out of which nodes can be taken.
+    """The Cholesky factor of H on n nodes, from which nodes can be removed.
 
-    With A = L L^T on all of them, and V = L^-1 E, where E picks out the nodes taken out, the
-    pressure under u that is zero on these is L^-T (y - V q) with y = L^-1 u and V^T V q = V^T y,
-    and q is how far they then penetrate. Where many pull at a time, a factor of the others is
-    cheaper, and they are lost sight of.
+    Let A = L L^T on all nodes and V = L^-1 E, where E selects the removed nodes. The pressure under
+    u that vanishes on the removed nodes is L^-T (y - V q) with y = L^-1 u and V^T V q = V^T y, and
+    q is their penetration. If many nodes are removed at a time, the matrix of the rest is
+    factorised instead, and the removed nodes can no longer return.
 
     Parameters
     ----------
-    matrix : H
-    nodes : (n,) flat indices. The first should be those that are least likely to be taken out: the
-        last cost less
+    matrix : InfluenceMatrix
+        The influence matrix H of the grid.
+    nodes : ndarray, shape (n,)
+        Flat indices, best ordered with those first that are least likely to be removed: removing
+        the last ones costs less.
 
     Attributes
     ----------
-    kept : (k,) places in `nodes` that the factor is of, taken out or not
+    kept : ndarray, shape (k,)
+        Positions in `nodes` that the factor contains, removed or not.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        if the matrix of these nodes is not positive definite in its precision
+        If the matrix of these nodes is not positive definite in its precision.
     """
 
     kept: Nodes
@@ -61,28 +61,34 @@ class ContactFactor:
         self._routines = routines("s" if matrix.dtype == np.float32 else "d")
         self._renew(np.arange(len(nodes)))
 
-    def press(
+    def solve(
         self,
         interference: Values,
         law: FarFieldLaw | None = None,
         most_sets: int = CONTACT_SETS,
     ) -> tuple[Values, int]:
-        """Take out what pulls until nothing does.
+        """Remove nodes under tension until none is left.
 
         Parameters
         ----------
-        interference : (n,) u, less what the law adds to it [any length]
-        law : how the far field answers, for one that is not rigid
-        most_sets : bound on the contact sets
+        interference : ndarray, shape (n,)
+            Interference u, without the displacement that the law adds [any unit of length].
+        law : FarFieldLaw, optional
+            Displacement of a far field that is not rigid.
+        most_sets : int
+            Bound on the contact sets.
 
         Returns
         -------
-        ((n,) pressure, not negative; contact sets tried)
+        pressure : ndarray, shape (n,)
+            Pressure, not negative.
+        sets : int
+            Contact sets tried.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            if no pressure answers to that law, or rounding leaves none
+            If no pressure satisfies the law, or rounding leaves none.
         """
         forward = self._forward(interference[self.kept], law)
         pressure, sets = np.zeros_like(interference), 0
@@ -91,54 +97,72 @@ class ContactFactor:
             pressure[:] = 0
             pressure[self.kept] = np.maximum(values, 0)
             sets += 1
-            pulling = (values < 0).nonzero()[0]
-            if not pulling.size:
+            tension = (values < 0).nonzero()[0]
+            if not tension.size:
                 break
-            if len(pulling) > MANY * len(values):
+            if len(tension) > MANY * len(values):
                 self._renew(self.kept[values > 0])
                 forward = self._forward(interference[self.kept], law)
             else:
-                self._take_out(pulling)
+                self._remove(tension)
         return pressure, sets
 
     def correct(self, residual: Values, tolerance: float, law: FarFieldLaw | None = None) -> Values:
-        """(n,) what is left of u -> (n,) change of the pressure on the nodes not taken out.
+        """Compute the change of pressure that removes a residual; return penetrating nodes.
 
-        Those that were, but penetrate by more than the tolerance, are put back. Raises as `press`.
+        Parameters
+        ----------
+        residual : ndarray, shape (n,)
+            Remaining part of u [unit of u].
+        tolerance : float
+            Penetration above which removed nodes are returned to the factor [unit of u].
+        law : FarFieldLaw, optional
+            Displacement of a far field that is not rigid.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Change of the pressure, zero on removed nodes.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If no pressure satisfies the law, or rounding leaves none.
         """
-        sinking = residual[self.kept[self._out]] > tolerance
-        if sinking.any():
-            self._put_back(sinking)
+        penetrating = residual[self.kept[self._removed]] > tolerance
+        if penetrating.any():
+            self._return(penetrating)
         left = residual[self.kept]
-        left[self._out] = 0  # an open gap, which rounding would carry into the contact
+        left[self._removed] = 0  # an open gap, which rounding would carry into the contact
         change = np.zeros_like(residual)
         change[self.kept] = self._backward(self._forward(left, law), law)
         return change
 
     def _renew(self, kept: Nodes) -> None:
+        """Factorise the matrix of some of the nodes and forget the rest."""
         if not kept.size:
             raise np.linalg.LinAlgError
         self.kept = kept
         self._lower = self._factorised(self._matrix.among(self._nodes[kept]))
-        self._taken = np.zeros((len(kept), 0), self._lower.dtype, order="F")
+        self._columns = np.zeros((len(kept), 0), self._lower.dtype, order="F")
         self._gram = np.zeros((0, 0), self._lower.dtype)
-        self._out = np.zeros(0, np.intp)  # places in `kept`
+        self._removed = np.zeros(0, np.intp)  # positions in `kept`
 
     def _forward(self, interference: Values, law: FarFieldLaw | None) -> Real:
-        """L^-1 of u, and of a displacement of one where the far field needs it."""
+        """Apply L^-1 to u, and to a unit displacement if the law needs it."""
         sides = np.ones((len(interference), 1 if law is None else 2), self._lower.dtype, order="F")
         sides[:, 0] = interference
         return self._solved(self._routines.trtrs, self._lower, sides)
 
     def _backward(self, forward: Real, law: FarFieldLaw | None) -> Values:
-        """Pressure, with what the law adds to the displacement."""
+        """Return the pressure under u and the displacement that the law adds."""
         inside = forward
-        if len(self._out):
-            sinking = self._solved(self._routines.potrs, self._gram, self._taken.T @ forward)
-            inside = forward - self._taken @ sinking
+        if len(self._removed):
+            penetration = self._solved(self._routines.potrs, self._gram, self._columns.T @ forward)
+            inside = forward - self._columns @ penetration
         pressures = self._solved(self._routines.trtrs, self._lower, inside, trans=1)
         pressures = pressures.astype(np.float64)
-        pressures[self._out] = 0
+        pressures[self._removed] = 0
         pressure: Values = pressures[:, 0]
         if law is not None:
             plain, uniform = pressures.sum(axis=0)
@@ -147,22 +171,25 @@ class ContactFactor:
             raise np.linalg.LinAlgError
         return pressure
 
-    def _take_out(self, nodes: Nodes) -> None:
+    def _remove(self, nodes: Nodes) -> None:
+        """Add the columns of V that force zero pressure on some of the kept nodes."""
         columns = np.zeros((len(self._lower), len(nodes)), self._lower.dtype, order="F")
         columns[nodes, np.arange(len(nodes))] = 1
         first = int(nodes.min())  # above it, columns of V are zero
         below = self._lower[first:, first:]
         columns[first:] = self._solved(self._routines.trtrs, below, columns[first:])
-        self._taken = np.concatenate([self._taken, columns], axis=1)
-        self._out = np.concatenate([self._out, nodes])
-        self._gram = self._factorised(self._taken.T @ self._taken)
+        self._columns = np.concatenate([self._columns, columns], axis=1)
+        self._removed = np.concatenate([self._removed, nodes])
+        self._gram = self._factorised(self._columns.T @ self._columns)
 
-    def _put_back(self, nodes: NDArray[np.bool_]) -> None:
-        self._taken, self._out = self._taken[:, ~nodes], self._out[~nodes]
-        if self._out.size:
-            self._gram = self._factorised(self._taken.T @ self._taken)
+    def _return(self, nodes: NDArray[np.bool_]) -> None:
+        """Drop the columns of V of some removed nodes, which may then carry pressure again."""
+        self._columns, self._removed = self._columns[:, ~nodes], self._removed[~nodes]
+        if self._removed.size:
+            self._gram = self._factorised(self._columns.T @ self._columns)
 
     def _factorised(self, matrix: Real) -> Real:
+        """Return the lower Cholesky factor, which overwrites the matrix."""
         lower, wrong = self._routines.potrf(matrix, lower=1, clean=0, overwrite_a=1)
         if wrong:
             raise np.linalg.LinAlgError
@@ -170,6 +197,7 @@ class ContactFactor:
         return factor
 
     def _solved(self, by: Callable[..., Any], lower: Real, sides: Real, **how: int) -> Real:
+        """Solve a system by a lower factor with one of LAPACK's routines."""
         solution, wrong = by(lower, sides, lower=1, **how)
         if wrong:
             raise np.linalg.LinAlgError
@@ -178,7 +206,19 @@ class ContactFactor:
 
 
 class Routines(NamedTuple):
-    """Cholesky's factorisation, with a solve, a solve by it, and a triangular solve."""
+    """The routines of LAPACK that this package uses, in one precision.
+
+    Attributes
+    ----------
+    potrf : callable
+        Cholesky factorisation.
+    posv : callable
+        Cholesky factorisation with a solve.
+    potrs : callable
+        Solve by a Cholesky factor.
+    trtrs : callable
+        Solve by a triangular matrix.
+    """
 
     potrf: Callable[..., Any]
     posv: Callable[..., Any]
@@ -188,7 +228,7 @@ class Routines(NamedTuple):
 
 @lru_cache(maxsize=2)
 def routines(precision: str) -> Routines:
-    """LAPACK's, for a precision "s" or "d"."""
+    """Return LAPACK's routines for single ("s") or double ("d") precision."""
     from scipy.linalg import lapack  # a tenth of a second, which most commands never need
 
     return Routines(*(getattr(lapack, precision + name) for name in Routines._fields))

@@ -43,7 +43,7 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> N
     if not converged:
         raise ArithmeticError(
             f"flat punch on {shape[0]} x {shape[1]} nodes, kernel {kernel}: residual"
-            f" {iterate.violation():.1e} after {iterate.iterations} iterations"
+            f" {iterate.violation():.1e} after {iterate.effort.iterations} iterations"
         )
     pressure = iterate.pressure.reshape(shape)
     pressure.setflags(write=False)

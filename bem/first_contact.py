@@ -1,8 +1,8 @@
-"""The first contact set: by steps that each leave less of it, then by dense algebra if it is small.
+"""The first contact set: by projected steps, then by dense algebra if the set is small.
 
-Projected steps from no pressure at all keep more nodes in contact than the solution does, and next
-to none of its nodes is lost on the way. So the contact of a few of them is a set to take nodes out
-of, which dense algebra does exactly, where the nodes are few.
+Projected steps from no pressure keep more nodes in contact than the solution does and lose next to
+none of the solution's nodes. After a few steps the contact set is therefore a set to remove nodes
+from, and dense algebra does this exactly where the nodes are few.
 """
 
 from contextlib import suppress
@@ -10,30 +10,45 @@ from dataclasses import replace
 
 import numpy as np
 
+from bem.arrays import Nodes, Values
 from bem.factor import CONTACT_SETS, ContactFactor, FarFieldLaw
-from bem.iterate import Iterate, Nodes, Operators, Values, inner
+from bem.iterate import CONVOLUTION, Effort, Iterate, Operators, inner
 from bem.sections import on_one_blas_thread
 
-# Entry k: a step k is not taken where the contact is this share of what is few already; the last is
-# for all later ones. The first steps leave far fewer nodes, later ones hardly, and dense algebra
-# costs their cube (`pytest bench -k few_in_contact`).
+# Shares of `few_nodes`: step k is skipped if the contact set is no larger than entry k (the last
+# entry serves all later steps). The first steps remove many nodes, later steps hardly any, and the
+# cost of dense algebra grows with the cube of their number (`pytest bench -k few_in_contact`).
 ENOUGH = (0.25, 0.5, 0.5, 0.7)
 
-# Nodes that are next to touch are taken along, as many as this share of the contact.
+# Nodes outside with the smallest gaps, as a share of the contact set, that are factorised with it:
+# the set may lack a few nodes, and a second factor would cost more.
 MARGIN = 0.08
 
-# Exact residuals that may follow; and the penetration outside from which another factor is asked
-# for at once: below, rounding may be to blame, which the factor at hand corrects first.
+# Exact residuals that are computed at most before iterations take over.
 RENEWALS = 5
+
+# Penetration outside [Delta] above which a larger set is factorised at once. Below it rounding may
+# be the cause, which the present factor corrects first.
 OUTSIDE = 1e-5
 
 
 def take_first_steps(
     operators: Operators, interference: Values, iterate: Iterate, steps: int
 ) -> None:
-    """Preconditioned steps cut off at zero, each scaled to the least energy on its ray.
+    """Take preconditioned steps, cut off at zero and scaled to the least energy.
 
-    They find most of what is out of contact for one convolution each.
+    They find most of the nodes out of contact for one convolution a step.
+
+    Parameters
+    ----------
+    operators : Operators
+        The influence matrix.
+    interference : ndarray, shape (m,)
+        Interference u [unit of displacement].
+    iterate : Iterate
+        Pressure and residual, improved in place.
+    steps : int
+        Largest number of steps.
     """
     for step in range(steps):
         contact = iterate.contact()
@@ -48,7 +63,7 @@ def take_first_steps(
         values = pressure[loaded]
         image = operators.displace_some(loaded, values)
         scale = inner(interference[loaded], values) / inner(values, image[loaded])
-        iterate.convolutions += 1
+        iterate.effort += CONVOLUTION
         if not scale > 0:
             return
         iterate.pressure[:] = 0
@@ -60,25 +75,32 @@ def take_first_steps(
 def settle_few(
     operators: Operators, interference: Values, iterate: Iterate, rtol: float, most_sets: int
 ) -> None:
-    """Solve on the nodes in contact by dense algebra if they are few; else leave them as they are.
+    """Solve by dense algebra if few nodes are in contact; else leave the iterate unchanged.
 
     Parameters
     ----------
-    operators, interference, rtol : see `bem.active_set.solve_complementarity`
-    iterate : improved in place, its residual then exact
-    most_sets : bound on the contact sets, which count as iterations
+    operators : Operators
+        The influence matrix.
+    interference : ndarray, shape (m,)
+        Interference u [unit of displacement].
+    iterate : Iterate
+        Pressure and residual, improved in place; the residual is then exact.
+    rtol : float
+        Largest violation accepted [unit of displacement].
+    most_sets : int
+        Bound on the contact sets, which count as iterations.
     """
     contact = iterate.contact()
     if not 0 < len(contact) <= operators.few_nodes or most_sets < 1:
         return
     before = replace(iterate, pressure=iterate.pressure.copy(), residual=iterate.residual.copy())
     contact = np.append(contact, _next_to_touch(iterate, contact))
-    # Nearly singular matrices, and depths beyond single precision, are left to iterations.
+    # Iterations solve nearly singular matrices and depths beyond single precision.
     with suppress(np.linalg.LinAlgError, FloatingPointError), np.errstate(over="raise"):
         _settle(operators, interference, iterate, contact, rtol, most_sets)
     if not iterate.violation() <= before.violation():
         iterate.pressure, iterate.residual = before.pressure, before.residual
-        iterate.exact, iterate.moved = before.exact, before.moved
+        iterate.exact, iterate.shift = before.exact, before.shift
 
 
 @on_one_blas_thread()
@@ -90,19 +112,22 @@ def _settle(
     rtol: float,
     most_sets: int,
 ) -> None:
-    """Factorise, press, look at all nodes; again with those outside that penetrate, or correct."""
-    factor, last = None, iterate.iterations + most_sets
+    """Solve on the candidate set, then check all nodes.
+
+    If nodes outside penetrate, enlarge the set and factorise again; otherwise correct the rounding.
+    """
+    factor, last = None, iterate.effort.iterations + most_sets
     for _ in range(RENEWALS):
         if factor is None:
-            if len(contact) > operators.few_nodes or iterate.iterations >= last:
+            if len(contact) > operators.few_nodes or iterate.effort.iterations >= last:
                 return
             tolerated = max(rtol, OUTSIDE)
             contact = contact[np.lexsort((-iterate.residual[contact], -iterate.pressure[contact]))]
             factor = operators.factor(contact)
-            most_sets = min(last - iterate.iterations, CONTACT_SETS)
-            pressure, sets = _pressed(factor, interference[contact], operators, most_sets)
+            most_sets = min(last - iterate.effort.iterations, CONTACT_SETS)
+            pressure, sets = _solve_on(factor, interference[contact], operators, most_sets)
             iterate.pressure[:] = 0
-            iterate.iterations += sets
+            iterate.effort += Effort(iterations=sets)
         else:
             tolerated = rtol
             law = far_field_law(operators.softening, 0.0, None if operators.load is None else 0.0)
@@ -118,24 +143,32 @@ def _settle(
             contact, factor = np.flatnonzero(outside | (iterate.pressure > 0)), None
 
 
-def _pressed(
+def _solve_on(
     factor: ContactFactor, interference: Values, operators: Operators, most_sets: int
 ) -> tuple[Values, int]:
-    """Pressure of the factor's nodes alone, and the contact sets that it took."""
-    # What the displacements have in common is the far field's, where that gives way.
+    """Return the pressure on the factor's nodes alone, and the number of contact sets tried."""
+    # On a compliant far field, the displacement that all nodes share belongs to the far field.
     common = float(interference.max()) if operators.softening else 0.0
     law = far_field_law(operators.softening, common, operators.load)
-    return factor.press(interference - common, law, most_sets)
+    return factor.solve(interference - common, law, most_sets)
 
 
 def far_field_law(softening: float, common: float, load: float | None = None) -> FarFieldLaw | None:
-    """How a far field answers, for `ContactFactor`; None for a rigid one.
+    """Return the displacement of the far field as a function of the pressure, for `ContactFactor`.
 
     Parameters
     ----------
-    softening : see `bem.iterate.Operators`
-    common : displacement that all nodes have in common, besides what they are pressed by
-    load : sum of the pressure, if it is given
+    softening : float
+        Compliance of the far field, 0 for a rigid one.
+    common : float
+        Displacement that all nodes share, in addition to their interference.
+    load : float, optional
+        Sum of the pressure, if it is given.
+
+    Returns
+    -------
+    FarFieldLaw or None
+        None for a rigid far field at a given displacement.
     """
     if load is not None:
         return lambda plain, uniform: (load - plain) / uniform if uniform > 0 else np.nan
@@ -150,7 +183,7 @@ def far_field_law(softening: float, common: float, load: float | None = None) ->
 
 
 def _next_to_touch(iterate: Iterate, contact: Nodes) -> Nodes:
-    """The nodes outside of the contact whose gap is the least."""
+    """Return the nodes outside the contact set with the smallest gaps."""
     gap = -iterate.residual
     gap[contact] = np.inf
     many = min(int(np.ceil(MARGIN * len(contact))), gap.size - len(contact))

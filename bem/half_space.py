@@ -1,47 +1,63 @@
-"""The influence matrix of the nodes that may touch: what the solver iterates with."""
+"""The influence matrix of the nodes that may touch, as the solver applies it."""
 
 from collections.abc import Callable
 from copy import copy
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bem.arrays import Field, Nodes, Values
 from bem.convolution import Selection, displacement_filter
 from bem.factor import ContactFactor
 from bem.influence import InfluenceMatrix, Kernel
 from bem.preconditioner import Preconditioner
 
-Values = NDArray[np.float64]
-Nodes = NDArray[np.intp]
-
-# A contact set is worth factorising up to so many nodes times the third root of the grid's, since
-# its cost grows with their cube and a convolution's with the grid; and in double precision, which
-# spares a convolution in the end, up to this share of them (`pytest bench -k few_in_contact`).
+# Largest contact set worth factorising, over the third root of the grid's nodes: the cost of a
+# factor grows with the cube of the set, that of a convolution with the grid
+# (`pytest bench -k few_in_contact`).
 FEW_PER_ROOT = 27.0
+
+# Share of that set up to which the factor is in double precision, which saves a convolution at the
+# end (`pytest bench -k few_in_contact`).
 DOUBLE_SHARE = 0.5
 
 
 class HalfSpace:
-    """H on m nodes of a grid, less the far field's compliance where there is one.
+    """The influence matrix H of m nodes, less the compliance of the far field if it has one.
 
-    Search directions go through single precision: they only have to be good to the digits that
-    the next direction corrects. What decides convergence goes through double precision.
+    Search directions go through single precision, because the next direction corrects their last
+    digits. Displacements that decide on convergence go through double precision.
 
     Parameters
     ----------
-    shape : (nx, ny) nodes of the grid
-    kernel, aspect : see `bem.influence.influence_coefficients`
-    nodes : (m,) flat indices of the nodes
-    working : precision of search directions, "float32", or "float64" to see what that saves
-    few_per_root : see `FEW_PER_ROOT`; 0 to see what iterations do alone
+    shape : tuple of int
+        Nodes (nx, ny) of the grid.
+    kernel : str
+        Influence coefficients, see `bem.influence.influence_coefficients`.
+    aspect : float
+        Second side of a cell over its first [1].
+    nodes : ndarray, shape (m,)
+        Flat indices of the nodes.
+    working : str
+        Precision of search directions: "float32", or "float64" to measure the difference.
+    few_per_root : float, optional
+        Replaces `FEW_PER_ROOT`; 0 leaves every solve to iterations.
+    keep_field : bool
+        Whether `displace` keeps the displacement of the whole grid as `field`.
 
     Attributes
     ----------
-    norm : upper bound of the largest eigenvalue
-    few_nodes : contact sets of so many nodes and fewer are worth a factor of their matrix
-    softening : compliance of the far field; 0 unless made by `through`
-    load : given sum of the pressure; None unless made by `under`
+    norm : float
+        Upper bound of the largest eigenvalue.
+    few_nodes : int
+        Largest contact set whose matrix is worth factorising.
+    softening : float
+        Compliance of the far field; 0 unless made by `through`.
+    load : float or None
+        Given sum of the pressure; None unless made by `under`.
+    field : ndarray, shape (nx, ny), or None
+        Displacement of every node of the grid by the last pressure given to `displace`, on a
+        rigid far field; None before that and where `keep_field` is False.
     """
 
     def __init__(
@@ -50,78 +66,80 @@ class HalfSpace:
         kernel: Kernel,
         aspect: float,
         nodes: Nodes,
+        *,
         working: str = "float32",
         few_per_root: float | None = None,
+        keep_field: bool = False,
     ) -> None:
         self.softening = 0.0
         self.load: float | None = None
+        self.field: Field | None = None
         per_root = FEW_PER_ROOT if few_per_root is None else few_per_root
         self.few_nodes = int(per_root * np.cbrt(shape[0] * shape[1]))
         self._grid = shape, kernel, aspect
         self._nodes = nodes
+        self._keep_field = keep_field
         self.norm = displacement_filter(shape, kernel, aspect).largest
         self._double = Selection(displacement_filter(shape, kernel, aspect), nodes)
         self._working = Selection(displacement_filter(shape, kernel, aspect, working), nodes)
         self._preconditioner = Preconditioner(shape, kernel, aspect, nodes, working)
 
     def through(self, softening: float) -> Self:
-        """The same nodes and tables with a compliant far field.
+        """Return a view of the same nodes and tables with a compliant far field.
 
         Parameters
         ----------
-        softening : 1 / s, for H - 1 1^T / s
+        softening : float
+            Compliance 1 / s of the far field: the matrix becomes H - 1 1^T / s.
         """
         other = copy(self)
         other.softening = softening
         return other
 
     def under(self, load: float) -> Self:
-        """The same nodes and tables with a load that is given, for which the far field moves.
+        """Return a view of the same nodes and tables whose load is given.
 
         Parameters
         ----------
-        load : sum of the pressure, above 0
+        load : float
+            Sum of the pressure, above 0; the displacement of the far field follows from it.
         """
         other = copy(self)
         other.load = load
         return other
 
     def displace(self, pressure: Values) -> Values:
-        """(m,) -> (m,) displacement in double precision."""
-        return self._give_way(self._double(pressure), pressure)
-
-    @property
-    def displaced(self) -> Values:
-        """(nx, ny) displacement by what went through `displace` last; read it before the next.
-
-        Of all nodes of the grid, on a rigid far field.
-        """
-        return self._double.field
+        """Compute the (m,) displacement by an (m,) pressure in double precision."""
+        if self._keep_field:
+            self.field = self._double.everywhere(pressure)
+            return self._soften(self.field.reshape(-1)[self._nodes], pressure)
+        return self._soften(self._double(pressure), pressure)
 
     def displace_some(self, nodes: Nodes, pressure: Values) -> Values:
-        """(a,) pressure on some of the nodes -> (m,) displacement in working precision."""
-        return self._give_way(self._working.spread(nodes, pressure).astype(np.float64), pressure)
+        """Compute the (m,) displacement by (a,) pressure on some nodes, in working precision."""
+        return self._soften(self._working.spread(nodes, pressure).astype(np.float64), pressure)
 
     def approximate_inverse(self, nodes: Nodes) -> Callable[[Values], Values]:
-        """(a,) -> (a,) on some of the nodes, in working precision, of H alone.
+        """Return an approximate inverse (a,) -> (a,) of H on some nodes, in working precision.
 
-        What a compliant far field takes away would spoil its definiteness; a given load is for the
-        solver to keep.
+        It leaves out the compliance of the far field, which would spoil its definiteness, and a
+        given load, which the solver keeps.
         """
         return self._preconditioner.restricted_to(nodes)
 
     def factor(self, nodes: Nodes) -> ContactFactor:
-        """H on some of the nodes, factorised.
+        """Factorise H on some of the nodes.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            if it is not positive definite in the precision that their number asks for
+            If it is not positive definite in the precision that the number of nodes asks for.
         """
         dtype = "float64" if len(nodes) <= DOUBLE_SHARE * self.few_nodes else "float32"
         return ContactFactor(InfluenceMatrix(*self._grid, dtype), self._nodes[nodes])
 
-    def _give_way(self, moved: Values, pressure: Values) -> Values:
+    def _soften(self, displacement: Values, pressure: Values) -> Values:
+        """Subtract the displacement of a compliant far field, in place."""
         if self.softening:
-            moved -= self.softening * float(pressure.sum())
-        return moved
+            displacement -= self.softening * float(pressure.sum())
+        return displacement

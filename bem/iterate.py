@@ -1,7 +1,8 @@
-"""A pressure on its way to equilibrium, and the operators that it goes by.
+"""A pressure on its way to equilibrium, and the operators that the solver applies to it.
 
-Everything lives on a list of m nodes that may touch, in reduced units: displacements over Delta,
-pressures such that H maps a pressure to a displacement. Nodes off the list never carry pressure.
+All arrays live on a list of m nodes that may touch, in reduced units: displacements are divided by
+Delta, and pressures are scaled so that H maps a pressure to a displacement. Nodes outside the list
+never carry pressure.
 """
 
 from collections.abc import Callable
@@ -9,12 +10,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bem.arrays import Nodes, Values
 from bem.factor import ContactFactor
-
-Values = NDArray[np.float64]
-Nodes = NDArray[np.intp]
 
 
 class Operators(Protocol):
@@ -22,12 +20,15 @@ class Operators(Protocol):
 
     Attributes
     ----------
-    norm : upper bound of the matrix's largest eigenvalue
-    few_nodes : contact sets of so many nodes and fewer are worth a factor of their matrix
-    softening : compliance of the far field: 0 where it is rigid, near the matrix's own stiffness
-        where contacts are nearly singular
-    load : sum of the pressure where it is given and the far field's displacement follows, else
-        None
+    norm : float
+        Upper bound of the matrix's largest eigenvalue.
+    few_nodes : int
+        Largest contact set whose matrix is worth factorising.
+    softening : float
+        Compliance of the far field: 0 where it is rigid, near the matrix's own stiffness where
+        contacts are nearly singular.
+    load : float or None
+        Sum of the pressure if it is given, so that the displacement of the far field follows.
     """
 
     norm: float
@@ -36,95 +37,129 @@ class Operators(Protocol):
     load: float | None
 
     def displace(self, pressure: Values) -> Values:
-        """(m,) -> (m,) displacement to the last digits: decides what is converged."""
+        """Compute the (m,) displacement in double precision; it decides on convergence."""
 
     def displace_some(self, nodes: Nodes, pressure: Values) -> Values:
-        """(a,) pressure on some of the nodes -> (m,) displacement; may be rounded to 1e-7."""
+        """Compute the (m,) displacement by (a,) pressure on some nodes, to 1e-7 or better."""
 
     def approximate_inverse(self, nodes: Nodes) -> Callable[[Values], Values]:
-        """(a,) -> (a,), symmetric and near the inverse of the matrix on these nodes."""
+        """Return a symmetric map (a,) -> (a,) near the inverse of the matrix on these nodes."""
 
     def factor(self, nodes: Nodes) -> ContactFactor:
-        """The matrix of these nodes, on a rigid far field, factorised.
+        """Factorise the matrix of these nodes on a rigid far field.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            if it is not positive definite in the precision chosen
+            If the matrix is not positive definite in the precision chosen.
         """
+
+
+@dataclass(frozen=True)
+class Effort:
+    """The work that a solve has taken; efforts add up.
+
+    Attributes
+    ----------
+    iterations : int
+        Steps of conjugate gradients, and contact sets of dense algebra.
+    convolutions : int
+        Applications of the influence matrix.
+    """
+
+    iterations: int = 0
+    convolutions: int = 0
+
+    def __add__(self, other: "Effort") -> "Effort":
+        """Return the sum of both efforts."""
+        return Effort(self.iterations + other.iterations, self.convolutions + other.convolutions)
+
+
+ITERATION = Effort(iterations=1)
+CONVOLUTION = Effort(convolutions=1)
+STEP = ITERATION + CONVOLUTION
 
 
 @dataclass
 class Iterate:
-    """A pressure on the nodes that may touch, and how far it is from equilibrium.
+    """A pressure on the nodes that may touch, and its distance from equilibrium.
 
     Attributes
     ----------
-    pressure : (m,) reduced pressure, not negative between the steps
-    residual : (m,) interference and `moved` less displacement: zero in contact, negative where a
-        gap is open
-    moved : displacement of the far field besides the interference; 0 unless the load is given
-    iterations : steps of conjugate gradients, and contact sets of dense algebra, so far
-    convolutions : applications of H so far
-    exact : whether the residual is that of the pressure to the last digits, not kept up in working
-        precision since
-    stalled : whether rounding leaves no step that would come nearer to equilibrium
+    pressure : ndarray, shape (m,)
+        Reduced pressure, not negative between the steps.
+    residual : ndarray, shape (m,)
+        Interference plus `shift` less displacement: zero in contact, negative where a gap is open.
+    effort : Effort
+        Work so far.
+    exact : bool
+        Whether the residual has been recomputed in double precision from this pressure, rather
+        than updated in working precision.
+    shift : float
+        Displacement of the far field in addition to the interference; 0 unless the load is given.
+    stalled : bool
+        Whether rounding leaves no step that would come nearer to equilibrium.
     """
 
     pressure: Values
     residual: Values
-    iterations: int = 0
-    convolutions: int = 0
+    effort: Effort = Effort()
     exact: bool = False
-    moved: float = 0.0
+    shift: float = 0.0
     stalled: bool = False
 
+    @staticmethod
+    def from_zero(interference: Values) -> "Iterate":
+        """Return the iterate without any pressure, whose residual is the interference."""
+        return Iterate(np.zeros_like(interference), interference.copy())
+
     def contact(self) -> Nodes:
-        """Nodes under pressure, and nodes that would penetrate."""
+        """Return the nodes under pressure and the nodes that would penetrate."""
         return np.flatnonzero((self.pressure > 0) | (self.residual > 0))
 
     def energy(self, interference: Values) -> float:
-        """Half p H p less p u, in reduced units: least for the solution among all p >= 0.
+        """Compute p H p / 2 - p u in reduced units.
 
-        Among those that carry the load, where it is given.
+        The solution has the least energy of all p >= 0, or of all that carry a given load.
         """
         energy = -inner(self.pressure, interference + self.residual) / 2
-        return energy + self.moved * float(self.pressure.sum()) / 2 if self.moved else energy
+        return energy + self.shift * float(self.pressure.sum()) / 2 if self.shift else energy
 
     def violation(self) -> float:
-        """Largest |w| in contact or -w outside, zero for the exact solution."""
-        pressed = self.residual * (self.pressure > 0)
-        return max(float(self.residual.max(initial=0.0)), -float(pressed.min(initial=0.0)))
+        """Return the largest |w| in contact or -w outside; it is zero for the exact solution."""
+        in_contact = self.residual * (self.pressure > 0)
+        return max(float(self.residual.max(initial=0.0)), -float(in_contact.min(initial=0.0)))
 
     def renew(self, operators: Operators, interference: Values) -> None:
-        """Recompute the residual from the pressure; a given load is carried in full before that."""
+        """Scale the pressure to the load if one is given, then recompute the residual."""
         carried = float(self.pressure.sum())
         if operators.load is not None and carried > 0:
             self.pressure *= operators.load / carried
         self.residual = interference - operators.displace(self.pressure)
-        self.moved = 0.0
-        self.convolutions += 1
+        self.shift = 0.0
+        self.effort += CONVOLUTION
         self.exact = True
         if operators.load is not None and carried > 0:
             self.level(self.pressure, self.residual)
 
     def level(self, weights: Values, residual: Values) -> None:
-        """Move the far field so that the weighted mean of the residual is zero.
+        """Shift the far field so that the weighted mean of the residual is zero.
 
-        With the pressure for weights this is the displacement of least error, in the energy, that
-        the pressure at hand gives.
+        With the pressure as weights, this is the displacement that leaves the least error in the
+        energy for the present pressure.
 
         Parameters
         ----------
-        weights, residual : (a,) of the nodes in contact
+        weights, residual : ndarray, shape (a,)
+            Weights and residual of the nodes in contact.
         """
         mean = inner(weights, residual) / float(weights.sum())
         self.residual -= mean
-        self.moved -= mean
+        self.shift -= mean
 
 
 def rescale(operators: Operators, interference: Values, iterate: Iterate) -> None:
-    """Multiply the pressure by the factor of least energy, or by that which gives the load."""
+    """Multiply the pressure by the factor that gives the least energy, or the given load."""
     image = interference - iterate.residual
     if operators.load is None:
         stiffness = inner(iterate.pressure, image)
@@ -135,11 +170,11 @@ def rescale(operators: Operators, interference: Values, iterate: Iterate) -> Non
         return
     factor = operators.load / float(iterate.pressure.sum())
     iterate.pressure *= factor
-    iterate.residual = interference - factor * (image + iterate.moved)
-    iterate.moved = 0.0
+    iterate.residual = interference - factor * (image + iterate.shift)
+    iterate.shift = 0.0
     iterate.level(iterate.pressure, iterate.residual)
 
 
 def inner(a: Values, b: Values) -> float:
-    """Inner product without BLAS, whose threads would change its last bits."""
+    """Compute an inner product without BLAS, whose threads would change its last bits."""
     return float(np.einsum("i,i->", a, b))

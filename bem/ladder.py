@@ -1,4 +1,4 @@
-"""Many loads on one surface, each solved from the last ones."""
+"""Contacts at many loads on one surface, started from the contacts at the loads before."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -11,7 +11,8 @@ from bem.contact import Contact, contact_of, equilibrium_of
 from bem.equilibrium import Equilibrium, Start
 from bem.problem import pose
 
-Rung = tuple[float, Equilibrium]  # a load, and what it led to
+# A load and its equilibrium.
+Rung = tuple[float, Equilibrium]
 
 
 def ladder(
@@ -23,41 +24,52 @@ def ladder(
     pressures: Iterable[float] | None = None,
     **settings: Any,
 ) -> Iterator[Contact]:
-    """Press a surface further and further, each contact started from those before it.
+    """Solve for many loads on one surface, each started from the contacts before.
 
-    The start carries the pressure's change with the load on from the last three contacts. Results
-    are those of `solve` within its tolerance, for fewer convolutions the smaller the steps are
-    (`pytest bench -k ladder`). Any order of loads is allowed; ascending, a start costs least.
+    The start extrapolates the change of pressure with the load from the last three contacts.
+    Results are those of `solve` within its tolerance. The smaller the steps are, the fewer
+    convolutions a contact takes (`pytest bench -k ladder`). The loads may come in any order;
+    ascending loads take the fewest convolutions.
 
     Parameters
     ----------
-    heights, side, settings : see `solve`
-    deltas : far-field displacements Delta [um]
-    forces : total normal forces instead [uN]
-    pressures : mean pressures over the cells of all nodes instead [MPa]
+    heights : array_like, shape (nx, ny)
+        Heights of the surface, see `solve` [um].
+    side : float or tuple of float
+        Scan length, see `solve` [um].
+    deltas : iterable of float, optional
+        Far-field displacements Delta [um].
+    forces : iterable of float, optional
+        Total normal forces instead [uN].
+    pressures : iterable of float, optional
+        Mean pressures over the cells of all nodes instead [MPa].
+    **settings
+        Further arguments of `solve`.
 
     Yields
     ------
-    Contact, one for each load
+    Contact
+        The contact at one load, in the order of the loads.
 
     Raises
     ------
     ValueError, NoSolution, NotConverged
-        as `solve` does, at the load that is to blame
+        As `solve` raises them, at the load that causes them.
     """
     name, loads = _chosen(delta=deltas, force=forces, pressure=pressures)
     last: list[Rung] = []
     for load in loads:
         given: dict[str, Any] = {"delta": None, name: load}
         problem = pose(heights, side, **given, **settings)
-        found = equilibrium_of(problem, _carried_on(last, load, problem.spacing[0]))
-        yield contact_of(problem, found)
-        if found is not None:
-            last = [*[rung for rung in last if rung[0] != load][-2:], (load, found)]
+        near = _extrapolated(last, load, problem.spacing[0])
+        equilibrium = equilibrium_of(problem, near, keep_displacement=True)
+        yield contact_of(problem, equilibrium)
+        if equilibrium is not None:
+            last = [*[rung for rung in last if rung[0] != load][-2:], (load, equilibrium)]
 
 
 def _chosen(**given: Iterable[float] | None) -> tuple[str, Iterable[float]]:
-    """The one kind of load that was given."""
+    """Return the name and the values of the one kind of load that was given."""
     chosen = [(name, loads) for name, loads in given.items() if loads is not None]
     if len(chosen) != 1:
         said = " and ".join(f"{name}s" for name, _ in chosen) or "no loads"
@@ -65,28 +77,29 @@ def _chosen(**given: Iterable[float] | None) -> tuple[str, Iterable[float]]:
     return chosen[0]
 
 
-def _carried_on(last: list[Rung], load: float, spacing: float) -> Start | None:
-    """The parabola in the load through the last equilibria, where pressure is never negative.
+def _extrapolated(last: list[Rung], load: float, spacing: float) -> Start | None:
+    """Extrapolate the last equilibria by a parabola in the load, and cut off negative pressure.
 
-    The displacement under the pressure is linear in it and lies on the same parabola, where no
-    pressure was cut off. None after a single equilibrium: it would be a worse start than none.
+    The displacement is linear in the pressure and lies on the same parabola, unless pressure was
+    cut off. After a single equilibrium the result is None, which is the better start then.
     """
     if len(last) < 2:
         return None
-    pressure, moved = (np.zeros_like(last[-1][1].pressure) for _ in range(2))
+    pressure, displacement = (np.zeros_like(last[-1][1].pressure) for _ in range(2))
     approach = 0.0
     with np.errstate(over="ignore", invalid="ignore"):
-        for mine, found in last:
+        for mine, equilibrium in last:
             weight = math.prod(
                 (load - other) / (mine - other) for other, _ in last if other != mine
             )
-            approach += weight * found.approach
-            weight *= found.length
-            pressure += weight / spacing * found.pressure
-            moved += weight * (np.nan if found.displacement is None else found.displacement)
+            approach += weight * equilibrium.approach
+            weight *= equilibrium.length
+            pressure += weight / spacing * equilibrium.pressure
+            known = equilibrium.displacement
+            displacement += weight * (np.nan if known is None else known)
     if not np.isfinite(pressure).all() or not math.isfinite(approach):
         nearest = last[-1][1]
         return Start(nearest.pressure * (nearest.length / spacing), None, nearest.approach)
     if pressure.min() >= 0:
-        return Start(pressure, moved, approach)
+        return Start(pressure, displacement, approach)
     return Start(np.maximum(pressure, 0), None, approach)

@@ -1,4 +1,4 @@
-"""Equilibrium under a given force: the displacement that it takes, for about one solve's cost."""
+"""Equilibrium under a given force: its displacement is found at about the cost of one solve."""
 
 import math
 from dataclasses import replace
@@ -14,127 +14,145 @@ from bem.far_field import flat_punch
 from bem.first_contact import take_first_steps
 from bem.half_space import HalfSpace
 from bem.influence import InfluenceMatrix
-from bem.iterate import Iterate
+from bem.iterate import Effort, Iterate
 from bem.problem import Problem
 
-# Looser residuals leave displacements from which no better one can be guessed.
+# Largest tolerance used: looser residuals leave displacements that no better guess follows from.
 LOOSEST_RTOL = 1e-2
 
-# The displacement is guessed on every fourth node, as long as there are so many a side, and below
-# on so few that dense linear algebra gives it. It may be larger than guessed by MARGIN: the nodes
-# that may touch are taken from there.
+# Nodes a side from which on the displacement is guessed on a coarser grid rather than on as few
+# nodes as dense linear algebra takes.
 COARSEST = 200
+
+# Every fourth node makes that coarser grid: its solve costs a sixteenth of a convolution or less.
 STRIDE = 4
+
+# Tolerance of solves that only guess the displacement.
 GUESS_RTOL = 2e-2
+
+# Ratio by which the displacement may exceed a guess on a coarse grid. Nodes that may touch are
+# taken from there.
 GUESS_MARGIN = 1.5
+
+# The same for guesses of the final solve, which are better.
 MARGIN = 1.1
 
-# Guesses of the displacement that are tried, each from the equilibrium of the last one.
+# Guesses of the displacement at most, each from the equilibrium of the one before.
 GUESSES = 8
 
-# Brent's method ends where double precision can tell displacements apart no more.
+# Relative distance of displacements that double precision can just tell apart.
 ROOT_RTOL = 4e-15
 
 
 def under_given_force(problem: Problem, near: Start | None = None) -> Equilibrium:
-    """Find the displacement of the far field that leaves the force to the pressure.
+    """Find the displacement of the far field at which the pressure carries the force.
 
-    A compliant far field gives way by F / K besides, whatever the contact is.
+    A compliant far field moves by F / K in addition, whatever the contact is.
 
     Parameters
     ----------
-    problem : its displacement is left aside
-    near : what to start from; of no use without its approach
+    problem : Problem
+        The problem, whose displacement is ignored.
+    near : Start, optional
+        A pressure to start from; it is ignored if it has no approach.
     """
     assert problem.force is not None
     load = problem.force / problem.modulus / problem.spacing[1]
     problem = replace(problem, rtol=min(problem.rtol, LOOSEST_RTOL))
-    found = _on_few_nodes_or_all(problem, load, near)
-    if not found.converged and found.iterate.iterations < problem.max_iterations:
-        found = _by_root(problem, load, found)
+    equilibrium = _on_few_nodes_or_all(problem, load, near)
+    if not equilibrium.converged and equilibrium.iterate.effort.iterations < problem.max_iterations:
+        equilibrium = _by_root(problem, load, equilibrium)
     if problem.far_field == "rigid":
-        return found
+        return equilibrium
     punch = flat_punch(problem.heights.shape, problem.kernel, problem.aspect)
-    return replace(found, delta=max(found.approach - load / float(punch.sum()), 0.0))
+    delta = max(equilibrium.approach - load / float(punch.sum()), 0.0)
+    return replace(equilibrium, delta=delta)
 
 
 def _on_few_nodes_or_all(problem: Problem, load: float, near: Start | None) -> Equilibrium:
-    """Solve on few nodes if the force is so small, else from a guess of the displacement."""
+    """Solve on few nodes if the force is small enough, else from a guess of the displacement."""
     if near is None or near.approach is None or not near.approach > 0:
         guess, near = _guess(problem, load), None
     else:
         guess = near.approach
     if guess < MARGIN * _displacement_of_few(problem):
-        found = _on_few_nodes(problem, load)
-        if found is not None:
-            return found
+        equilibrium = _on_few_nodes(problem, load)
+        if equilibrium is not None:
+            return equilibrium
     return _from_guess(problem, load, guess, MARGIN, near)
 
 
 def _displacement_of_few(problem: Problem) -> float:
-    """The largest displacement at which no more than `FEW_NODES` nodes may touch [um]."""
+    """Return the largest displacement at which at most `FEW_NODES` nodes may touch [um]."""
     heights = problem.heights.reshape(-1)
     highest = np.sort(np.partition(heights, -min(FEW_NODES + 1, heights.size))[-FEW_NODES - 1 :])
     return float(highest[-1] - highest[0])
 
 
 def _on_few_nodes(problem: Problem, load: float) -> Equilibrium | None:
-    """Solve by dense linear algebra if the force is so small; None if it is not."""
+    """Solve by dense linear algebra; return None if the force needs more than few nodes."""
     delta = _displacement_of_few(problem)
     if delta == 0:
         return None
-    box, nodes, interference = overlap(problem, delta)
-    shape = box[0].stop - box[0].start, box[1].stop - box[1].start
-    if len(nodes) > FEW_NODES:
+    touching = overlap(problem, delta)
+    if len(touching.nodes) > FEW_NODES:
         return None
-    iterate, moved, converged = solve_directly(
-        InfluenceMatrix(shape, problem.kernel, problem.aspect),
-        nodes,
-        (interference - 1) * delta,
+    iterate, converged = solve_directly(
+        InfluenceMatrix(touching.shape, problem.kernel, problem.aspect),
+        touching.nodes,
+        (touching.interference - 1) * delta,
         rtol=problem.rtol,
         max_iterations=problem.max_iterations,
         load=load,
     )
-    if not converged or not 0 < moved <= delta:
+    displacement = iterate.shift
+    if not converged or not 0 < displacement <= delta:
         return None
-    iterate.pressure /= moved
-    iterate.residual /= moved
-    return unfold(problem, moved, box, nodes, iterate)
+    iterate.pressure /= displacement
+    iterate.residual /= displacement
+    return unfold(problem, displacement, touching, iterate)
 
 
 def _from_guess(
     problem: Problem, load: float, guess: float, margin: float, near: Start | None = None
 ) -> Equilibrium:
-    """Solve from a displacement [um]; again, from there, where it was guessed wrong."""
-    spent = Iterate(np.zeros(0), np.zeros(0))
+    """Solve from a guess of the displacement [um]; if it was too small, again from the result."""
+    spent = Effort()
     for _ in range(GUESSES):
-        found, arrived = _at_guess(problem, guess, load, margin, near, spent)
-        if not arrived or (found.converged and found.approach < margin * guess):
-            return found
-        near = Start(found.pressure * (found.length / problem.spacing[0]))
-        spent = found.iterate
-        guess *= min(max(found.approach / guess, 0.1), 10.0)
-    return replace(found, converged=False)
+        equilibrium, arrived = _at_guess(problem, guess, load, margin, near, spent)
+        within = equilibrium.converged and equilibrium.approach < margin * guess
+        if within or not arrived:
+            return equilibrium
+        near = _start_from(problem, equilibrium)
+        spent = equilibrium.iterate.effort
+        guess *= min(max(equilibrium.approach / guess, 0.1), 10.0)
+    return replace(equilibrium, converged=False)
+
+
+def _start_from(problem: Problem, equilibrium: Equilibrium) -> Start:
+    """Return the pressure of an equilibrium as a start."""
+    return Start(equilibrium.pressure * (equilibrium.length / problem.spacing[0]))
 
 
 def _guess(problem: Problem, load: float) -> float:
-    """A displacement near the one that the force takes [um], from coarser and coarser grids."""
+    """Guess the displacement under a load from coarser and coarser grids [um]."""
     if min(problem.heights.shape) < COARSEST:
         return _guess_on_few_nodes(problem, load)
-    coarse, left = _coarsened(problem, STRIDE)
+    coarse, lost_height = _coarsened(problem, STRIDE)
     guess = _guess(coarse, load / STRIDE)
-    found = _from_guess(coarse, load / STRIDE, guess, GUESS_MARGIN)
-    return left + (found.approach if found.converged and found.approach > 0 else guess)
+    equilibrium = _from_guess(coarse, load / STRIDE, guess, GUESS_MARGIN)
+    usable = equilibrium.converged and equilibrium.approach > 0
+    return lost_height + (equilibrium.approach if usable else guess)
 
 
 def _guess_on_few_nodes(problem: Problem, load: float) -> float:
-    """The displacement of every so many-th node, by dense linear algebra [um]."""
+    """Guess the displacement by dense linear algebra on a coarse subset of the nodes [um]."""
     shape, stride = problem.heights.shape, 1
     while math.prod(-(-nodes // stride) for nodes in shape) > FEW_NODES:
         stride += 1
-    coarse, left = _coarsened(problem, stride)
+    coarse, lost_height = _coarsened(problem, stride)
     below = (coarse.heights - coarse.heights.max()).reshape(-1)
-    _, moved, _ = solve_directly(
+    iterate, _ = solve_directly(
         InfluenceMatrix(coarse.heights.shape, problem.kernel, problem.aspect),
         np.arange(below.size),
         below,
@@ -147,11 +165,11 @@ def _guess_on_few_nodes(problem: Problem, load: float) -> float:
         load * problem.spacing[1] * c / s for c, s in ((0.25, max(sides)), (1.5, min(sides)))
     )
     largest = float(np.ptp(problem.heights)) + most
-    return float(min(max(moved + left, least), largest))
+    return float(min(max(iterate.shift + lost_height, least), largest))
 
 
 def _coarsened(problem: Problem, stride: int) -> tuple[Problem, float]:
-    """Every so many-th node, and by how much the highest of all is above them [um]."""
+    """Subsample by `stride`; also return the height lost at the peak [um]."""
     heights = problem.heights[::stride, ::stride]
     spacing = stride * problem.spacing[0], stride * problem.spacing[1]
     coarse = replace(problem, heights=heights, spacing=spacing, rtol=GUESS_RTOL)
@@ -164,31 +182,43 @@ def _at_guess(
     load: float,
     margin: float,
     near: Start | None,
-    spent: Iterate,
+    spent: Effort,
 ) -> tuple[Equilibrium, bool]:
-    """Equilibrium under a force, and whether the solver arrived, reduced by a guess.
+    """Solve under a load in units of a guessed displacement.
 
     Parameters
     ----------
-    guess : of the displacement [um]
-    load : force / E* / second side of a cell [um]
-    margin : by how much the displacement may be larger than guessed
-    near : what to start from, if there is anything
-    spent : counts the iterations and convolutions so far
+    problem : Problem
+        The problem, whose own load is ignored.
+    guess : float
+        Guess of the displacement [um].
+    load : float
+        Force over E* and the second side of a cell [um].
+    margin : float
+        Ratio by which the displacement may exceed the guess.
+    near : Start or None
+        A pressure to start from.
+    spent : Effort
+        Work so far, to which this solve adds.
+
+    Returns
+    -------
+    equilibrium : Equilibrium
+        In units of its own displacement, which may lie beyond the margin.
+    arrived : bool
+        Whether the solver met its tolerance.
     """
-    box, nodes, interference = overlap(problem, guess * margin)
-    interference = interference * margin - margin + 1
-    shape = box[0].stop - box[0].start, box[1].stop - box[1].start
-    rigid = HalfSpace(shape, problem.kernel, problem.aspect, nodes)
+    touching = overlap(problem, guess * margin)
+    interference = touching.interference * margin - margin + 1
+    rigid = HalfSpace(touching.shape, problem.kernel, problem.aspect, touching.nodes)
     if near is None:
-        start = Iterate(np.zeros_like(interference), interference.copy())
+        start = Iterate.from_zero(interference)
         take_first_steps(rigid, interference, start, FROM_SCRATCH.first_steps)
     else:
-        pressure = near.pressure[box].reshape(-1)[nodes] * (problem.spacing[0] / guess)
+        pressure = touching.select(near.pressure) * (problem.spacing[0] / guess)
         start = started(rigid, interference, pressure)
-    start.iterations += spent.iterations
-    start.convolutions += spent.convolutions
-    iterate, converged = solve_complementarity(
+    start.effort += spent
+    iterate, arrived = solve_complementarity(
         rigid.under(load / guess),
         interference,
         rtol=problem.rtol / margin,
@@ -196,45 +226,46 @@ def _at_guess(
         start=start,
         pace=FROM_NEAR,
     )
-    return _moved(unfold(problem, guess, box, nodes, iterate), problem.rtol), converged
+    equilibrium = unfold(problem, guess, touching, iterate)
+    return _in_own_displacement(equilibrium, problem.rtol), arrived
 
 
-def _moved(found: Equilibrium, rtol: float) -> Equilibrium:
-    """Take what the far field moved besides the guess into the unit of length."""
-    change = 1 + found.iterate.moved
-    found.iterate.residual /= change
-    found.iterate.pressure /= change
-    displacement = found.length * change
+def _in_own_displacement(equilibrium: Equilibrium, rtol: float) -> Equilibrium:
+    """Make the displacement that was found the unit of length, instead of the guess."""
+    change = 1 + equilibrium.iterate.shift
+    equilibrium.iterate.residual /= change
+    equilibrium.iterate.pressure /= change
+    displacement = equilibrium.length * change
     return replace(
-        found,
-        pressure=found.pressure / change,
+        equilibrium,
+        pressure=equilibrium.pressure / change,
         length=displacement,
         delta=displacement,
         approach=displacement,
-        converged=found.iterate.violation() <= rtol,
+        converged=equilibrium.iterate.violation() <= rtol,
     )
 
 
 def _by_root(problem: Problem, load: float, failed: Equilibrium) -> Equilibrium:
-    """Solve from the displacement at which a rigid far field carries the force, by Brent's method.
+    """Find the displacement at which a rigid far field carries the force, by Brent's method.
 
-    Rigid solves are certain to arrive, where the displacement that follows the load may cycle.
+    Solves at a given displacement are certain to arrive, while contact sets may cycle where the
+    displacement follows from the load.
     """
-    spent = Iterate(np.zeros(0), np.zeros(0))
-    spent.iterations, spent.convolutions = failed.iterate.iterations, failed.iterate.convolutions
+    spent = failed.iterate.effort
     last: list[Equilibrium] = []
 
     @cache
     def excess(delta: float) -> float:
+        nonlocal spent
         left = problem.max_iterations - spent.iterations
         if left < 1:
             raise _OutOfIterations
-        near = [Start(each.pressure * (each.length / problem.spacing[0])) for each in last]
-        found = on_rigid_far_field(replace(problem, max_iterations=left), delta, *near)
-        spent.iterations += found.iterate.iterations
-        spent.convolutions += found.iterate.convolutions
-        last[:] = [found]
-        return float(found.pressure.sum()) * delta / load - 1
+        near = [_start_from(problem, equilibrium) for equilibrium in last]
+        equilibrium = on_rigid_far_field(replace(problem, max_iterations=left), delta, *near)
+        spent += equilibrium.iterate.effort
+        last[:] = [equilibrium]
+        return float(equilibrium.pressure.sum()) * delta / load - 1
 
     from scipy.optimize import brentq  # a quarter of a worker's start-up; most runs never need it
 
@@ -246,10 +277,9 @@ def _by_root(problem: Problem, load: float, failed: Equilibrium) -> Equilibrium:
             high *= 2
         brentq(excess, low, high, xtol=1e-300, rtol=max(problem.rtol / 10, ROOT_RTOL))
     except _OutOfIterations:
-        iterations, convolutions = spent.iterations, spent.convolutions
-        failed.iterate.iterations, failed.iterate.convolutions = iterations, convolutions
+        failed.iterate.effort = spent
         return failed
-    near = Start(last[0].pressure * (last[0].length / problem.spacing[0]))
+    near = _start_from(problem, last[0])
     return _at_guess(problem, last[0].approach, load, MARGIN, near, spent)[0]
 
 

@@ -74,7 +74,9 @@ class ActiveSet:
         pressure = np.zeros(interference.size)
         pressure[nodes] = iterate.pressure * (case.delta / case.spacing)
         return Answer(
-            pressure.reshape(interference.shape), iterate.iterations, iterate.convolutions
+            pressure.reshape(interference.shape),
+            iterate.effort.iterations,
+            iterate.effort.convolutions,
         )
 
 

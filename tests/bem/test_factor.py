@@ -74,7 +74,7 @@ def test_it_solves_the_complementarity_on_its_nodes(
     interference = np.sort(interference)[::-1].copy()
     matrix = written_out()[np.ix_(picked, picked)]
     found = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0), picked)
-    pressure, sets = found.press(interference)
+    pressure, sets = found.solve(interference)
     assert pressure.min() >= 0
     assert 1 <= sets <= 20
     gap = matrix @ pressure - interference
@@ -95,7 +95,7 @@ def test_a_correction_puts_back_what_penetrates(
     heights = np.random.default_rng(8).uniform(-0.2, 0, 63)
     matrix = written_out() - softening
     found = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0, dtype), nodes)
-    few, _ = found.press(heights + 0.3, first_contact.far_field_law(softening, 0.0))
+    few, _ = found.solve(heights + 0.3, first_contact.far_field_law(softening, 0.0))
     right = matrix @ np.full(63, 0.05)  # under which every node carries load
     pressure = few
     for _ in range(6):
@@ -111,7 +111,7 @@ def test_a_load_that_is_given(load: float) -> None:
     """The far field moves until the pressure adds up to the load."""
     heights = np.random.default_rng(5).uniform(-0.2, 0, 63)
     found = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0), np.arange(63))
-    pressure, _ = found.press(heights, first_contact.far_field_law(0.0, 0.0, load))
+    pressure, _ = found.solve(heights, first_contact.far_field_law(0.0, 0.0, load))
     gap = written_out() @ pressure - heights
     moved = gap[pressure > 0].mean()
     assert pressure.sum() == pytest.approx(load, rel=1e-12)
@@ -128,7 +128,7 @@ def test_a_far_field_that_gives_way(softening: float) -> None:
     matrix = written_out() - softening
     found = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0), nodes)
     law = first_contact.far_field_law(softening, common)
-    pressure, _ = found.press(heights, law)
+    pressure, _ = found.solve(heights, law)
     gap = matrix @ pressure - (heights + common)
     assert 0 < np.count_nonzero(pressure) < 63
     assert np.abs(gap[pressure > 0]).max() < 1e-15 * abs(softening) * 63 + 1e-12
@@ -139,7 +139,7 @@ def test_a_far_field_that_gives_way_too_much_has_no_pressure() -> None:
     nodes = np.arange(63)
     found = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0), nodes)
     with pytest.raises(np.linalg.LinAlgError):
-        found.press(np.ones(63), first_contact.far_field_law(10.0, 0.0))
+        found.solve(np.ones(63), first_contact.far_field_law(10.0, 0.0))
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
@@ -227,30 +227,30 @@ def test_many_nodes_and_singular_matrices_are_left_as_they_were(
 
 
 def test_an_answer_that_is_worse_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    original = ContactFactor.press
+    original = ContactFactor.solve
 
     def thrice(self: ContactFactor, *given: Any) -> tuple[np.ndarray, int]:
         pressure, sets = original(self, *given)
         return 3 * pressure, sets
 
-    monkeypatch.setattr(ContactFactor, "press", thrice)
+    monkeypatch.setattr(ContactFactor, "solve", thrice)
     monkeypatch.setattr(ContactFactor, "correct", lambda self, residual, *_: 0 * residual)
     before, after = settled(3)
     assert np.array_equal(after.pressure, before.pressure)
     assert np.array_equal(after.residual, before.residual)
     assert not after.exact
-    assert after.iterations > 0
-    assert after.convolutions > 0
+    assert after.effort.iterations > 0
+    assert after.effort.convolutions > 0
     contact = bem.solve(ROUGH, SIDE, 12.0)
     assert contact.residual <= contact.problem.rtol
 
 
 def test_later_factors_share_the_bound_on_contact_sets() -> None:
     """Nodes that were lost need another factor, and that has to do with the sets that are left."""
-    needed = settled(20)[1].iterations
+    needed = settled(20)[1].effort.iterations
     assert needed > 2
     for bound in range(1, needed):
-        assert 0 < settled(20, bound)[1].iterations <= bound
+        assert 0 < settled(20, bound)[1].effort.iterations <= bound
 
 
 @pytest.mark.filterwarnings("error")

@@ -129,7 +129,7 @@ def test_a_start_that_claims_to_be_the_solution_is_found_out() -> None:
     start = equilibrium.Start(near, claimed)
     found = displacement_control.on_rigid_far_field(pose(ROUGH, 1000.0, 30.0), 30.0, start)
     assert found.converged
-    assert found.iterate.convolutions > 1
+    assert found.iterate.effort.convolutions > 1
     np.testing.assert_array_equal(found.pressure > 0, alone.pressure > 0)
 
 
@@ -153,7 +153,7 @@ def test_on_the_way_up_a_start_takes_no_convolution(starts: list[tuple[Iterate, 
     list(bem.ladder(ROUGH, 1000.0, np.linspace(30, 45, 9)))
     assert len(starts) == 7
     for start, off in starts:
-        assert start.convolutions == 0
+        assert start.effort.convolutions == 0
         assert off < 1e-13
 
 
@@ -166,7 +166,7 @@ def test_boxes_that_grow_need_one_where_they_reach_new_nodes(
         alone = bem.solve(heights, 1000.0, contact.delta)
         assert contact.contact_nodes == alone.contact_nodes
         assert contact.force == pytest.approx(alone.force, rel=1e-6)
-    assert {start.convolutions for start, _ in starts} == {0, 1}
+    assert {start.effort.convolutions for start, _ in starts} == {0, 1}
     assert max(off for _, off in starts) < 1e-5
 
 
