@@ -1,9 +1,9 @@
-"""What a surface adds to its features, for the rows of a database, which stores no surfaces.
+"""Hybrid features for the rows of a database, which stores no surfaces.
 
-Rows are pure functions of the scene, so each surface is generated anew, on the farm, and must show
-the statistics that its row has. The values are kept in a file beside the database,
-`paper.h5` -> `paper.h5.pressed.npz`, each with the inputs that it belongs to: a database that has
-changed or grown costs what has changed, and an interrupted run goes on.
+Rows are pure functions of the scene, so each surface is generated again by the processes of the
+run, and its statistics must agree with those of its row. The features are kept in a file beside the
+database, `paper.h5` -> `paper.h5.pressed.npz`, together with the inputs that they belong to: only
+rows that are new or have changed are computed, and an interrupted run continues.
 """
 
 import hashlib
@@ -39,29 +39,33 @@ VERSION = 2
 BLOCK_ROWS = 32
 SAVE_SECONDS = 20.0
 AGREEMENT = 1e-6
-"""Relative difference of statistics that other processors may cause."""
+"""Largest relative difference of statistics between processors."""
 
 Block = tuple[int, int]
 
 
 def pressed_rows(path: Path, world: farm.World, stopping: Callable[[], bool]) -> Values | None:
-    """Find or compute the values of all finished rows; every process has to call it.
+    """Return the hybrid features of all finished rows; every process has to call it.
 
     Parameters
     ----------
-    path : the database
-    world : from `gen.runtime.farm`
-    stopping : asked on the master between blocks
+    path : Path
+        The database.
+    world : farm.World
+        Processes that generate the surfaces.
+    stopping : callable
+        Called on the master between blocks; True ends the work.
 
     Returns
     -------
-    (n, 7) `PRESSED` for every row of the database, on the master; NaN where there is none, or where
-    it was stopped before. None elsewhere
+    ndarray, shape (n, 7) or None
+        On the master, the features of `PRESSED` for every row of the database; NaN for rows that
+        are not finished or were not reached before the stop. None on the workers.
 
     Raises
     ------
     InputError
-        On the master, if the file is no database, or its surfaces cannot be generated anew.
+        On the master, if the file is no database, or its surfaces cannot be generated again.
     """
     job = _Job(path) if world.is_master else None
     scene = world.broadcast(job.scene if job is not None and job.blocks else None)
@@ -73,7 +77,7 @@ def pressed_rows(path: Path, world: farm.World, stopping: Callable[[], bool]) ->
 def _work_off(
     job: "_Job | None", scene: Scene, world: farm.World, stopping: Callable[[], bool]
 ) -> None:
-    """Do the blocks that are left; on the master, raise InputError for what they show."""
+    """Compute the missing blocks; on the master, raise InputError for a wrong surface."""
     compute = partial(compute_block, scene)
     if job is None:
         farm.run(compute, iter(()), _ignore, world)
@@ -109,11 +113,11 @@ def _work_off(
 
 
 def _ignore(block: Block, found: tuple[Values, Values]) -> None:
-    """Drop results: only the master has any."""
+    """Do nothing: only the master receives results."""
 
 
 def compute_block(scene: Scene, block: Block) -> tuple[Values, Values]:
-    """Inputs (k, 23) and values (k, 7) of the rows of a block, NaN where they are undefined."""
+    """Return inputs (k, 23) and features (k, 7) of a block's rows, NaN where they are undefined."""
     start, stop = block
     plan = parameters(scene, start, stop)
     inputs = np.full((stop - start, 1 + len(STATISTICS)), np.nan)
@@ -134,13 +138,13 @@ def compute_block(scene: Scene, block: Block) -> tuple[Values, Values]:
 
 
 def of_scene(scene: Scene, heights: Values, name: str) -> SurfaceFeatures:
-    """A surface with a scene's side and spacing."""
+    """Return a surface with the side and spacing of a scene."""
     side, spacing = scene.surface.side, scene.spacing
     return SurfaceFeatures(heights, (side, side), (spacing, spacing), name)
 
 
 class _Job:
-    """The master's side: what the file beside the database has, and what it lacks."""
+    """The master's view: rows that the file beside the database has, and rows that it lacks."""
 
     def __init__(self, path: Path) -> None:
         with Reader(path) as reader:
@@ -164,7 +168,7 @@ class _Job:
         self.blocks = list(_blocks(self.left, self.scene.samples_per_surface))
 
     def keep(self, block: Block, inputs: Values, values: Values) -> str:
-        """Take a block's values in; why they cannot be the database's, "" if they can."""
+        """Store the features of a block; return why they cannot be the database's, or ""."""
         start, stop = block
         for row in range(start, stop):
             if row not in self.left:
@@ -182,7 +186,7 @@ class _Job:
         return ""
 
     def save(self) -> str:
-        """Write the file beside the database; why that was not possible, "" if it was."""
+        """Write the file beside the database; return why that was not possible, or ""."""
         self.last_save = time.monotonic()
         try:
             with whole(self.cache, "arrays") as file:
@@ -192,7 +196,7 @@ class _Job:
         return ""
 
     def _kept(self) -> Values:
-        """Values of the rows that the file has, with the inputs that they have today."""
+        """Return the features that the file has for rows whose inputs have not changed."""
         values = np.full((len(self.inputs), len(PRESSED)), np.nan)
         try:
             content = BytesIO(
@@ -214,13 +218,13 @@ class _Job:
 
 
 def _key(scene: Scene) -> str:
-    """Fingerprint of what the values depend on besides the inputs."""
+    """Return a fingerprint of all settings that the features depend on besides the inputs."""
     text = f"{VERSION} {BLOCKS} {LOOSE} {','.join(PRESSED)} {PHYSICS} {scene.fingerprint()}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _blocks(rows: set[int], samples_per_surface: int) -> Iterator[Block]:
-    """Runs of rows, of whole surfaces, at most about `BLOCK_ROWS` long."""
+    """Yield runs of rows of whole surfaces, at most about `BLOCK_ROWS` long."""
     length = max(1, BLOCK_ROWS // samples_per_surface) * samples_per_surface
     for number in sorted({row // length for row in rows}):
         inside = [row for row in range(number * length, (number + 1) * length) if row in rows]
