@@ -1,14 +1,9 @@
-"""Surrogates: all nine models predict the same once loaded; intervals hold; files are safe."""
+"""Surrogates of every model: fitted, stored, asked."""
 
-import os
-import pickle
 from dataclasses import replace
 
-import crafted_surrogates
 import numpy as np
 import pytest
-from mapie.regression import SplitConformalRegressor
-from sklearn.linear_model import LinearRegression
 
 import learn
 from gen.runtime.errors import InputError
@@ -16,11 +11,10 @@ from gen.runtime.farm import World
 from gen.surface import generate
 from learn import Surrogate, split
 from learn.comparison.spaces import OPTIMA
-from learn.models import MODELS, pipeline
+from learn.models import MODELS
 from learn.reading import Reading
 from learn.request import Request
-from learn.surrogate import conformal, law, settings, training
-from learn.surrogate.estimators import put_together, taken_apart
+from learn.surrogate import law, settings, training
 from learn.surrogate.law import Order
 
 
@@ -167,110 +161,6 @@ def test_wrong_questions_are_refused(ridge, heights, call, word):
         call(ridge, heights)
 
 
-def test_calibration_rows_train_nothing(solved, monkeypatch):
-    from learn import dataset
-
-    rows = dataset.read(solved, "area", features="dimensionless")
-    parts = split.draw(rows)
-    train, calibration = training.without_calibration(rows, parts.train)
-    assert calibration.size == 14
-    everything = np.concatenate([train, calibration, parts.test])
-    np.testing.assert_array_equal(np.sort(everything), np.arange(90))
-    assert not set(rows.groups[train]) & set(rows.groups[calibration])
-
-
-def test_intervals_are_mapies():
-    random = np.random.default_rng(0)
-    inputs = random.normal(size=(300, 3))
-    target = inputs.sum(axis=1) + random.normal(size=300)
-    model = LinearRegression().fit(inputs[:100], target[:100])
-    held, new = slice(100, 180), slice(180, None)
-    found = conformal.calibrate(model.predict(inputs[held]), target[held], target[:100])
-    assert found.borders.size == 0
-    for level in (0.5, 0.8, 0.9, 0.95):
-        theirs = SplitConformalRegressor(model, level, prefit=True)
-        theirs.conformalize(inputs[held], target[held])
-        predicted, ends = theirs.predict_interval(inputs[new])
-        half = found.half_width(predicted, level)
-        np.testing.assert_allclose(predicted + half, ends[:, 1, 0], rtol=1e-12)
-        np.testing.assert_allclose(predicted - half, ends[:, 0, 0], rtol=1e-12)
-
-
-def test_intervals_hold_where_errors_grow():
-    random = np.random.default_rng(1)
-    inputs = random.uniform(0.0, 10.0, size=(6000, 1))
-    target = inputs[:, 0] * (1 + 0.2 * random.normal(size=6000))
-    model = LinearRegression().fit(inputs[:1000], target[:1000])
-    held = slice(1000, 3000)
-    found = conformal.calibrate(model.predict(inputs[held]), target[held], target[:1000])
-    assert found.borders.size == conformal.RANGES - 1
-    predicted, truth = model.predict(inputs[3000:]), target[3000:]
-    for level, share, half in conformal.coverage(found, predicted, truth, (0.5, 0.9, 0.95)):
-        assert share == pytest.approx(level, abs=0.03)
-        small = predicted < np.quantile(predicted, 0.2)
-        inside = np.abs(truth - predicted)[small] <= half[small]
-        assert inside.mean() == pytest.approx(level, abs=0.06)
-
-
-def test_too_few_rows_for_a_level_make_an_infinite_interval():
-    scores = np.arange(1.0, 10.0)
-    assert conformal.quantile(scores, 0.9) == 9.0
-    assert conformal.quantile(scores, 0.91) == np.inf
-
-
-class Evil:
-    """Runs a command when a pickle of it is loaded."""
-
-    def __reduce__(self):
-        return os.system, ("touch evil",)
-
-
-@pytest.mark.parametrize(
-    ("content", "word"),
-    [
-        (b"", "is no surrogate"),
-        (b"PK", "fit it anew"),
-        (b"heights 1 2 3", "is no surrogate"),
-        (b"asperity surrogate\nformat 99\nsha256 " + b"0" * 64 + b"\n", "has format 99"),
-        (b"asperity surrogate\nformat 3\nsha256 " + b"0" * 64 + b"\n", "is damaged"),
-        (pickle.dumps(Evil()), "is no surrogate"),
-    ],
-)
-def test_what_is_no_surrogate_is_refused_and_runs_nothing(tmp_path, monkeypatch, content, word):
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / "x.surrogate"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=rf"x\.surrogate.*{word}") as caught:
-        Surrogate.load(path)
-    assert "\n" not in str(caught.value)
-    assert not (tmp_path / "evil").exists()
-
-
-def test_a_damaged_file_is_refused(ridge, tmp_path):
-    path = tmp_path / "x.surrogate"
-    ridge.save(path)
-    whole = path.read_bytes()
-    for size in (len(whole) // 2, len(whole) - 10):
-        path.write_bytes(whole[:size])
-        with pytest.raises(InputError, match="is damaged"):
-            Surrogate.load(path)
-    card, parts = crafted_surrogates.content(whole)
-    parts["low"] = parts["low"][:3]
-    path.write_bytes(crafted_surrogates.written(card, parts))
-    with pytest.raises(InputError, match="is not whole"):
-        Surrogate.load(path)
-
-
-def test_pruned_deep_trees_of_xgboost_come_back(tmp_path):
-    inputs = np.random.default_rng(0).normal(size=(400, 5))
-    target = inputs[:, 0] ** 2 + inputs[:, 1]
-    settings = {"n_estimators": 20, "max_depth": 12, "gamma": 1.0}
-    fitted = pipeline(MODELS["xgboost"], settings).fit(inputs, target)
-    again = put_together("xgboost", "l2", taken_apart("xgboost", fitted), 5)
-    asked = np.random.default_rng(1).normal(size=(2000, 5))
-    np.testing.assert_array_equal(again.predict(asked), fitted.predict(asked))
-
-
 def test_a_prediction_that_is_not_finite_is_never_inside(ridge, heights, tmp_path):
     np.save(tmp_path / "h.npy", heights)
     order = Order((str(tmp_path / "h.npy"),), delta="5:20:3", reading=Reading(side="1000"))
@@ -289,21 +179,6 @@ def test_a_prediction_that_is_not_finite_is_never_inside(ridge, heights, tmp_pat
             InputError, match=r"h\.npy: the surrogate has no finite .* at Delta = 5"
         ):
             law.make(spoilt, order, say)
-
-
-def test_an_old_file_stays_whole_until_the_new_one_is(ridge, tmp_path, monkeypatch):
-    path = tmp_path / "x.surrogate"
-    ridge.save(path)
-    before = path.read_bytes()
-
-    def fail(descriptor):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", fail)
-    with pytest.raises(InputError, match="No space left"):
-        ridge.save(path)
-    assert path.read_bytes() == before
-    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_the_package_offers_the_class_and_nothing_else():

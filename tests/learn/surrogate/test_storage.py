@@ -1,20 +1,24 @@
 """Surrogates' files from anywhere: damage and malice are one line, no crash and no wrong number."""
 
 import math
+import os
+import pickle
 import sys
 from itertools import cycle
 
+import crafted_surrogates
 import crafted_surrogates as crafted
 import numpy as np
 import pytest
 
 from gen.runtime.errors import InputError
+from gen.runtime.farm import World
 from learn import Surrogate, cli
-from learn.surrogate import forest
+from learn.request import Request
+from learn.surrogate import forest, training
 from learn.surrogate.forest import Tree
 
 MUTANTS = 28
-"""Files of each model and way: 504 together."""
 
 
 @pytest.fixture
@@ -250,3 +254,77 @@ def test_texts_of_a_file_do_not_drive_the_terminal(path, capsys):
     path.write_bytes(spoilt("svm", put(0, "columns", [["[bold]\x1b]0;owned\x07", "um"]])))
     assert cli.main(["card", str(path)]) == 2
     assert "\x1b" not in capsys.readouterr().err
+
+
+def say(line):
+    """Hear nothing."""
+
+
+def fitted(path, model="kernel-ridge", features="dimensionless", **options):
+    targets = options.pop("targets", ("area", "force"))
+    scaling = "l2" if features == "paper" else "standard"
+    request = Request(path, path, targets, (model,), None, scaling, features, **options)
+    return training.fit(request, World(), say)
+
+
+@pytest.fixture(scope="module")
+def ridge(solved):
+    return fitted(solved)
+
+
+class Evil:
+    """Runs a command when a pickle of it is loaded."""
+
+    def __reduce__(self):
+        return os.system, ("touch evil",)
+
+
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        (b"", "is no surrogate"),
+        (b"PK", "fit it anew"),
+        (b"heights 1 2 3", "is no surrogate"),
+        (b"asperity surrogate\nformat 99\nsha256 " + b"0" * 64 + b"\n", "has format 99"),
+        (b"asperity surrogate\nformat 3\nsha256 " + b"0" * 64 + b"\n", "is damaged"),
+        (pickle.dumps(Evil()), "is no surrogate"),
+    ],
+)
+def test_what_is_no_surrogate_is_refused_and_runs_nothing(tmp_path, monkeypatch, content, word):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "x.surrogate"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=rf"x\.surrogate.*{word}") as caught:
+        Surrogate.load(path)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "evil").exists()
+
+
+def test_a_damaged_file_is_refused(ridge, tmp_path):
+    path = tmp_path / "x.surrogate"
+    ridge.save(path)
+    whole = path.read_bytes()
+    for size in (len(whole) // 2, len(whole) - 10):
+        path.write_bytes(whole[:size])
+        with pytest.raises(InputError, match="is damaged"):
+            Surrogate.load(path)
+    card, parts = crafted_surrogates.content(whole)
+    parts["low"] = parts["low"][:3]
+    path.write_bytes(crafted_surrogates.written(card, parts))
+    with pytest.raises(InputError, match="is not whole"):
+        Surrogate.load(path)
+
+
+def test_an_old_file_stays_whole_until_the_new_one_is(ridge, tmp_path, monkeypatch):
+    path = tmp_path / "x.surrogate"
+    ridge.save(path)
+    before = path.read_bytes()
+
+    def fail(descriptor):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(InputError, match="No space left"):
+        ridge.save(path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]

@@ -1,41 +1,20 @@
-"""Laws at the loads asked for, their bands, and what is withheld on unknown ground."""
+"""Laws at the given loads, their bands, and no band outside the training."""
 
-import csv
 import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.interpolate import PchipInterpolator
+from laws import LOADS, STEEL, column, rows_of, run
 
+import bem
 from gen import cli as gen_cli
 from gen.generation.plan import parameters
 from gen.generation.sample import solve_contact, surface_of
 from gen.scene import Scene
-from learn import Surrogate, cli
-from learn.surrogate.law import inversion
-from learn.surrogate.law.points import Points
+from learn import Surrogate
 
-STEEL = ["--young", "210e3", "--poisson", "0.3"]
-LOADS = ["--pressure", "100:2000:4"]
 COLUMNS = ("delta_um", "area_percent", "mean_gap_um")
-COMPILER = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror"]
-needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
-
-
-def run(*arguments, ends=0):
-    assert cli.main([str(argument) for argument in arguments]) == ends
-
-
-def rows_of(path, against=None):
-    with Path(path).open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    return [row for row in rows if against is None or row["against"] == against]
-
-
-def column(rows, name):
-    return np.array([float(row[name]) for row in rows])
 
 
 def solved_by_gen(surface, *load):
@@ -158,42 +137,6 @@ def test_a_predicted_population_has_bands_at_given_pressure(work):
                 )
 
 
-def test_an_interval_at_given_pressure_is_that_of_the_force_read_the_other_way(work):
-    ask = ["law", "hybrid.surrogate", "many/s1.npy", "--side", "1000", "--delta", "6:40:35"]
-    run(*ask, "--pressure", "0.002:0.02:7", "--csv", "law.csv")
-    over = [row for row in rows_of("law.csv", "delta_um") if row["pressure_MPa_low"]]
-    at = rows_of("law.csv", "pressure_MPa")
-    assert all(row["delta_um_low"] for row in at)
-    delta, pressure = column(over, "delta_um"), column(at, "pressure_MPa")
-    for end, other in (("low", "high"), ("high", "low")):
-        ends = column(at, f"delta_um_{end}")
-        reached = PchipInterpolator(delta, column(over, f"pressure_MPa_{other}"))(ends)
-        np.testing.assert_allclose(reached, pressure, rtol=2e-3)
-        area = PchipInterpolator(delta, column(over, f"area_percent_{end}"))(ends)
-        np.testing.assert_allclose(column(at, f"area_percent_{end}"), area, rtol=2e-3)
-        gap = PchipInterpolator(delta, column(over, f"mean_gap_um_{other}"))(ends)
-        np.testing.assert_allclose(column(at, f"mean_gap_um_{other}"), gap, rtol=2e-3)
-
-
-def test_the_inverse_of_a_law_knows_its_level_stretches():
-    """A force predicted as 0 up to some Delta: a small pressure is reached behind that."""
-    delta = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
-    values = {"delta_um": delta, "area_percent": delta, "mean_gap_um": 4 - delta}
-    values["pressure_MPa"] = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
-    low = {**values, "pressure_MPa": np.array([0.0, 0.0, 0.0, 1.0, 2.0])}
-    high = {**values, "pressure_MPa": values["pressure_MPa"] + [0, 1, 1, 1, 1]}
-    points = Points(values, low, high, ("",) * 5)
-    found = inversion.at_pressures(points, np.array([0.0, 1e-9, 2.0, 3.0]))
-    np.testing.assert_allclose(found.values["delta_um"], [0, 0, 2, 3], atol=1e-6)
-    np.testing.assert_allclose(found.low["delta_um"], [0, 0, 1, 2], atol=1e-6)
-    np.testing.assert_allclose(found.high["delta_um"], [0, 2, 4, np.nan], atol=1e-2)
-    assert found.endless == ("", "", "", "its interval ends beyond the last displacement")
-    unknown = Points(values, low, high, ("", "", "", "", "far"))
-    found = inversion.at_pressures(unknown, np.array([0.5, 2.0, 3.5]))
-    assert found.reasons == ("", "", "far")
-    assert found.endless[:2] == ("", "its interval ends where far")
-
-
 ONE = ["hybrid.surrogate", "many/s0.npy", "--side", "1000"]
 
 
@@ -251,97 +194,90 @@ def test_a_file_name_is_no_markup(work, capsys):
     assert "a[red]b.npy" in capsys.readouterr().out
 
 
-def program(*lines, headers=("steel-2.h", "soft.h")):
-    included = "\n".join(f'#include "{name}"' for name in headers)
-    body = "\n".join(lines)
-    return f"#include <stdio.h>\n{included}\nint main(void)\n{{\n{body}\nreturn 0;\n}}\n"
-
-
-def compiled(text):
-    Path("main.c").write_text(text)
-    return subprocess.run(
-        [*COMPILER, "main.c", "-o", "main"], capture_output=True, text=True, check=False, timeout=60
-    )
-
-
-@needs_compiler
-def test_two_headers_work_in_one_program(work):
-    ask = ["--side", "1000", "--delta", "0.5,6,12,20", "--header"]
-    run("law", "hybrid.surrogate", "many/s0.npy", *ask, "steel-2.h", *STEEL, "--csv", "steel.csv")
-    run("law", "hybrid.surrogate", "many", *ask, "soft.h", "--csv", "soft.csv")
-    run("law", "many", *ask, "solved.h", "--solver", "--pressure", "0.001,0.002")
-    texts, expected = [], []
-    for name in ("steel_2", "soft"):
-        for against, argument, suffix in (
-            ("delta_um", "{:.17g}", ""),
-            ("pressure_MPa", "{:.17g}", "_at_pressure"),
-        ):
-            rows = rows_of(f"{name.removesuffix('_2')}.csv", against)
-            for row in [*rows, {**rows[-1], against: "1e9"}]:
-                for end in ("", "_low", "_high"):
-                    at = argument.format(float(row[against]))
-                    texts.append(f"asperity_{name}_area{suffix}{end}({at})")
-                    expected.append(float(row[f"area_percent{end}"] or "nan"))
-    own = [
-        "asperity_solved_area_at_pressure(0.0)",
-        "asperity_solved_delta_at_pressure(0.0005) / asperity_solved_delta_at_pressure(0.001)",
-        "asperity_solved_delta_at_pressure_high(0.001) > asperity_solved_delta_at_pressure(0.001)",
-        "asperity_steel_2_area_tangent(1e9)",
-        "asperity_solved_mean_gap_at_pressure_low(-1.0) == asperity_solved_mean_gap_low(0.0)",
-    ]
-    lines = [f'printf("%.17g\\n", (double)({text}));' for text in [*texts, *own]]
-    done = compiled(program(*lines, headers=("steel-2.h", "soft.h", "solved.h", "soft.h")))
-    assert done.returncode == 0, done.stderr
-    said = subprocess.run(["./main"], capture_output=True, text=True, check=True, timeout=60).stdout
-    found = [float(line) for line in said.split()]
-    np.testing.assert_allclose(found[:-5], expected, rtol=1e-12)
-    assert np.isnan(expected).any(), "the NAN of unknown ground was seen"
-    assert found[-5:] == [0.0, 0.5, 1.0, 0.0, 1.0]
-
-
-@needs_compiler
-def test_a_header_says_what_it_is_and_a_second_of_its_name_is_an_error(work):
-    ask = ["--side", "1000", "--solver", "--header"]
-    Path("other").mkdir()
-    run("law", "many/s0.npy", "--delta", "5,9", *ask, "steel.h")
-    run("law", "many/s1.npy", "--delta", "5,9", *ask, "other/steel.h")
-    text = Path("steel.h").read_text()
-    said = " ".join(text.partition("*/")[0].replace("\n *", "").split())
-    assert "E* = 1 MPa" in said
-    assert "Surface: many/s0.npy" in said
-    assert "python -m learn law many/s0.npy --delta 5,9 --header steel.h --solver" in said
-    assert "asperity 0" in said or "asperity 1" in said
-    assert "Made: 20" in said
-    assert "Beyond the ends of the tables, values are constant" in said
-    assert "No functions _low and _high. Band: none, one surface was solved" in said
-    line = 'printf("%g\\n", asperity_steel_area(1.0));'
-    assert compiled(program(line, headers=("steel.h", "steel.h"))).returncode == 0
-    done = compiled(program(line, headers=("steel.h", "other/steel.h")))
-    assert done.returncode == 1
-    assert "two laws are named asperity_steel: give one of the headers another file" in done.stderr
-
-
-@needs_compiler
-@pytest.mark.parametrize(
-    "folder",
-    ["x*\\\n/\nint evil = 1;\n", "a*/int evil;/*", "b*??/\n/ int evil;", "\x1b[2Jµ\\", "c/*/**/d"],
-)
-def test_a_name_cannot_end_the_comment_of_a_header(work, folder):
-    place = Path(folder)
-    place.mkdir(parents=True)
-    shutil.copy("many/s0.npy", place / "s.npy")
-    run("law", place / "s.npy", "--side", "1000", "--solver", "--delta", "9", "--header", "a.h")
-    text = Path("a.h").read_bytes()
-    comment, _, code = text.decode("ascii").partition("\n */\n")
-    assert "evil" not in code
-    assert "*/" not in comment
-    assert not set(b"\\?\x1b\r") & set(comment.encode())
-    assert compiled(program('printf("%g\\n", asperity_a_area(1.0));', headers=["a.h"])).stderr == ""
-
-
 def test_the_surrogates_own_answers_keep_their_intervals(made):
     """What is withheld is what is shown; in Python, `reasons` tells where they do not hold."""
     surrogate = Surrogate.load(made / "hybrid.surrogate")
     answer = surrogate.predict(np.load(made / "many/s0.npy"), 1000.0, [0.5])
     assert answer.reasons[0]
     assert answer.low["area"].shape == (1,)
+
+
+@pytest.mark.parametrize("how", [["--solver"], []])
+@pytest.mark.parametrize("inputs", [["many/s0.npy", "--side", 1000], ["many", "--side", 1000]])
+def test_a_law_is_monotone_and_consistent(work, how, inputs):
+    ask = ["law", "hybrid.surrogate", *inputs, "--delta", "2:40:12", "--csv", "law.csv", *how]
+    run(*ask, "--header", "law.h", "--young", "210e3", "--poisson", "0.3")
+    rows = rows_of("law.csv")
+    by_delta = [row for row in rows if row["against"] == "delta_um"]
+    by_pressure = [row for row in rows if row["against"] == "pressure_MPa"]
+    assert len(by_delta) == 13
+    delta = column(by_delta, "delta_um")
+    for name, sign in (("area_percent", 1), ("force_uN", 1), ("mean_gap_um", -1)):
+        value = column(by_delta, name)
+        assert (sign * np.diff(value) >= 0).all()
+        assert (sign * column(by_delta, f"{name}_slope") >= 0).all()
+        banded = [row for row in by_delta if row[f"{name}_low"]]
+        value = column(banded, name)
+        assert (column(banded, f"{name}_low") <= value).all()
+        assert (value <= column(banded, f"{name}_high")).all()
+        alone = "--solver" in how and inputs[0] != "many"
+        inside = sum(not alone and not row["reason"] for row in by_delta)
+        assert inside <= len(banded) <= (0 if alone else 13)
+        assert all(row["reason"] for row in by_delta if row not in banded) or alone
+    pressure = column(by_delta, "pressure_MPa")
+    cells = (1000 / 32 * 33) ** 2
+    np.testing.assert_allclose(pressure, column(by_delta, "force_uN") / cells, rtol=1e-9)
+    back = np.interp(delta, column(by_pressure, "delta_um"), column(by_pressure, "pressure_MPa"))
+    np.testing.assert_allclose(back, pressure, atol=0.02 * pressure[-1])
+    assert (np.diff(column(by_pressure, "area_percent")) >= 0).all()
+    assert (np.diff(column(by_pressure, "mean_gap_um")) <= 0).all()
+
+
+def test_a_solved_law_is_the_solvers_and_the_predicted_one_near_it(work):
+    ask = ["law", "hybrid.surrogate", "many/s1.npy", "--side", 1000, "--delta", "5:40:8", "--csv"]
+    run(*ask, "solved.csv", "--solver")
+    run(*ask, "predicted.csv")
+    heights = np.load("many/s1.npy")
+    solved, predicted = (
+        [row for row in rows_of(name) if row["against"] == "delta_um"][1:]
+        for name in ("solved.csv", "predicted.csv")
+    )
+    for one, two in zip(solved, predicted, strict=True):
+        contact = bem.solve(heights, 1000.0, float(one["delta_um"]))
+        for name, value in (
+            ("area_percent", contact.area_percent),
+            ("force_uN", contact.force),
+            ("mean_gap_um", contact.mean_gap),
+        ):
+            assert float(one[name]) == pytest.approx(value, rel=1e-5)
+        assert float(two["force_uN"]) == pytest.approx(contact.force, rel=0.2)
+        assert float(two["mean_gap_um"]) == pytest.approx(contact.mean_gap, abs=0.5)
+
+
+def test_a_law_says_where_it_is_outside(work):
+    ask = ["law", "hybrid.surrogate", "many", "--side", 1000, "--delta", "10,400", "--csv"]
+    run(*ask, "law.csv")
+    rows = [row for row in rows_of("law.csv") if row["against"] == "delta_um"]
+    own = Surrogate.load("hybrid.surrogate")
+    surfaces = [np.load(f"many/s{seed}.npy") for seed in range(3)]
+    inside = [own.for_surface(each, 1000.0).predict([10.0, 400.0]).inside for each in surfaces]
+    expected = [0.0, *(1 - np.mean(inside, axis=0))]
+    np.testing.assert_allclose([float(row["outside"]) for row in rows], expected)
+    assert expected[2] == 1
+    assert [bool(row["reason"]) for row in rows] == [share > 0 for share in expected]
+    others = [row for row in rows_of("law.csv") if row["against"] != "delta_um"]
+    assert float(others[0]["outside"]) == 0
+    assert float(others[-1]["outside"]) == 1
+
+
+def test_laws_of_scenes_databases_and_given_pressures(work, capsys):
+    for text in ("database.h5", "scene.toml"):
+        (work / "scene.toml").write_text("samples = 9\n[surface]\nnodes = 33\n")
+        ask = ["law", "hybrid.surrogate", text, "--surfaces", 3, "--delta", "5:40:5"]
+        run(*ask, "--pressure", "0:0.005:6", "--csv", f"{text}.csv")
+        assert "quantiles of 3 surfaces" in " ".join(capsys.readouterr().out.split())
+    assert (work / "database.h5.csv").read_text() == (work / "scene.toml.csv").read_text()
+    rows = [row for row in rows_of("scene.toml.csv") if row["against"] == "pressure_MPa"]
+    np.testing.assert_allclose(column(rows, "pressure_MPa"), np.linspace(0, 0.005, 6))
+    run(*ask, "--pressure", "9", ends=2)
+    assert "give a larger --delta" in capsys.readouterr().err
