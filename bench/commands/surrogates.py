@@ -5,17 +5,7 @@ from typing import Annotated
 
 import typer
 
-from bench.commands.options import (
-    AreaMax,
-    Folder,
-    FolderIfAny,
-    PaperDatabase,
-    PaperRows,
-    numbers,
-    remark,
-    require_place,
-    tell,
-)
+from bench.commands.options import AreaMax, Folder, PaperDatabase, PaperRows, numbers, remark
 from gen.runtime.output import check_folder
 
 
@@ -28,10 +18,11 @@ def models(
 
     With the Pareto front marked: DIR/models.csv and DIR/models.png.
     """
-    from bench.surrogates.models import costs, report
+    from bench.surrogates.models import costs, write_report
 
-    require_place(output, "models.csv", "models.png")
-    tell(output, report(costs(comparison, target)))
+    check_folder(output, "models.csv", "models.png")
+    for path in write_report(output, costs(comparison, target)):
+        typer.echo(path)
 
 
 def tolerance(
@@ -52,12 +43,15 @@ def tolerance(
     """
     from bench.surrogates.tolerance import TOLERANCES
     from bench.surrogates.tolerance import tolerance as measure
-    from bench.surrogates.tolerance_report import report
+    from bench.surrogates.tolerance_report import write_report
 
-    require_place(output, "tolerance.csv", "tolerance.txt", "tolerance.png")
+    check_folder(output, "tolerance.csv", "tolerance.txt", "tolerance.png")
     asked = numbers("tolerances", tolerances, float) if tolerances else TOLERANCES
     found = measure(output, rows, tolerances=asked, area_max=area_max, remark=remark)
-    tell(output, report(found))
+    paths, text = write_report(output, found)
+    typer.echo(text)
+    for path in paths:
+        typer.echo(path)
 
 
 def generalisation(
@@ -77,9 +71,9 @@ def generalisation(
     and a picture for each model. Takes long with all rows; fewer give a look.
     """
     from bench.surrogates.generalisation import generalisation as measure
-    from bench.surrogates.generalisation_report import report
+    from bench.surrogates.generalisation_report import show, write_report
 
-    require_place(output, "generalisation.csv", "generalisation-kernel-ridge.png")
+    check_folder(output, "generalisation.csv")
     found = measure(
         output,
         rows,
@@ -88,7 +82,9 @@ def generalisation(
         area_max=area_max,
         remark=remark,
     )
-    tell(output, report(found))
+    show(found)
+    for path in write_report(output, found):
+        typer.echo(path)
 
 
 def cost(
@@ -111,9 +107,9 @@ def cost(
     cost.png. Takes long with all rows; fewer give a look.
     """
     from bench.surrogates.cost import cost as measure
-    from bench.surrogates.cost_report import report
+    from bench.surrogates.cost_report import write_report
 
-    require_place(output, "cost.csv", "learning.csv", "cost.txt", "cost.png")
+    check_folder(output, "cost.csv", "learning.csv", "cost.txt", "cost.png")
     found = measure(
         output,
         rows,
@@ -123,7 +119,10 @@ def cost(
         surfaces=surfaces,
         remark=remark,
     )
-    tell(output, report(found))
+    paths, text = write_report(output, found)
+    typer.echo(text)
+    for path in paths:
+        typer.echo(path)
 
 
 def throughput(
@@ -136,7 +135,10 @@ def throughput(
     ] = 2000,
     database: PaperDatabase = None,
     surfaces: Annotated[int, typer.Option(min=1, help="Surfaces of the paper preset.")] = 16,
-    output: FolderIfAny = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
+    ] = None,
 ) -> None:
     """Measure contacts a second of surrogates, called in several ways, beside the solver's.
 
@@ -146,13 +148,19 @@ def throughput(
     from bench.surrogates import throughput as calls
 
     if output is not None:
-        require_place(output, "throughput.csv")
+        check_folder(output, "throughput.csv")
     asked = calls.loaded(surrogate) if surrogate else calls.fitted(database, rows, remark)
-    tell(output, calls.report(calls.throughput(asked, surfaces, remark)))
+    speeds = calls.throughput(asked, surfaces, remark)
+    typer.echo(calls.markdown_table(speeds))
+    if output is not None:
+        typer.echo(calls.write_report(output, speeds))
 
 
 def memory(
-    output: FolderIfAny = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
+    ] = None,
     model: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="May be repeated; all nine if left out."),

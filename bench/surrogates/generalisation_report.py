@@ -1,52 +1,50 @@
-"""`python -m bench generalisation`: scores and verdicts, and predictions over truth."""
+"""The files and the table of `python -m bench generalisation`."""
 
-import io
 from collections.abc import Sequence
+from dataclasses import astuple, fields
 from pathlib import Path
-from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
-from bench.page import content
-from bench.picture import new_figure
-from bench.report import Report
-from bench.surrogates.generalisation import Judged
+from bench.page.content import Content, Figure, Table
+from bench.picture import new_figure, save
+from bench.surrogates.generalisation import Judged, Row
 from bench.surrogates.verdict import covers, verdict
-from bench.table import record
-
-WIDTH = 190
-"""Letters of a line of the printed table."""
+from bench.table import write_table
 
 
-def report(found: Sequence[Judged]) -> Report:
-    """Make a report of what was measured, with a picture for each model."""
+def write_report(folder: Path, found: Sequence[Judged]) -> list[Path]:
+    """Write `generalisation.csv`, and `generalisation-MODEL.png` for each model.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written to.
+    """
     rows = [judged.row for judged in found]
-    models = dict.fromkeys(row.model for row in rows)
-    return Report(
-        {"generalisation": [{**record(row), "verdict": verdict(row, rows)} for row in rows]},
-        pictures={f"generalisation-{model}": _picture(model, found) for model in models},
-        text=_table(found),
+    path = write_table(
+        folder / "generalisation.csv",
+        [*(field.name for field in fields(Row)), "verdict"],
+        ((*astuple(row), verdict(row, rows)) for row in rows),
     )
+    models = dict.fromkeys(row.model for row in rows)
+    return [path, *(_draw(folder, model, found) for model in models)]
 
 
-def contents(folder: Path) -> list[content.Content]:
-    """List what a folder of this report holds, with what to see in it."""
-    table = folder / "generalisation.csv"
+def contents(folder: Path) -> list[Content]:
+    """List what a page shows of a folder that `write_report` has written."""
     return [
         *(
-            content.Figure(
+            Figure(
                 picture,
                 "Prediction over truth where the surrogate was not trained: a row for each feature"
                 " set, a column for each case; dots off the diagonal are wrong. Statistics such as"
                 " curvatures depend on the spacing of the nodes, a loose solve among the features"
                 " does not.",
-                data=(table,),
+                data=(folder / "generalisation.csv",),
             )
             for picture in sorted(folder.glob("generalisation-*.png"))
         ),
-        content.Table(
-            table,
+        Table(
+            folder / "generalisation.csv",
             "Scores [%]; shares (0 to 1) of rows flagged as outside the training ranges, and"
             " covered by the 90 % intervals; and what follows.",
             columns=(
@@ -57,8 +55,11 @@ def contents(folder: Path) -> list[content.Content]:
     ]  # fmt: skip
 
 
-def _table(found: Sequence[Judged]) -> str:
-    """Return the table for people."""
+def show(found: Sequence[Judged]) -> None:
+    """Print the table."""
+    from rich.console import Console
+    from rich.table import Table
+
     rows = [judged.row for judged in found]
     table = Table(title="Trained on the paper preset, tested elsewhere [%]")
     for name in ("Tested on", "Features"):
@@ -79,13 +80,11 @@ def _table(found: Sequence[Judged]) -> str:
             f"{100 * row.covered:.0f}{'' if covers(row) else '!'}",
         )
         table.add_row(what, row.features, str(row.judged), *numbers, *shares, verdict(row, rows))
-    text = io.StringIO()
-    Console(file=text, width=WIDTH).print(table)
-    return text.getvalue()
+    Console(width=None if Console().is_terminal else 190).print(table)
 
 
-def _picture(model: str, found: Sequence[Judged]) -> Any:
-    """Draw prediction over truth, as in section 4.3: a row a feature set, a column a case."""
+def _draw(folder: Path, model: str, found: Sequence[Judged]) -> Path:
+    """Prediction over truth, as in section 4.3: a row a feature set, a column a case."""
     mine = [judged for judged in found if judged.row.model == model]
     features = list(dict.fromkeys(judged.row.features for judged in mine))
     cases = list(dict.fromkeys(judged.row.tested_on for judged in mine))
@@ -105,4 +104,4 @@ def _picture(model: str, found: Sequence[Judged]) -> Any:
     for row, name in zip(axes, features, strict=True):
         row[0].set_ylabel(f"{name}: predicted [%]")
     figure.supxlabel("effective contact area by the solver [%]")
-    return figure
+    return save(figure, folder / f"generalisation-{model}.png")

@@ -1,4 +1,4 @@
-"""Disk access of a database: rows in chunks, kinds of file systems, messages for errors."""
+"""The disk under a database: rows in pieces, file systems, troubles in words."""
 
 import errno
 import os
@@ -11,35 +11,20 @@ import h5py
 from numpy.typing import NDArray
 
 CHUNK_BYTES = 8 * 2**20
-"""Most bytes of a column that are in memory at once."""
+"""Bytes of a column that are held in memory at once."""
 
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
-"""Errors of the system for a full disk, an exhausted quota or a file that is too large."""
+"""System errors that mean: no room left, be it the disk's, the quota's or the file's."""
 
 MOUNTS = Path("/proc/self/mountinfo")
-"""Linux's list of mounted file systems."""
+"""Linux's list of what is mounted where."""
 
 INCOHERENT = frozenset({"nfs", "nfs4", "cifs", "smb3"})
-"""File systems whose machines write back whole pages, with outdated bytes of neighbouring rows."""
+"""File systems whose machines write back whole pages, with old bytes of others' rows in them."""
 
 
 def chunks(rows: int, bytes_per_row: int, first: int = 0) -> Iterator[tuple[int, int]]:
-    """Split rows into chunks of at most `CHUNK_BYTES`, and of at least one row.
-
-    Parameters
-    ----------
-    rows : int
-        One past the last row.
-    bytes_per_row : int
-        Size of a row [bytes].
-    first : int
-        First row.
-
-    Yields
-    ------
-    tuple of int
-        First row of a chunk and one past its last.
-    """
+    """Split the rows first..rows so that a chunk has at most `CHUNK_BYTES`, but one row."""
     step = max(1, CHUNK_BYTES // bytes_per_row)
     for start in range(first, rows, step):
         yield start, min(start + step, rows)
@@ -48,17 +33,8 @@ def chunks(rows: int, bytes_per_row: int, first: int = 0) -> Iterator[tuple[int,
 def write_rows(dataset: h5py.Dataset, start: int, values: NDArray[Any]) -> None:
     """Write contiguous rows of the column's own type.
 
-    This does the same as `dataset[start:stop] = values` without h5py's 0.1 ms for the slice; a
-    block has forty columns, and one process may write for hundreds.
-
-    Parameters
-    ----------
-    dataset : h5py.Dataset
-        Column to write into.
-    start : int
-        First row in the column.
-    values : ndarray
-        Rows of the column's type and shape.
+    What `dataset[start:stop] = values` does, without the 0.1 ms that h5py takes to understand
+    the slice: a block has forty columns, and one process may write for hundreds.
     """
     rows = dataset.id.get_space()
     rows.select_hyperslab((start,) + (0,) * (values.ndim - 1), values.shape)
@@ -66,17 +42,12 @@ def write_rows(dataset: h5py.Dataset, start: int, values: NDArray[Any]) -> None:
 
 
 def coherent(path: Path) -> bool:
-    """Tell whether several machines can write neighbouring rows of a file at the same time.
+    """Whether machines can write neighbouring rows at once, as on disks and parallel file systems.
 
-    Local disks and parallel file systems allow it, NFS and SMB do not. The kind of file system is
-    known on Linux only; elsewhere and in doubt the answer is yes.
-
-    Parameters
-    ----------
-    path : Path
-        File or folder.
+    NFS and SMB do not see to that. What is mounted where is known on Linux only; elsewhere and in
+    doubt the answer is yes.
     """
-    real = Path(os.path.realpath(path))  # raises nothing for loops of links
+    real = Path(os.path.realpath(path))  # loops of links are for others to refuse
     try:
         mounts = MOUNTS.read_text(errors="surrogateescape").splitlines()
     except OSError:
@@ -90,20 +61,10 @@ def coherent(path: Path) -> bool:
 
 
 def disk_trouble(error: Exception) -> str | None:
-    """Describe an error of the disk in words.
+    """What went wrong with the disk, in words; None if the error is about something else.
 
-    h5py raises OSError, RuntimeError or ValueError for the same error of the system, depending on
-    the call; its number is part of the message.
-
-    Parameters
-    ----------
-    error : Exception
-        Error of h5py or of the system.
-
-    Returns
-    -------
-    str, optional
-        Description; None if the error is not about the disk.
+    h5py raises OSError, RuntimeError or ValueError for one and the same system error, depending
+    on the call; its number stands in the text.
     """
     match = re.search(r"errno = (\d+)", str(error))
     number = int(match[1]) if match else getattr(error, "errno", None)
@@ -114,5 +75,5 @@ def disk_trouble(error: Exception) -> str | None:
 
 
 def first_line(error: Exception) -> str:
-    """Return the first line of an error's text, for messages of one line."""
+    """First line of an error's text: messages to users have no more."""
     return str(error).partition("\n")[0]

@@ -1,4 +1,4 @@
-"""New files, which take their names only when they are whole."""
+"""Files in the making: whole before they take their names."""
 
 import os
 import re
@@ -18,39 +18,33 @@ from gen.scene import Scene
 from gen.schema import row_bytes
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
-"""First bytes of HDF5 files."""
+"""How HDF5 files begin."""
 
 
 @contextmanager
 def new_file(
     path: Path, scene: Scene, rows: range, *, replaced: HeldFile | None = None
 ) -> Iterator[Path]:
-    """Make an empty file beside a database, and rename it to the database if the block succeeds.
+    """Make an empty file beside a database, which takes its place when the block has succeeded.
 
-    Its name, `X.h5.0123456789abcdef.part`, is drawn at random. The next attempt, which holds the
-    same lock, removes the remains of a killed one.
+    Its name, `X.h5.0123456789abcdef.part`, is drawn at random and nobody else's. What is left of a
+    killed attempt is removed by the next, which holds the same lock.
 
     Parameters
     ----------
-    path : Path
-        Database.
-    scene : Scene
-        Scene of the rows, which decides the size.
-    rows : range
-        Rows that the file will hold.
-    replaced : HeldFile, optional
-        Existing file of this name to replace; None if there must be none.
+    path : the database
+    scene, rows : what it is going to hold
+    replaced : the file of this name that is to be replaced, None if there may be none
 
     Yields
     ------
-    Path
-        Name of the new file.
+    Name of the file in the making
 
     Raises
     ------
     InputError
-        If the folder cannot be written, there is no room, or an existing file may not be replaced:
-        it is not `replaced`, or this user cannot pass on its owner and group.
+        If the place cannot be written, there is no room, or a file is there that may not be
+        replaced: another than `replaced`, or one whose owner and group this user cannot hand on.
     """
     if not path.resolve().parent.is_dir():
         raise InputError(f"{path}: the folder {path.parent} does not exist; create it first")
@@ -80,7 +74,7 @@ def new_file(
 
 
 def _make(unfinished: Path, path: Path, replaced: HeldFile | None) -> None:
-    """Create the file with owner, group and mode of the file that it replaces."""
+    """Create the file, closed to all whom the old one is closed to."""
     mode = 0o666 if replaced is None else 0o600
     descriptor = os.open(unfinished, os.O_RDWR | os.O_CREAT | os.O_EXCL, mode)
     try:
@@ -99,17 +93,17 @@ def _make(unfinished: Path, path: Path, replaced: HeldFile | None) -> None:
 
 
 def _remove_leftovers(real: Path) -> None:
-    """Remove the remains of killed attempts, but no user's file with a similar name."""
+    """Remove what killed attempts have left, and nothing else that is called like it."""
     own = re.compile(re.escape(real.name) + r"\.[0-9a-f]{16}\.part")
-    for path in real.parent.iterdir():
-        if own.fullmatch(path.name) and stat.S_ISREG(path.lstat().st_mode):
-            with suppress(PermissionError), path.open("rb") as file:
+    for each in real.parent.iterdir():
+        if own.fullmatch(each.name) and stat.S_ISREG(each.lstat().st_mode):
+            with suppress(PermissionError), each.open("rb") as file:
                 if file.read(len(SIGNATURE)) in {SIGNATURE, b""}:
-                    path.unlink()
+                    each.unlink()
 
 
 def _require_room(path: Path, scene: Scene, rows: int) -> None:
-    """Refuse a file that is larger than the free disk space; quotas show only on writing."""
+    """Refuse a file that cannot fit before it fills the disk; quotas show only on writing."""
     needed = rows * row_bytes(scene)
     free = shutil.disk_usage(path.resolve().parent).free
     if needed > free:
@@ -120,7 +114,7 @@ def _require_room(path: Path, scene: Scene, rows: int) -> None:
 
 
 def _put_in_place(temporary: Path, path: Path) -> None:
-    """Rename the new file, but refuse to replace a file that has appeared meanwhile."""
+    """Rename, but never over a file that has appeared meanwhile."""
     try:
         path.hardlink_to(temporary)
     except FileExistsError:

@@ -1,4 +1,4 @@
-"""The reader of databases: columns, attributes, counts and ranges."""
+"""The reader: columns, attributes and what they amount to."""
 
 import math
 from contextlib import ExitStack
@@ -18,13 +18,7 @@ from gen.schema import REASON, STATUS, Status
 
 
 def is_database(path: Path) -> bool:
-    """Tell whether a file is a readable database.
-
-    Parameters
-    ----------
-    path : Path
-        File, which need not exist.
-    """
+    """Whether a file is a database that can be read."""
     try:
         with require_file(path).open("rb") as file:
             if file.read(len(SIGNATURE)) != SIGNATURE:
@@ -36,21 +30,17 @@ def is_database(path: Path) -> bool:
 
 
 class Reader(OpenDatabase):
-    """A database open for reading, even while a run writes it; a context manager.
+    """A database open for reading, also while a run writes it; a context manager.
 
     Parameters
     ----------
-    path : Path
-        Database.
+    path : the database
 
     Attributes
     ----------
-    path : Path
-        Database.
-    scene : Scene
-        Scene that it was made with.
-    rows : range
-        Rows of the scene that it holds; fewer than all in a part.
+    path : the database
+    scene : the scene it was made with
+    rows : those of the scene that it holds: all of them, or a part
 
     Raises
     ------
@@ -66,7 +56,7 @@ class Reader(OpenDatabase):
 
     @property
     def attributes(self) -> dict[str, str | int]:
-        """Attributes of the file: scene, versions, commit, layout number, physics number."""
+        """What the file says about itself: scene, versions, commit, numbers of layout, physics."""
         return read_attributes(self._file)
 
     @property
@@ -79,15 +69,13 @@ class Reader(OpenDatabase):
 
         Parameters
         ----------
-        name : str
-            Name of the column.
-        start, stop : int, optional
-            First row and one past the last, all rows by default; a part returns those it has.
+        name : name of the column
+        start, stop : first row, and one past the last (None: to the end); what a part has of them
 
         Returns
         -------
-        ndarray, shape (stop - start,) or (stop - start, nx, ny)
-            Numbers, texts or fields in the unit of `gen.schema`, pending and failed rows included.
+        (stop - start,), or (stop - start, n, n) for a field, in the unit of `gen.schema`; pending
+        and failed rows included: see the status
 
         Raises
         ------
@@ -102,13 +90,7 @@ class Reader(OpenDatabase):
         raise InputError(f"{self.path} has no column {name!r}; it has {names}")
 
     def reasons(self) -> dict[int, int]:
-        """Count the failed rows by their reason.
-
-        Returns
-        -------
-        dict of int
-            Number of rows by the code of their reason, a key of `gen.schema.REASONS`.
-        """
+        """Count the failed rows by the code of their reason (see `gen.schema.REASONS`)."""
         total = np.zeros(256, dtype=np.int64)
         for start, stop in chunks(len(self.rows), 1):
             failed = self._file[STATUS.path][start:stop] == Status.FAILED
@@ -118,13 +100,11 @@ class Reader(OpenDatabase):
         return {int(code): int(total[code]) for code in np.flatnonzero(total)}
 
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Find the range of every column of numbers over the done rows.
+        """Find the smallest and the largest value of every column of numbers over the done rows.
 
         Returns
         -------
-        dict of (float, float)
-            Smallest and largest value by the column's name and in its unit, NaN without done rows;
-            fields, codes and texts are omitted.
+        By name, in the column's unit, NaN without done rows; fields, codes and texts are left out
         """
         wanted = [
             column

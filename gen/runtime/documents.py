@@ -1,7 +1,7 @@
-"""JSON documents that our programs exchange, checked before any part of them is used.
+"""JSON documents that programs write for programs: checked before anything in them is used.
 
-Somebody may have edited or sent them. A missing key, a text in place of a number or a number that
-is not finite is named here, before it can do harm.
+Somebody may have edited them, or sent them: a key that is missing, a text where a number should be
+or a number that is none has to be named where it stands, not where it does its harm.
 """
 
 from pathlib import Path
@@ -13,39 +13,27 @@ from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 
 LARGEST = 64 * 2**20
-"""Most bytes of a document; those of this project have some thousands."""
+"""Bytes of a document at most; those of this project have some thousands."""
 
 
 class Document(BaseModel):
-    """The required keys of a document; values are neither converted nor NaN, further keys allowed.
+    """What a document has to hold, without conversions and NaN; it may have more keys.
 
-    Subclasses declare the keys with their types and bounds.
+    A class of this kind says which keys there are, of what type, and between which bounds.
     """
 
     model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
 
 
 def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
-    """Read a whole regular file.
-
-    Parameters
-    ----------
-    path : Path
-        File to read.
-    largest : int
-        Largest size that is accepted [bytes].
-
-    Returns
-    -------
-    bytes
-        Content of the file.
+    """Read a regular file whole.
 
     Raises
     ------
     FileNotFoundError
-        If the file does not exist.
+        If there is none.
     InputError
-        If the path is no regular file, the file is larger, or it cannot be read.
+        If it is anything else than a regular file, larger, or cannot be read.
     """
     try:
         size = require_file(path).stat().st_size
@@ -59,25 +47,18 @@ def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
 
 
 def read(path: Path, *kinds: type[Document]) -> dict[str, Any] | None:
-    """Read a document and check it.
+    """Read a document; None if there is none.
 
     Parameters
     ----------
-    path : Path
-        File with a JSON object.
-    *kinds : type of Document
-        Accepted kinds of documents; one of them has to fit.
-
-    Returns
-    -------
-    dict, optional
-        Keys and values of the document; None if the file does not exist.
+    path : JSON, an object
+    kinds : what it may hold: one of these
 
     Raises
     ------
     InputError
-        If the file cannot be read, or none of the kinds fits; the message names the key and the
-        fault for the first kind.
+        If it cannot be read, or holds something else; in one line, with the key and what is wrong
+        for the first of the kinds.
     """
     try:
         content = read_bytes(path)
@@ -87,35 +68,27 @@ def read(path: Path, *kinds: type[Document]) -> dict[str, Any] | None:
 
 
 def checked(path: Path | str, content: bytes, *kinds: type[Document]) -> dict[str, Any]:
-    """Parse a JSON object and check it against the accepted kinds.
+    """Return what JSON holds, numbers of the wanted types; refuse what is none of some kinds.
 
     Parameters
     ----------
-    path : Path or str
-        Name of the document, for messages.
-    content : bytes
-        JSON object.
-    *kinds : type of Document
-        Accepted kinds of documents; one of them has to fit.
-
-    Returns
-    -------
-    dict
-        Keys and values, numbers of the declared types.
+    path : what messages call it
+    content : JSON, an object
+    kinds : see `read`
 
     Raises
     ------
     InputError
-        If none of the kinds fits.
+        See `read`.
     """
     faults = []
     for kind in kinds:
         try:
-            document = kind.model_validate_json(content)
+            found = kind.model_validate_json(content)
         except ValidationError as error:
             faults.append(error.errors(include_url=False, include_input=False)[0])
         else:
-            return document.model_dump(exclude_unset=True)
+            return found.model_dump(exclude_unset=True)
     key = ".".join(map(str, faults[0]["loc"]))
     where = f"{key}: " if key else ""
     raise InputError(

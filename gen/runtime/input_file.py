@@ -1,4 +1,4 @@
-"""Input files: regular ones only, since reading pipes and devices may never end."""
+"""Files that commands read: regular ones, which end, and which nobody has to write to first."""
 
 import stat
 from pathlib import Path
@@ -11,29 +11,27 @@ KINDS = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
-"""Kinds of paths that are neither files nor folders."""
+"""What is no regular file, nor a folder."""
 
 
 def require_file(path: Path) -> Path:
-    """Refuse pipes, sockets and devices, which could block their reader for ever.
+    """Refuse what could block its reader for ever: pipes, sockets and devices.
 
-    Every reader of a file that a user names calls this before opening it. Folders and missing
-    files pass, since the reader's own message says more.
+    Every reader of a file that a user names calls this before it opens the file. Folders, and paths
+    at which nothing stands, pass: whoever opens them can say more.
 
     Parameters
     ----------
-    path : Path
-        File, or a link to it.
+    path : the file; a link stands for what it leads to
 
     Returns
     -------
-    Path
-        The same path.
+    The path
 
     Raises
     ------
     InputError
-        If the path is neither a file nor a folder.
+        If something else than a file or a folder stands there.
     """
     try:
         kind = KINDS.get(stat.S_IFMT(path.stat().st_mode))

@@ -1,31 +1,26 @@
-"""Parse the numbers that users type, and refuse the same ones everywhere."""
+"""Numbers as users type them: read in this one place, so that they are refused in one way."""
 
 import math
 
 from gen.runtime.errors import InputError
 
 MOST = 100_000
-"""Most values of one option."""
+"""Values that one option may stand for."""
 
 DIGITS = 18
-"""Most digits of a whole number: enough for 2^59, and few enough for 64 bits."""
+"""Digits of a whole number at most: enough for 2^59, few enough for any machine."""
 
 MAGNITUDES = (1e-60, 1e60)
-"""Range of useful lengths [um] and moduli [MPa]; their squares, products and ratios stay finite."""
+"""Between these are all useful lengths [um] and moduli [MPa]: squares, products and ratios of them
+are numbers still."""
 
 
 def whole(text: str) -> int | None:
-    """Parse a whole number.
+    """Return the whole number that a text spells in decimal digits, None if there is none.
 
     Parameters
     ----------
-    text : str
-        At most `DIGITS` decimal digits, with blanks around them or without.
-
-    Returns
-    -------
-    int, optional
-        The number; None if the text is anything else.
+    text : digits, blanks around them allowed
     """
     digits = text.strip()
     good = digits.isascii() and digits.isdecimal() and len(digits) <= DIGITS
@@ -33,17 +28,7 @@ def whole(text: str) -> int | None:
 
 
 def rows_from(text: str) -> tuple[int, int] | None:
-    """Parse a range of rows.
-
-    Parameters
-    ----------
-    text : str
-        First row and one past the last, as "100:200", or "".
-
-    Returns
-    -------
-    tuple of int, optional
-        First row and one past the last; None for "".
+    """Return the first row and one past the last from "100:200"; None from nothing.
 
     Raises
     ------
@@ -60,59 +45,43 @@ def rows_from(text: str) -> tuple[int, int] | None:
 
 
 def values_from(text: str, option: str, advice: str) -> list[float]:
-    """Parse the numbers of an option.
+    """Return the numbers of "5", "1,2,5" or "1:100:20", which is start, stop and count.
 
     Parameters
     ----------
-    text : str
-        Parts with commas between them: numbers, or start:stop:count for evenly spaced ones.
-    option : str
-        Name of the option, for messages.
-    advice : str
-        Allowed values in words, for messages.
-
-    Returns
-    -------
-    list of float
-        The numbers.
+    text : numbers, or several with commas
+    option : its name in messages
+    advice : what is allowed, in messages
 
     Raises
     ------
     InputError
-        If a part is no number, or there are more than `MOST` numbers.
+        If part of the text is no number, or stands for more than `MOST` of them.
     """
-    values: list[float] = []
+    found: list[float] = []
     for part in text.split(","):
-        series = _series(part)
-        if series is None:
+        spelt = _series(part)
+        if spelt is None:
             raise InputError(f"{option} {shown(text)}: {advice}")
-        start, stop, count = series
-        if len(values) + count > MOST:
+        start, stop, count = spelt
+        if len(found) + count > MOST:
             raise InputError(f"{option} {shown(text)}: give {MOST:,} values at most")
-        values += [start] if count == 1 else _even(start, stop, count)
-    return values
+        found += [start] if count == 1 else _even(start, stop, count)
+    return found
 
 
 def shown(text: str, most: int = 60) -> str:
-    """Quote a text of the user's, shortened if it is too long to be typed by hand.
-
-    Parameters
-    ----------
-    text : str
-        Text to quote.
-    most : int
-        Largest number of characters.
-    """
+    """Quote what a user has typed, and only the beginning of what nobody has typed by hand."""
     return repr(text) if len(text) <= most else f"{text[:most]!r}... ({len(text)} characters)"
 
 
 def magnitude(value: float) -> bool:
-    """Tell whether a length, load or modulus is positive and within `MAGNITUDES`."""
+    """Whether a length, load or modulus is a number above 0 that can be computed with."""
     return MAGNITUDES[0] < value < MAGNITUDES[1]
 
 
 def _series(text: str) -> tuple[float, float, int] | None:
-    """Parse "start:stop:count" or one number, whose count is 1; None for anything else."""
+    """Return start, stop and count, 1 of a single number; None if the text is neither."""
     parts = text.split(":")
     count = whole(parts[2]) if len(parts) == 3 else 1
     try:
@@ -127,7 +96,7 @@ def _series(text: str) -> tuple[float, float, int] | None:
 
 
 def _even(start: float, stop: float, count: int) -> list[float]:
-    """Return evenly spaced numbers, including both ends."""
-    import numpy as np  # here, so that --help does not wait for it
+    """Return evenly spaced numbers, both ends among them."""
+    import numpy as np  # which --help does not wait for
 
     return [float(value) for value in np.linspace(start, stop, count)]

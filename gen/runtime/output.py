@@ -1,8 +1,8 @@
-"""Output files: refused before any work is done for them, then written whole or not at all.
+"""Files that commands write: refused before the work, and then written whole or not at all.
 
-The same rule holds for every file that a user names in any command: it is never an input, never
+One rule for every file that a user names, whatever the command: it is never an input, never
 another output, and it replaces only a file of its own kind. Databases, which runs continue and
-extend, have further rules in `gen.database`.
+extend, have rules of their own in `gen.database`; what is here about places holds for them too.
 """
 
 import os
@@ -17,7 +17,7 @@ from typing import IO, Literal, NamedTuple
 from gen.runtime.errors import InputError
 
 Kind = Literal["text", "picture", "surrogate", "arrays"]
-"""Kinds of output besides databases; `arrays` are NumPy's zip archives."""
+"""What commands write besides databases; `arrays` are NumPy's zip archives."""
 
 WORDS: dict[str, str] = {
     "text": "text",
@@ -27,16 +27,17 @@ WORDS: dict[str, str] = {
     "database": "HDF5",
     "binary": "something binary",
 }
-"""Name of each kind of content in messages."""
+"""Names of all kinds of content in messages."""
 
 BEGINNING = 4096
-"""Bytes at the beginning of a file that decide its kind."""
+"""Bytes by which the kinds are told apart."""
 
 TEXT = bytes({7, 8, 9, 10, 12, 13, 27} | set(range(32, 256)))
-"""Bytes of texts; the beginnings of nearly all binary files have further ones."""
+"""Bytes that texts are made of; nearly all other files have one of the rest at their beginning."""
+
 
 SURROGATE = b"asperity surrogate\n"
-"""First bytes of a surrogate; before format 3 surrogates were zip archives."""
+"""How the files of surrogates begin; before format 3 they were zip archives."""
 
 SIGNATURES = {
     b"\x89PNG\r\n": "picture",
@@ -44,7 +45,7 @@ SIGNATURES = {
     b"\x89HDF\r\n": "database",
     SURROGATE: "surrogate",
 }
-"""Kind of the files that begin with these bytes."""
+"""How the files of other kinds begin, where all of a kind do."""
 
 
 class Output(NamedTuple):
@@ -52,12 +53,9 @@ class Output(NamedTuple):
 
     Attributes
     ----------
-    path : Path, optional
-        The file; None if the user named none.
-    option : str
-        Option with which the user named it, for messages.
-    kind : {"text", "picture", "surrogate", "arrays"}
-        Kind of its content.
+    path : the file, None if nothing is to be written
+    option : how the user named it, in messages
+    kind : what will be written
     """
 
     path: Path | None
@@ -66,25 +64,23 @@ class Output(NamedTuple):
 
 
 def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) -> None:
-    """Refuse outputs before any work is done for them, without changing existing files.
+    """Refuse outputs before any work is done for them; what is there is left as it is.
 
     Parameters
     ----------
-    outputs : iterable of Output
-        All files that the command will write.
-    inputs : iterable of Path or str
-        Files that it reads, and folders of which it reads all files except tables (.csv).
+    outputs : all files that the command will write
+    inputs : files that it reads; of a folder, all files but tables (.csv)
 
     Raises
     ------
     InputError
         If a file cannot be written, is an input or another output, also by another name, or holds
-        another kind of content.
+        something of another kind.
     """
-    wanted = [(output.path, output.option, output.kind) for output in outputs if output.path]
+    wanted = [(each.path, each.option, each.kind) for each in outputs if each.path is not None]
     read = list(_files_of(inputs))
     for number, (path, option, kind) in enumerate(wanted):
-        if any(_is_same(path, file) for file in read):
+        if any(_is_same(path, each) for each in read):
             raise InputError(f"{option} {path}: is an input: not replaced")
         for other, name, _ in wanted[:number]:
             if _is_same(path, other):
@@ -96,19 +92,17 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
 
 
 def check_folder(folder: Path, *names: str) -> None:
-    """Refuse an output folder before any work is done for it.
+    """Refuse a folder before any work is done for it, whether it is there or has to be made.
 
     Parameters
     ----------
-    folder : Path
-        Folder, which may have to be made.
-    *names : str
-        Names of the files that the command will write there: pictures (.png) and texts.
+    folder : where the command will write
+    names : files that it will write there: pictures (.png) and texts
 
     Raises
     ------
     InputError
-        If the path is no folder, files cannot be written there, or one cannot be replaced.
+        If it is no folder, files cannot be written there, or one of them cannot be replaced.
     """
     if folder.is_dir():
         with _in_words(folder, "cannot be written to"):
@@ -119,17 +113,17 @@ def check_folder(folder: Path, *names: str) -> None:
     if os.path.lexists(folder):
         raise InputError(f"{folder} is a file: give a folder")
     with _in_words(folder, "cannot be written to"):
-        existing = next(above for above in folder.absolute().parents if os.path.lexists(above))
+        existing = next(each for each in folder.absolute().parents if os.path.lexists(each))
         _try_beside(existing / "any")
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder and those above it, unless they exist.
+    """Make a folder, and those above it, where they are not there yet.
 
     Raises
     ------
     InputError
-        If the folder cannot be made.
+        If that is not possible.
     """
     if os.path.lexists(folder) and not folder.is_dir():
         raise InputError(f"{folder} is a file: give a folder")
@@ -138,49 +132,27 @@ def make_folder(folder: Path) -> None:
 
 
 def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
-    """Write a file whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    content : str or bytes
-        Its content.
-    kind : {"text", "picture", "surrogate", "arrays"}
-        Kind of the content; a file of another kind is not replaced.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written; an existing file is unchanged then.
-    """
+    """Write a file whole or not at all; see `whole`."""
     with whole(path, kind) as file:
         file.write(content.encode() if isinstance(content, str) else content)
 
 
 @contextmanager
 def whole(path: Path, kind: Kind = "text") -> Iterator[IO[bytes]]:
-    """Open a temporary file that is renamed to its final name once the block has succeeded.
+    """Open a file in the making, which takes its place once the block has succeeded.
 
-    A link stays a link. A replaced file passes on its mode and, if the system allows it, its owner
-    and group.
+    A link stays a link, and a file that is replaced hands on its mode and, where the system lets
+    it, its owner and group.
 
     Parameters
     ----------
-    path : Path
-        File to write.
-    kind : {"text", "picture", "surrogate", "arrays"}
-        Kind of the content; a file of another kind is not replaced.
-
-    Yields
-    ------
-    file object
-        The temporary file, open for writing bytes.
+    path : the file
+    kind : what is written; a file of another kind is not replaced
 
     Raises
     ------
     InputError
-        If the file cannot be written; an existing file is unchanged then.
+        If the file cannot be written; what was there is there still.
     """
     real = place_of(path)
     if real.exists():
@@ -201,22 +173,12 @@ def whole(path: Path, kind: Kind = "text") -> Iterator[IO[bytes]]:
 
 
 def place_of(path: Path) -> Path:
-    """Follow all links to the place of a file, which need not exist yet.
-
-    Parameters
-    ----------
-    path : Path
-        Path of a file, perhaps through links to scratch folders.
-
-    Returns
-    -------
-    Path
-        Absolute path without links.
+    """Where a file really is: scratch folders are often reached by links.
 
     Raises
     ------
     InputError
-        If the path cannot be a file's: a loop of links, a folder, the root.
+        If the path is no file's: a loop of links, a folder, the root.
     """
     try:
         real = path.resolve()
@@ -234,12 +196,12 @@ def place_of(path: Path) -> Path:
 
 
 def require_writable(path: Path) -> None:
-    """Refuse an existing file that may not be written; its mode counts for the superuser too.
+    """Refuse a file that may not be written; its mode counts for the superuser too.
 
     Raises
     ------
     InputError
-        If its mode lets nobody write, or the system does not let this user write.
+        If nobody may write it, this user may not, or the system does not let it happen.
     """
     if not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH):
         raise InputError(f"{path} is read-only; give another name, or chmod u+w it")
@@ -248,14 +210,12 @@ def require_writable(path: Path) -> None:
 
 
 def hand_on(old: os.stat_result, descriptor: int) -> None:
-    """Give a new file the mode of the one it replaces and, if allowed, its owner and group.
+    """Give an open file owner and group, as far as this user may, and mode of the one it replaces.
 
     Parameters
     ----------
-    old : os.stat_result
-        Status of the file that will be replaced.
-    descriptor : int
-        Descriptor of the new file, open for writing.
+    old : of the file that will be replaced
+    descriptor : of the one that takes its place
     """
     for owner, group in ((old.st_uid, -1), (-1, old.st_gid)):
         with suppress(PermissionError):
@@ -264,7 +224,7 @@ def hand_on(old: os.stat_result, descriptor: int) -> None:
 
 
 def _try(path: Path, kind: Kind) -> None:
-    """Refuse a file that cannot be written, without changing an existing one."""
+    """Find out whether a file can be written, without changing what is there."""
     real = place_of(path)
     if real.exists():
         _require_replaceable(path, kind)
@@ -273,24 +233,18 @@ def _try(path: Path, kind: Kind) -> None:
 
 
 def _require_replaceable(path: Path, kind: Kind) -> None:
-    """Refuse to replace a path that is no regular file, of another kind, or not writable."""
+    """Refuse to replace what is no regular file, of another kind, or may not be written."""
     if not path.is_file():
         raise InputError(f"{path}: is no regular file: not replaced")
     require_writable(path)
     with _in_words(path, "cannot be read"):
-        present = kind_of(path)
-    if present not in {kind, ""}:
-        raise InputError(f"{path}: holds {WORDS[present]}, not {WORDS[kind]}: not replaced")
+        found = kind_of(path)
+    if found not in {kind, ""}:
+        raise InputError(f"{path}: holds {WORDS[found]}, not {WORDS[kind]}: not replaced")
 
 
 def kind_of(path: Path) -> str:
-    """Return the kind of a file's content, judged by its beginning.
-
-    Returns
-    -------
-    str
-        A key of `WORDS`, or "" for an empty file.
-    """
+    """What a file holds, as far as its beginning tells; "" if it is empty."""
     with path.open("rb") as file:
         start = file.read(BEGINNING)
     for signature, kind in SIGNATURES.items():
@@ -311,32 +265,32 @@ def kind_of(path: Path) -> str:
 
 
 def _try_beside(path: Path) -> None:
-    """Make and remove a trial file in the folder of a file."""
+    """Make a file in a file's folder, and remove it."""
     trial = path.with_name(f".asperity-{secrets.token_hex(8)}")
     os.close(os.open(trial, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
     trial.unlink()
 
 
 def _files_of(inputs: Iterable[Path | str]) -> Iterator[Path]:
-    """Yield the files among the inputs, and the files in folders among them."""
-    for path in map(Path, inputs):
+    """Files among the inputs, and those in folders among them."""
+    for each in map(Path, inputs):
         with suppress(OSError):
-            if path.is_dir():
-                yield from (file for file in path.iterdir() if file.suffix.lower() != ".csv")
+            if each.is_dir():
+                yield from (file for file in each.iterdir() if file.suffix.lower() != ".csv")
             else:
-                yield path
+                yield each
 
 
 def _is_same(one: Path, other: Path) -> bool:
-    """Tell whether two paths lead, or would lead, to the same file through links of either kind."""
-    with suppress(OSError, RuntimeError):  # one path does not exist yet, or is a loop of links
+    """Whether two names lead, or would lead, to one file: links of both kinds count."""
+    with suppress(OSError, RuntimeError):  # one of them is not there yet, or a loop of links
         return one.samefile(other) if one.exists() else one.resolve() == other.resolve()
     return False
 
 
 @contextmanager
 def _in_words(path: Path, trouble: str) -> Iterator[None]:
-    """Turn an error of the system into one line for the user."""
+    """Turn a system error into one line for the user."""
     try:
         yield
     except OSError as error:

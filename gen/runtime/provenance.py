@@ -1,4 +1,4 @@
-"""Where results come from: the versions of packages and the commit of the checkout."""
+"""Where results come from: versions of packages, and the checkout's commit."""
 
 import importlib.metadata
 import platform
@@ -8,32 +8,23 @@ from pathlib import Path
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Return the versions of Python and of installed packages without importing them.
+    """Versions of Python and of those packages that are installed.
 
-    Parameters
-    ----------
-    packages : iterable of str
-        Names of packages in the package index; those that are not installed are left out.
-
-    Returns
-    -------
-    dict of str
-        Version of each package by its name.
+    Read from package lists, nothing is imported.
     """
-    installed = {"python": platform.python_version()}
+    found = {"python": platform.python_version()}
     for name in packages:
         with suppress(importlib.metadata.PackageNotFoundError):
-            installed[name] = importlib.metadata.version(name)
-    return installed
+            found[name] = importlib.metadata.version(name)
+    return found
 
 
 def git_commit() -> str:
-    """Return the commit of the checkout that this code runs from, "" outside a checkout.
+    """Commit of the checkout that this code runs from, "" if it is none.
 
-    It is read from git's files, since starting a process from an MPI rank is unsafe on some
-    interconnects.
+    Read from git's files: starting a process from an MPI rank is unsafe on some interconnects.
     """
-    git = Path(__file__).resolve().parents[2] / ".git"
+    git = Path(__file__).resolve().parents[1] / ".git"
     try:
         if git.is_file():  # a linked work tree
             git = (git.parent / git.read_text().removeprefix("gitdir:").strip()).resolve()

@@ -1,4 +1,4 @@
-"""Surrogates: fitted to a database, stored in one file, and evaluated as often as needed.
+"""Surrogates in use: fitted to a database, kept in one file, asked a million times.
 
 Examples
 --------

@@ -1,8 +1,8 @@
-"""Fitted pipelines as numbers, and back: only the numbers that predictions need.
+"""Fitted pipelines as numbers, and back: of each kind what its predictions need, and no more.
 
-To load a model, an estimator of the installed version of its library is fitted to two rows of
-zeros, and its numbers are then replaced by those of the file, after a check. The content of a file
-therefore never decides which objects are built, and a file outlives versions of the libraries.
+A model that is loaded is fitted here, to nothing, by the installed version of its library, and then
+gets the file's numbers, which have been checked. So nothing in a file decides what is built, and a
+file outlives versions of the libraries.
 """
 
 import warnings
@@ -37,14 +37,12 @@ HIGHEST_DEGREE = 100
 
 
 def taken_apart(model: str, fitted: Any) -> dict[str, Any]:
-    """Return the numbers of a fitted pipeline.
+    """Numbers of a fitted pipeline.
 
     Parameters
     ----------
-    model : str
-        Name of the model in `learn.models.MODELS`.
-    fitted : object
-        Scaling and estimator.
+    model : its name in `learn.models.MODELS`
+    fitted : scaling and estimator
 
     Raises
     ------
@@ -56,16 +54,13 @@ def taken_apart(model: str, fitted: Any) -> dict[str, Any]:
 
 
 def put_together(model: str, normalisation: str, part: Part, width: int) -> Any:
-    """Return a fitted pipeline.
+    """A fitted pipeline.
 
     Parameters
     ----------
-    model, normalisation : str
-        Names of the model and of the scaling.
-    part : mapping
-        Part of a file: from `taken_apart`, or forged.
-    width : int
-        Number of features.
+    model, normalisation : names; they decide what is built
+    part : from `taken_apart`, or a stranger's
+    width : number of features
 
     Raises
     ------
@@ -82,12 +77,12 @@ def put_together(model: str, normalisation: str, part: Part, width: int) -> Any:
 
 
 def _nothing(width: int) -> tuple[Values, Values]:
-    """Return two rows that a model is fitted to before its numbers are set."""
+    """Two rows that a model is fitted to before it gets its numbers."""
     return np.zeros((2, width)), np.zeros(2)
 
 
 def _with(estimator: Any, width: int, **fitted: Any) -> Any:
-    """Fit an estimator to two rows of zeros, then set its fitted attributes."""
+    """Fit to nothing, then set what a fit finds."""
     estimator.fit(*_nothing(width))
     for name, value in fitted.items():
         setattr(estimator, name, value)
@@ -101,7 +96,7 @@ def _scaling_apart(scaling: Any) -> dict[str, Any]:
 
 
 def _scaling_together(scaling: Any, part: Part, width: int) -> Any:
-    """Return a fitted scaling."""
+    """A fitted scaling of the kind that is wanted."""
     if scaling == "passthrough":
         return scaling
     scaling.fit(np.zeros((2, width)))
@@ -121,7 +116,7 @@ def _scaling_together(scaling: Any, part: Part, width: int) -> Any:
 
 
 def _trees_apart(estimators: Iterable[Any]) -> dict[str, Any]:
-    """Return the trees of an ensemble of scikit-learn."""
+    """Trees of scikit-learn."""
     return forest.packed((_tree_apart(each.tree_) for each in estimators), DOUBLE)
 
 
@@ -133,7 +128,7 @@ def _tree_apart(tree: Any) -> Tree:
 
 
 def _trees_together(part: Part, name: str, width: int) -> list[Any]:
-    """Return trees of scikit-learn, each an estimator."""
+    """Trees of scikit-learn, each an estimator of its own."""
     from sklearn.tree import DecisionTreeRegressor
 
     pattern = DecisionTreeRegressor().fit(*_nothing(width))
@@ -167,7 +162,7 @@ def _random_forest(part: Part, width: int) -> Any:
 
 
 def _renamed(model: Any, trees: list[Any], **fitted: Any) -> Any:
-    """Set the number of trees and the attributes that a fit sets."""
+    """Set the number of trees and what a fit finds."""
     model.set_params(n_estimators=len(trees))
     for name, value in fitted.items():
         setattr(model, name, value)
@@ -255,7 +250,7 @@ def _vectors(part: Part, width: int) -> Any:
 
 
 def _kernel_apart(kernel: Any) -> dict[str, Any]:
-    """Return the lengths of a radial basis function, its amplitude and its noise if it has them.
+    """Lengths of a radial basis function, its amplitude and its noise where it has them.
 
     Raises
     ------
@@ -276,7 +271,7 @@ def _kernel_apart(kernel: Any) -> dict[str, Any]:
 
 
 def _kernel_together(part: Part, width: int) -> Any:
-    """Return a kernel; a single length is that of all features."""
+    """A kernel; one length is for all features."""
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
     lengths = numbers(part, "lengths", None)
@@ -300,7 +295,7 @@ def _process_apart(model: Any) -> dict[str, Any]:
 
 
 def _process(part: Part, width: int) -> Any:
-    """Return a Gaussian process without the Cholesky factor, which `learnt` computes if needed."""
+    """A Gaussian process without the Cholesky factor, which `learn.surrogate.learnt` makes."""
     rows, kernel = numbers(part, "rows", None, width), _kernel_together(part, width)
     model = MODELS["gaussian-process"].estimator(0)
     model.set_params(kernel=kernel, alpha=positive(part, "noise"), optimizer=None)
@@ -363,14 +358,12 @@ def _perceptron(part: Part, width: int) -> Any:
 
 @dataclass(frozen=True)
 class Kind:
-    """Conversion of a kind of model to numbers and back.
+    """How a kind of model becomes numbers, and comes back.
 
     Attributes
     ----------
-    apart : callable
-        Converts a fitted estimator to a part of the file.
-    together : callable
-        Converts a part and the number of features to a fitted estimator.
+    apart : a fitted estimator to its part
+    together : its part and the number of features to a fitted estimator
     """
 
     apart: Callable[[Any], dict[str, Any]]

@@ -1,8 +1,7 @@
-"""Binary trees as arrays, checked so that a walk from the root only meets nodes of its tree.
+"""Binary trees as arrays, checked: what a walk from the root can meet is a node of its tree.
 
-The arrays hold all trees of a model one after the other. A split sends a row to the left if its
-feature is at most (scikit-learn) or below (XGBoost) the number of the split; the number of a leaf
-is its prediction.
+All trees of a model stand one after the other. A split sends a row to the left if its feature is
+at most (scikit-learn) or below (XGBoost) the split's number; a leaf's number is what it predicts.
 """
 
 from collections.abc import Iterable, Iterator
@@ -23,18 +22,14 @@ DEEPEST = 4096
 
 
 class Tree(NamedTuple):
-    """A tree of n nodes, the root first.
+    """One tree of n nodes, the root first.
 
     Attributes
     ----------
-    left, right : ndarray of int, shape (n,)
-        Number of each node's children, larger than its own; `LEAF` for leaves.
-    feature : ndarray of int, shape (n,)
-        Index of the feature of a split, 0 for leaves.
-    number : ndarray, shape (n,)
-        Threshold of a split, or prediction of a leaf.
-    depth : int
-        Splits from the root to the deepest leaf.
+    left, right : (n,) number of each node's children, larger than its own; `LEAF` for leaves
+    feature : (n,) number of the feature that a split asks for, 0 for leaves
+    number : (n,) where it splits, or what a leaf predicts
+    depth : splits from the root to the deepest leaf
     """
 
     left: Whole
@@ -45,14 +40,12 @@ class Tree(NamedTuple):
 
 
 def packed(trees: Iterable[Tree], kind: str) -> dict[str, Any]:
-    """Concatenate the arrays of trees.
+    """Put trees one after the other.
 
     Parameters
     ----------
-    trees : iterable of Tree
-        Trees of one model.
-    kind : str
-        Type of their numbers, f8 or f4.
+    trees : of one model
+    kind : type of their numbers, f8 or f4
     """
     found = list(trees)
     parts = {
@@ -68,22 +61,19 @@ def packed(trees: Iterable[Tree], kind: str) -> dict[str, Any]:
 
 
 def unpacked(part: Part, kind: str, width: int) -> Iterator[Tree]:
-    """Return the trees of a file, after a check of all of them.
+    """Take the trees of a file apart, all of them checked before the first is given.
 
     Parameters
     ----------
-    part : mapping
-        Part of a file: from `packed`, or forged.
-    kind : str
-        See `packed`.
-    width : int
-        Number of features.
+    part : from `packed`, or a stranger's
+    kind : see `packed`
+    width : number of features
 
     Raises
     ------
     ValueError
-        If an array is no tree: in a tree each node but the root is the child of one node before it,
-        every feature exists, and every number is finite.
+        Unless every tree is one: each node but the root is the child of one node before it, every
+        feature exists, every number is finite.
     """
     nodes = whole(part, "nodes", None)
     size = int(nodes.sum(dtype=np.int64))
@@ -116,7 +106,7 @@ def unpacked(part: Part, kind: str, width: int) -> Iterator[Tree]:
 def _depths(
     left: Whole, right: Whole, starts: NDArray[np.int64], owner: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Compute the depth of every tree, level by level."""
+    """Depth of every tree, level by level."""
     depths = np.zeros(starts.size, dtype=np.int64)
     level = starts
     for depth in range(1, DEEPEST + 2):

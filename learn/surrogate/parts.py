@@ -1,7 +1,6 @@
-"""Checked access to the parts of a surrogate's file.
+"""Parts of a surrogate's file, each refused unless it is what it has to be.
 
-Every part passes through these functions before a library uses it, because compiled code trusts
-sizes and indices.
+Nothing reaches a library before it went through here: compiled code trusts sizes and indices.
 """
 
 import math
@@ -17,28 +16,24 @@ Whole = NDArray[np.int32]
 
 
 def _of(part: Any, name: str) -> Any:
-    """Return the entry of a part by its name, None if there is none."""
+    """What a part holds by this name, None if it is no part at all."""
     return part.get(name) if isinstance(part, dict) else None
 
 
 def array(part: Part, name: str, kind: str, *shape: int | None) -> NDArray[Any]:
-    """Return an array of finite numbers of a given type and shape.
+    """An array of a type and shape, finite.
 
     Parameters
     ----------
-    part : mapping
-        Part that holds the array.
-    name : str
-        Name of the array.
-    kind : str
-        Type of the numbers, as numpy writes it.
-    *shape : int or None
-        Size of each axis, None for any.
+    part : with the array
+    name : its name
+    kind : its type, as numpy writes it
+    shape : its sizes, None for any
 
     Raises
     ------
     ValueError
-        If the array is missing or differs; the message names it.
+        If it is missing or another; it names the array.
     """
     found = _of(part, name)
     if not isinstance(found, np.ndarray) or found.dtype != np.dtype(kind):
@@ -52,22 +47,22 @@ def array(part: Part, name: str, kind: str, *shape: int | None) -> NDArray[Any]:
 
 
 def numbers(part: Part, name: str, *shape: int | None) -> Values:
-    """Return an array of finite numbers of double precision; see `array`."""
+    """An array of finite numbers of double precision; see `array`."""
     return array(part, name, "f8", *shape)
 
 
 def whole(part: Part, name: str, *shape: int | None) -> Whole:
-    """Return an array of whole numbers; see `array`."""
+    """An array of whole numbers; see `array`."""
     return array(part, name, "i4", *shape)
 
 
 def number(part: Part, name: str, low: float = -math.inf, high: float = math.inf) -> float:
-    """Return a finite number within bounds.
+    """A finite number within bounds.
 
     Raises
     ------
     ValueError
-        If the entry is missing or differs.
+        If it is missing or another.
     """
     found = _of(part, name)
     if type(found) not in {int, float} or not math.isfinite(found) or not low <= found <= high:
@@ -76,7 +71,7 @@ def number(part: Part, name: str, low: float = -math.inf, high: float = math.inf
 
 
 def count(part: Part, name: str, low: int = 0, high: int = 2**53) -> int:
-    """Return a whole number within bounds; see `number`."""
+    """A whole number within bounds; see `number`."""
     found = number(part, name, low, high)
     if type(part[name]) is not int:
         raise ValueError(f"{name} is {found}")
@@ -84,7 +79,7 @@ def count(part: Part, name: str, low: int = 0, high: int = 2**53) -> int:
 
 
 def positive(part: Part, name: str) -> float:
-    """Return a finite number above 0; see `number`."""
+    """A finite number above 0; see `number`."""
     found = number(part, name, 0.0)
     if not found:
         raise ValueError(f"{name} is 0")
@@ -92,12 +87,12 @@ def positive(part: Part, name: str) -> float:
 
 
 def text(part: Part, name: str, allowed: Collection[str] | None = None) -> str:
-    """Return a text, one of the allowed ones if these are given.
+    """A text, one of those that are allowed.
 
     Raises
     ------
     ValueError
-        If the entry is missing or differs.
+        If it is missing or another.
     """
     found = _of(part, name)
     if not isinstance(found, str) or (allowed is not None and found not in allowed):
@@ -106,12 +101,12 @@ def text(part: Part, name: str, allowed: Collection[str] | None = None) -> str:
 
 
 def mapping(part: Part, name: str) -> Part:
-    """Return a dictionary.
+    """A dictionary.
 
     Raises
     ------
     ValueError
-        If the entry is missing or no dictionary.
+        If it is missing or no dictionary.
     """
     found = _of(part, name)
     if isinstance(found, dict):
@@ -120,12 +115,12 @@ def mapping(part: Part, name: str) -> Part:
 
 
 def sequence(part: Part, name: str, size: int | None = None) -> list[Any]:
-    """Return a list, of a given size if there is one.
+    """A list, perhaps of a size.
 
     Raises
     ------
     ValueError
-        If the entry is missing, no list, or of another size.
+        If it is missing, no list, or of another size.
     """
     found = _of(part, name)
     if not isinstance(found, list) or size not in {None, len(found)}:

@@ -1,4 +1,4 @@
-"""Input and output of a surrogate: rows of features, and predictions with intervals."""
+"""What a surrogate is asked and what it answers: rows of features, and values with intervals."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -10,20 +10,15 @@ Values = NDArray[np.float64]
 
 
 class Rows(NamedTuple):
-    """Rows of features that the models can predict.
+    """Rows to predict, ready for the models.
 
     Attributes
     ----------
-    inputs : ndarray, shape (n, d)
-        Features.
-    statistics : ndarray, shape (n, 22)
-        Statistics in the order of Table 1.
-    delta : ndarray, shape (n,)
-        Far-field displacement [um].
-    length : ndarray or float
-        Scan length L; one for all rows, or shape (n,) [um].
-    notes : tuple of str
-        Notes on grids that differ from the training's: one for all rows, or n.
+    inputs : (n, d) features
+    statistics : (n, 22)
+    delta : (n,) [um]
+    length : scan length L, one or (n,) [um]
+    notes : what is odd about all rows, or about each
     """
 
     inputs: Values
@@ -35,21 +30,16 @@ class Rows(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Predictions for n rows.
+    """What a surrogate says about n rows.
 
     Attributes
     ----------
-    delta : ndarray, shape (n,)
-        Far-field displacement [um].
-    values : dict of str to ndarray, shape (n,)
-        Predictions by target: "area" [%], "force" [uN], "mean_gap" [um] ...
-    low, high : dict of str to ndarray, shape (n,)
-        Ends of the intervals by target; empty if no level was given. They only hold for rows
-        inside the training; tables leave them out for the other rows.
-    std : dict of str to ndarray, shape (n,)
-        Standard deviations by target, of Gaussian processes, on request.
-    reasons : tuple of str
-        For each row, the features outside the training; "" if there is none.
+    delta : (n,) far-field displacement [um]
+    values : (n,) predictions by target: "area" [%], "force" [uN], "mean_gap" [um] ...
+    low, high : (n,) ends of the intervals by target; empty if none were asked for. They hold where
+        a row is inside the training only: tables leave them out elsewhere
+    std : (n,) standard deviations by target, of Gaussian processes, if asked for
+    reasons : n texts: what lies outside the training, "" if nothing does
     """
 
     delta: Values
@@ -61,15 +51,15 @@ class Prediction:
 
     @property
     def area(self) -> Values:
-        """Effective contact area, (n,) [%]."""
+        """(n,) effective contact area [%]."""
         return self.values["area"]
 
     @property
     def force(self) -> Values:
-        """Normal force, (n,) [uN]."""
+        """(n,) normal force [uN]."""
         return self.values["force"]
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """True for rows inside the training ranges, (n,)."""
+        """(n,) whether a row lies inside the training ranges."""
         return np.array([not reason for reason in self.reasons], dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""The surfaces of a contact law: from files and folders, or the population of a scene."""
+"""Surfaces that a contact law is about: from files and folders, or a scene's population."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,20 +21,15 @@ Sides = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A surface of a law.
+    """A surface to be pressed.
 
     Attributes
     ----------
-    name : str
-        Name of the surface in messages.
-    heights : ndarray, shape (nx, ny)
-        Heights [um].
-    sides : tuple of float
-        Scan lengths along x and y [um].
-    spacing : tuple of float
-        Spacing of the nodes along x and y [um].
-    settings : mapping of str to object
-        Settings of the solver that a scene states: kernel, far_field, rtol, max_iterations.
+    name : what messages call it
+    heights : (nx, ny) [um]
+    sides : scan lengths along x and y [um]
+    spacing : of the nodes along x and y [um]
+    settings : of the solver where a scene states them: kernel, far_field, rtol, max_iterations
     """
 
     name: str
@@ -54,7 +49,7 @@ class Subject:
         return float(self.heights.max()) - float(self.heights.mean())
 
     def features(self) -> SurfaceFeatures:
-        """Return the surface as one whose features can be computed."""
+        """The same surface, ready to be asked for features."""
         return SurfaceFeatures(self.heights, self.sides, self.spacing, self.name)
 
 
@@ -64,12 +59,9 @@ class Subjects:
 
     Attributes
     ----------
-    surfaces : sequence of Subject
-        One surface or more.
-    scenes : sequence of Scene
-        Scenes that surfaces were generated from.
-    origins : sequence of str
-        Descriptions of the surfaces, one line for each input.
+    surfaces : one or more
+    scenes : those that surfaces were generated from
+    origins : what the surfaces are, a line for each input
     """
 
     surfaces: Sequence[Subject]
@@ -82,12 +74,12 @@ class Subjects:
         return len(self.scenes) == len(self.origins)
 
     def modulus(self) -> float | None:
-        """Return the E* of all scenes [MPa], or None if a surface comes from a file.
+        """E* that all scenes agree on, None if a surface comes from a file [MPa].
 
         Raises
         ------
         InputError
-            If the scenes have different E*.
+            If the scenes have different ones.
         """
         found = {modulus(scene) for scene in self.scenes}
         if not self.only_scenes or not found:
@@ -98,7 +90,7 @@ class Subjects:
         return found.pop()
 
     def displacements(self) -> Sides | None:
-        """Return the range of Delta of all scenes [um], or None if a surface comes from a file."""
+        """Range of Delta of all scenes, None if a surface comes from a file [um]."""
         if not self.only_scenes:
             return None
         ranges = [piece.range for scene in self.scenes for piece in scene.delta.pieces]
@@ -112,14 +104,10 @@ def found_in(
 
     Parameters
     ----------
-    inputs : sequence of str
-        Surfaces, folders of them, databases, scenes.
-    surfaces : int
-        Number of surfaces of each scene or database.
-    reading : Reading
-        Options that say how files are read.
-    say : callable
-        Called with a line for the user about each file.
+    inputs : surfaces, folders of them, databases, scenes
+    surfaces : number of each scene's or database's population
+    reading : how files are read
+    say : called with what was done to each file, and what to know about it
 
     Raises
     ------
@@ -148,7 +136,7 @@ def found_in(
 def _from_file(
     file: Path, reading: Reading, say: Callable[[str], None]
 ) -> tuple[Subject, Sequence[str]]:
-    """Read one surface; return it with the warnings about its scale and its holes."""
+    """Read one surface, and what is doubtful about its scale or its holes."""
     if is_table(file):
         raise InputError(f"{file}: a law needs surfaces, not their statistics")
     topography, warnings = read_surface(file, reading)
@@ -160,7 +148,7 @@ def _from_file(
 
 
 def _scene(text: str) -> Scene:
-    """Return the scene of a name, of a file, or of a database."""
+    """The scene of that name or file, or of a database."""
     from gen.scene import load
 
     if not text.lower().endswith(".h5"):
@@ -172,7 +160,7 @@ def _scene(text: str) -> Scene:
 
 
 def _population(scene: Scene, text: str, number: int) -> Iterator[Subject]:
-    """Yield the first surfaces of a scene, with the solver's settings of the scene."""
+    """The first surfaces of a scene, generated anew, and how it solves their contacts."""
     from gen.generation.plan import parameters
     from gen.generation.sample import surface_of
 
