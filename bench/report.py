@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from bench.picture import new_figure, save
+from bench.picture import save
 from bench.table import write_rows
-from gen.runtime.output import check_folder, write
+from gen.runtime.output import write
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,16 +55,3 @@ class Report:
             write(paths[-1], text + "\n")
         drawn = self.pictures.items()
         return [*paths, *(save(figure, folder / f"{name}.png") for name, figure in drawn)]
-
-
-def require_place(folder: Path, *names: str) -> None:
-    """Refuse a folder, or pictures without matplotlib, before any work is done for a report.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to, or matplotlib is not installed.
-    """
-    if any(name.endswith(".png") for name in names):
-        new_figure()
-    check_folder(folder, *names)

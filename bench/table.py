@@ -1,7 +1,7 @@
 """Tables as files: CSV, under their names only once they are whole."""
 
 import csv
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import fields, is_dataclass
 from io import StringIO
 from pathlib import Path
@@ -41,8 +41,8 @@ def write_rows(path: Path, rows: Iterable[Any]) -> Path:
     InputError
         If that is not possible.
     """
-    records = [_record(row) for row in rows]
-    return write_table(path, records[0], (list(record.values()) for record in records))
+    records = [record(row) for row in rows]
+    return write_table(path, records[0], (list(each.values()) for each in records))
 
 
 def read_table(path: Path) -> tuple[list[str], list[dict[str, str]]]:
@@ -61,9 +61,13 @@ def read_table(path: Path) -> tuple[list[str], list[dict[str, str]]]:
         raise InputError(f"{path}: cannot be read as a table ({error})") from None
 
 
-def _record(row: Any) -> Mapping[str, Any]:
+def record(row: Any) -> dict[str, Any]:
+    """Return a row's values by the names of its columns; a dataclass in a row has its own."""
     if not is_dataclass(row):
         return dict(row)
-    names = {field.name: field.name for field in fields(row)}
-    names |= {name: f"{name}_{unit}" for name, unit in UNITS.items() if name in names}
-    return {column: getattr(row, name) for name, column in names.items()}
+    values = {field.name: getattr(row, field.name) for field in fields(row)}
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        column = f"{name}_{UNITS[name]}" if name in UNITS else name
+        found |= record(value) if is_dataclass(value) else {column: value}
+    return found

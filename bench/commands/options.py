@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from gen.runtime.errors import InputError
+from gen.runtime.figure import new_figure
+from gen.runtime.output import check_folder
 
 if TYPE_CHECKING:
     from bench.report import Report
@@ -16,6 +18,10 @@ Number = TypeVar("Number", int, float)
 
 Folder = Annotated[
     Path, typer.Option("--output", "-o", metavar="DIR", help="The folder to write into.")
+]
+FolderIfAny = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
 ]
 
 PaperRows = Annotated[
@@ -44,9 +50,23 @@ def remark(line: str) -> None:
     typer.echo(line, err=True)
 
 
-def tell(folder: Path, report: Report) -> None:
-    """Write a report, and print its text and the names of its files."""
+def require_place(folder: Path, *names: str) -> None:
+    """Refuse a folder, or pictures without matplotlib, before any work is done for a report.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written to, or matplotlib is not installed.
+    """
+    if any(name.endswith(".png") for name in names):
+        new_figure(1.0, 1.0)
+    check_folder(folder, *names)
+
+
+def tell(folder: Path | None, report: Report) -> None:
+    """Print a report's text, and write its files into a folder if one is given."""
     if report.text:
         typer.echo(report.text)
-    for path in report.write(folder):
-        typer.echo(path)
+    if folder is not None:
+        for path in report.write(folder):
+            typer.echo(path)

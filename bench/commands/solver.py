@@ -1,20 +1,16 @@
 """Commands on the contact solver: exactness, speed, stiff cases."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from bench.commands.options import Folder, numbers, remark, tell
+from bench.commands.options import Folder, FolderIfAny, numbers, remark, require_place, tell
 from gen.runtime.errors import InputError
 from gen.runtime.output import check_folder
 
 
 def solver(
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
-    ] = None,
+    output: FolderIfAny = None,
     quick: Annotated[bool, typer.Option("--quick", help="Small grids: a look in seconds.")] = False,
     default_tolerance: Annotated[
         bool, typer.Option("--default-tolerance", help="Print what the default's choice rests on.")
@@ -36,7 +32,6 @@ def solver(
     elif output is None:
         raise InputError("solver: give -o DIR to write into, or --default-tolerance")
     else:
-        from bench.report import require_place
         from bench.work_precision.report import report
         from bench.work_precision.studies import FULL, QUICK
 
@@ -62,7 +57,6 @@ def peers(
     DIR/peers.csv and DIR/peers.png.
     """
     from bench.peers.report import report
-    from bench.report import require_place
 
     sizes, loads = numbers("nodes", nodes, int), numbers("deltas", deltas, float)
     require_place(output, "peers.csv", "peers.png")
@@ -103,10 +97,7 @@ def hertz(output: Folder) -> None:
 
 
 def stability(
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
-    ] = None,
+    output: FolderIfAny = None,
     full: Annotated[bool, typer.Option("--full", help="The slow cases too.")] = False,
     of: Annotated[
         list[str] | None,

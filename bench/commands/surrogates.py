@@ -5,7 +5,17 @@ from typing import Annotated
 
 import typer
 
-from bench.commands.options import AreaMax, Folder, PaperDatabase, PaperRows, numbers, remark
+from bench.commands.options import (
+    AreaMax,
+    Folder,
+    FolderIfAny,
+    PaperDatabase,
+    PaperRows,
+    numbers,
+    remark,
+    require_place,
+    tell,
+)
 from gen.runtime.output import check_folder
 
 
@@ -18,11 +28,10 @@ def models(
 
     With the Pareto front marked: DIR/models.csv and DIR/models.png.
     """
-    from bench.surrogates.models import costs, write_report
+    from bench.surrogates.models import costs, report
 
-    check_folder(output, "models.csv", "models.png")
-    for path in write_report(output, costs(comparison, target)):
-        typer.echo(path)
+    require_place(output, "models.csv", "models.png")
+    tell(output, report(costs(comparison, target)))
 
 
 def tolerance(
@@ -43,15 +52,12 @@ def tolerance(
     """
     from bench.surrogates.tolerance import TOLERANCES
     from bench.surrogates.tolerance import tolerance as measure
-    from bench.surrogates.tolerance_report import write_report
+    from bench.surrogates.tolerance_report import report
 
-    check_folder(output, "tolerance.csv", "tolerance.txt", "tolerance.png")
+    require_place(output, "tolerance.csv", "tolerance.txt", "tolerance.png")
     asked = numbers("tolerances", tolerances, float) if tolerances else TOLERANCES
     found = measure(output, rows, tolerances=asked, area_max=area_max, remark=remark)
-    paths, text = write_report(output, found)
-    typer.echo(text)
-    for path in paths:
-        typer.echo(path)
+    tell(output, report(found))
 
 
 def generalisation(
@@ -71,9 +77,9 @@ def generalisation(
     and a picture for each model. Takes long with all rows; fewer give a look.
     """
     from bench.surrogates.generalisation import generalisation as measure
-    from bench.surrogates.generalisation_report import show, write_report
+    from bench.surrogates.generalisation_report import report
 
-    check_folder(output, "generalisation.csv")
+    require_place(output, "generalisation.csv", "generalisation-kernel-ridge.png")
     found = measure(
         output,
         rows,
@@ -82,9 +88,7 @@ def generalisation(
         area_max=area_max,
         remark=remark,
     )
-    show(found)
-    for path in write_report(output, found):
-        typer.echo(path)
+    tell(output, report(found))
 
 
 def cost(
@@ -107,9 +111,9 @@ def cost(
     cost.png. Takes long with all rows; fewer give a look.
     """
     from bench.surrogates.cost import cost as measure
-    from bench.surrogates.cost_report import write_report
+    from bench.surrogates.cost_report import report
 
-    check_folder(output, "cost.csv", "learning.csv", "cost.txt", "cost.png")
+    require_place(output, "cost.csv", "learning.csv", "cost.txt", "cost.png")
     found = measure(
         output,
         rows,
@@ -119,10 +123,7 @@ def cost(
         surfaces=surfaces,
         remark=remark,
     )
-    paths, text = write_report(output, found)
-    typer.echo(text)
-    for path in paths:
-        typer.echo(path)
+    tell(output, report(found))
 
 
 def throughput(
@@ -135,10 +136,7 @@ def throughput(
     ] = 2000,
     database: PaperDatabase = None,
     surfaces: Annotated[int, typer.Option(min=1, help="Surfaces of the paper preset.")] = 16,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
-    ] = None,
+    output: FolderIfAny = None,
 ) -> None:
     """Measure contacts a second of surrogates, called in several ways, beside the solver's.
 
@@ -148,19 +146,13 @@ def throughput(
     from bench.surrogates import throughput as calls
 
     if output is not None:
-        check_folder(output, "throughput.csv")
+        require_place(output, "throughput.csv")
     asked = calls.loaded(surrogate) if surrogate else calls.fitted(database, rows, remark)
-    speeds = calls.throughput(asked, surfaces, remark)
-    typer.echo(calls.markdown_table(speeds))
-    if output is not None:
-        typer.echo(calls.write_report(output, speeds))
+    tell(output, calls.report(calls.throughput(asked, surfaces, remark)))
 
 
 def memory(
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
-    ] = None,
+    output: FolderIfAny = None,
     model: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="May be repeated; all nine if left out."),

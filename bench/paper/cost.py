@@ -12,10 +12,10 @@ from bench.paper.deviations import ratio
 from bench.paper.facts import TUNING_PAYS
 from bench.picture import new_figure, save
 from bench.style import STYLES
+from bench.surrogates.break_even import PAPER_BREAK_EVEN, TAKEN
+from bench.surrogates.clock import time_of
 from bench.surrogates.cost import NEW, OURS
 from bench.surrogates.cost import PAPER as PAPERS
-from bench.surrogates.cost_report import TAKEN, time_of
-from bench.surrogates.costs import PAPER_BREAK_EVEN
 from bench.table import write_table
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file

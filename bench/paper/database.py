@@ -13,7 +13,7 @@ from bench.paper.deviations import short
 from bench.paper.facts import AREA_MAX, LONGEST_SOLVE, RANGES
 from bench.picture import new_figure, save
 from bench.style import COLOURS
-from bench.surrogates.costs import PAPER_ROWS, PAPER_SOLVE
+from bench.surrogates.break_even import PAPER_ROWS, PAPER_SOLVE
 from bench.table import write_table
 from gen.database import Reader
 from gen.runtime.errors import InputError

@@ -9,8 +9,14 @@ from bench.paper import database as databases
 from bench.paper import deviations, models
 from bench.paper.deviations import ratio
 from bench.paper.facts import AREA_MAX, LONGEST_SOLVE, SPREAD, TRAIN_ROWS, TUNING_PAYS
-from bench.surrogates.cost_report import TAKEN, time_of
-from bench.surrogates.costs import PAPER_BREAK_EVEN, PAPER_ROWS, PAPER_SOLVE, PAPER_TESTS
+from bench.surrogates.break_even import (
+    PAPER_BREAK_EVEN,
+    PAPER_ROWS,
+    PAPER_SOLVE,
+    PAPER_TESTS,
+    TAKEN,
+)
+from bench.surrogates.clock import time_of
 from bench.table import write_table
 
 Row = tuple[str, str, str, str, str, str]

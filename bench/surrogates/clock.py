@@ -33,3 +33,14 @@ def mean_seconds(calls: Iterable[Callable[[], object]]) -> float:
         call()
         taken.append(process_time() - began)
     return sum(taken) / len(taken)
+
+
+def time_of(seconds: float) -> str:
+    """Write a time in a unit that suits it."""
+    if seconds < 1e-3:
+        return f"{1e6 * seconds:.3g} us"
+    if seconds < 1:
+        return f"{1e3 * seconds:.3g} ms"
+    if seconds < 600:
+        return f"{seconds:.3g} s"
+    return f"{seconds / 3600:.3g} h" if seconds < 1e6 else f"{seconds / 86400:.3g} d"

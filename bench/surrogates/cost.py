@@ -1,23 +1,26 @@
 """When a surrogate pays: solver and surrogate against the number of queries (section 4.4)."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bench.surrogates import databases
-from bench.surrogates.costs import (
-    PAPER_SOLVE,
-    BuildCosts,
-    QueryCosts,
-    SolverCosts,
-    break_even,
-    build_costs,
-    measure_queries,
+from bench.surrogates.answer_times import (
+    SolverTimes,
+    SurrogateTimes,
     measure_solver,
+    measure_surrogate,
+    new_surfaces,
+)
+from bench.surrogates.break_even import (
+    PAPER_SOLVE,
+    BuildTimes,
+    break_even,
+    build_times,
     of_the_paper,
 )
 from bench.surrogates.fitting import fit, parted, read, request_for
-from bench.surrogates.learning import Point, Prices, curve
+from bench.surrogates.learning import Point, curve
 from gen.runtime.errors import InputError
 from learn.comparison.folder import Folder
 from learn.features import SETS, chosen
@@ -40,22 +43,23 @@ class Question:
     solver : whose
     features : of the surrogate; "paper, as published" for the paper's own numbers
     rows : of its database
-    database, tuning, fit : t_d, t_h, t_f [s]
+    build : time before the first answer [s]
     solve : a query by the solver [s]
     query : t_p of a query, with the features that it needs [s]
-    break_even : queries from which on the surrogate is cheaper
     """
 
     asked: str
     solver: str
     features: str
     rows: int
-    database: float
-    tuning: float
-    fit: float
+    build: BuildTimes
     solve: float
     query: float
-    break_even: float
+
+    @property
+    def break_even(self) -> float:
+        """Queries from which on the surrogate is cheaper."""
+        return break_even(self.build.total, self.solve, self.query)
 
 
 @dataclass(frozen=True)
@@ -65,13 +69,13 @@ class Costs:
     Attributes
     ----------
     solver : times without a surrogate
-    queries : times of a surrogate's answers by feature set
+    answers : times of a surrogate's answers by feature set
     questions : break-even points
     points : learning curves
     """
 
-    solver: SolverCosts
-    queries: dict[str, QueryCosts]
+    solver: SolverTimes
+    answers: dict[str, SurrogateTimes]
     questions: list[Question]
     points: list[Point]
 
@@ -109,29 +113,25 @@ def cost(
     searched = 0.0 if comparison is None else tuning_seconds(comparison)
     path = databases.of_the_paper(given, folder / "databases", rows, remark)
     remark(f"the solver on {surfaces} surfaces")
-    solver = measure_solver(surfaces)
-    questions = [_published()]
-    points: list[Point] = []
-    queries = {}
+    new = new_surfaces(surfaces)
+    costs = Costs(measure_solver(new), {}, [_published()], [])
     for features in SETS:
         request = request_for(path, "kernel-ridge", features, area_max)
         parts = parted(read(request, rows))
         remark(f"{features} features: {parts.train.size} rows train")
         full = fit(request, parts.train, parts.calibration, parts.folds)
-        queries[features] = query = measure_queries(full, chosen(features), surfaces)
-        again = solver.surface + query.surface
-        build = build_costs(rows, solver.row, full, chosen(features), again)
-        build = BuildCosts(
-            build.database, build.tuning + (searched if features == "paper" else 0), build.fit
-        )
-        questions += _questions(features, rows, solver, query, build)
-        prices = Prices(solver.row, again, solver.solve, query.surface + query.batched)
-        points += curve(request, parts, rows, prices, full)
-    return Costs(solver, queries, questions, points)
+        answer = measure_surrogate(full, chosen(features), new)
+        build = build_times(rows, costs.solver, answer, full, chosen(features))
+        if features == "paper":
+            build = replace(build, tuning=build.tuning + searched)
+        costs.answers[features] = answer
+        costs.questions.extend(_questions(features, rows, costs.solver, answer, build))
+        costs.points.extend(curve(request, parts, rows, costs.solver, answer, full))
+    return costs
 
 
 def tuning_seconds(comparison: Path) -> float:
-    """Time of all fits of the search in a folder of `learn tune` [s].
+    """Return the time of all fits of the search in a folder of `learn tune` [s].
 
     Raises
     ------
@@ -149,48 +149,20 @@ def tuning_seconds(comparison: Path) -> float:
 
 
 def _published() -> Question:
-    """The paper's own break-even, from its own times."""
+    """Return the paper's own break-even, from its own times."""
     build, query = of_the_paper()
     rows = round(build.database / PAPER_SOLVE)
-    return _question(KNOWN, PAPER, "paper, as published", rows, build, PAPER_SOLVE, query)
+    return Question(KNOWN, PAPER, "paper, as published", rows, build, PAPER_SOLVE, query)
 
 
 def _questions(
-    features: str, rows: int, solver: SolverCosts, query: QueryCosts, build: BuildCosts
-) -> list[Question]:
-    """All situations of a feature set; a surface itself costs both sides the same."""
-    theirs = BuildCosts(
-        build.database + rows * (PAPER_SOLVE - solver.solve), build.tuning, build.fit
-    )
-    new, more = query.surface + query.batched, query.load + query.batched
-    found = [
-        _question(NEW, PAPER, features, rows, theirs, PAPER_SOLVE, new),
-        _question(NEW, OURS, features, rows, build, solver.solve, new),
-        _question(LADDER, OURS, features, rows, build, solver.ladder, more),
-    ]
+    features: str, rows: int, solver: SolverTimes, answer: SurrogateTimes, build: BuildTimes
+) -> Iterator[Question]:
+    """Yield all situations of a feature set; a surface itself costs both sides the same."""
+    theirs = replace(build, database=build.database + rows * (PAPER_SOLVE - solver.solve))
+    more = answer.load + answer.batched
+    yield Question(NEW, PAPER, features, rows, theirs, PAPER_SOLVE, answer.new)
+    yield Question(NEW, OURS, features, rows, build, solver.solve, answer.new)
+    yield Question(LADDER, OURS, features, rows, build, solver.ladder, more)
     if not chosen(features).needs_surface:
-        found.append(_question(KNOWN, OURS, features, rows, build, solver.solve, query.batched))
-    return found
-
-
-def _question(
-    asked: str,
-    solver: str,
-    features: str,
-    rows: int,
-    build: BuildCosts,
-    solve: float,
-    query: float,
-) -> Question:
-    return Question(
-        asked=asked,
-        solver=solver,
-        features=features,
-        rows=rows,
-        database=build.database,
-        tuning=build.tuning,
-        fit=build.fit,
-        solve=solve,
-        query=query,
-        break_even=break_even(build.total, solve, query),
-    )
+        yield Question(KNOWN, OURS, features, rows, build, solver.solve, answer.batched)

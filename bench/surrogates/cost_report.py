@@ -1,60 +1,40 @@
-"""The files and the words of `python -m bench cost`."""
+"""`python -m bench cost`: tables, curves, and when to use a surrogate."""
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench.page.content import Content, Figure, Table, Words
-from bench.picture import new_figure, save
+from bench.picture import new_figure
+from bench.report import Report
+from bench.surrogates.answer_times import LOADS, LOOSE
+from bench.surrogates.break_even import PAPER_BREAK_EVEN, TAKEN, break_even
+from bench.surrogates.clock import time_of
 from bench.surrogates.cost import LADDER, NEW, OURS, PAPER, Costs, Question
-from bench.surrogates.costs import LOADS, LOOSE, PAPER_BREAK_EVEN, break_even
-from bench.surrogates.learning import Point
-from bench.table import write_table
-from gen.runtime.output import write
+from bench.table import record
 
 GOALS = (10.0, 5.0, 3.0, 2.0, 1.0)
 """Errors (nMAE) that a user may want [%]."""
 
-
-TAKEN = 1e-3
-"""Seconds below which settings were taken from a table, not searched."""
-
 NOT_SEARCHED = "none (the paper's optimum)"
 
 
-def write_report(folder: Path, costs: Costs) -> tuple[list[Path], str]:
-    """Write `cost.csv`, `learning.csv`, `cost.txt` and `cost.png`.
-
-    Returns
-    -------
-    The files, and the text
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to.
-    """
-    text = "\n".join(lines(costs))
-    tables = [
-        write_table(
-            folder / f"{name}.csv", [each.name for each in fields(kind)], map(astuple, rows)
-        )
-        for name, kind, rows in (
-            ("cost", Question, costs.questions),
-            ("learning", Point, costs.points),
-        )
-    ]
-    words = folder / "cost.txt"
-    write(words, text + "\n")
-    return [*tables, words, save(_picture(costs), folder / "cost.png")], text
+def report(costs: Costs) -> Report:
+    """Make a report of what was measured."""
+    questions = [{**record(each), "break_even": each.break_even} for each in costs.questions]
+    return Report(
+        {"cost": questions, "learning": costs.points},
+        pictures={"cost": _picture(costs)},
+        text="\n".join(lines(costs)),
+        text_name="cost",
+    )
 
 
 def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder that `write_report` has written."""
+    """List what a folder of this report holds, with what to see in it."""
     words = folder / "cost.txt"
     return [
         Figure(
@@ -80,18 +60,19 @@ def lines(costs: Costs) -> Iterator[str]:
         f" {time_of(solver.ladder)} among {LOADS} loads on one surface; a row of a database"
         f" {time_of(solver.row)}, of which the surface {time_of(solver.surface)}"
     )
-    for name, query in costs.queries.items():
+    for name, answer in costs.answers.items():
         yield (
-            f"{name} features: {time_of(query.surface)} on a new surface,"
-            f" {time_of(query.load)} for a further load; prediction {time_of(query.single)} alone,"
-            f" {time_of(query.batched)} in a batch"
+            f"{name} features: {time_of(answer.surface)} on a new surface,"
+            f" {time_of(answer.load)} for a further load; prediction"
+            f" {time_of(answer.single)} alone, {time_of(answer.batched)} in a batch"
         )
     for each in costs.questions:
         if (each.asked, each.solver) == (NEW, OURS):
             yield (
-                f"{each.features} features, {each.rows:,} rows: t_d {time_of(each.database)}, t_h"
-                f" {time_of(each.tuning) if each.tuning > TAKEN else NOT_SEARCHED}, t_f"
-                f" {time_of(each.fit)}"
+                f"{each.features} features, {each.rows:,} rows: t_d"
+                f" {time_of(each.build.database)}, t_h"
+                f" {time_of(each.build.tuning) if each.build.tuning > TAKEN else NOT_SEARCHED}, t_f"
+                f" {time_of(each.build.fit)}"
             )
     yield ""
     yield (
@@ -99,7 +80,7 @@ def lines(costs: Costs) -> Iterator[str]:
         f" {'break-even':>13}"
     )
     for each in costs.questions:
-        build = time_of(_build(each))
+        build = time_of(each.build.total)
         yield (
             f"{each.asked:21} {each.solver:12} {each.features:20} {build:>10}"
             f" {time_of(each.solve):>8} {time_of(each.query):>8} {_count(each.break_even):>13}"
@@ -135,7 +116,7 @@ def _advice(costs: Costs) -> Iterator[str]:
     )
     yield from _competitors(costs)
     beside = ", ".join(
-        f"{each.features} from {_count(break_even(_build(each), solver.loose, each.query))}"
+        f"{each.features} from {_count(break_even(each.build.total, solver.loose, each.query))}"
         for each in costs.questions
         if (each.asked, each.solver) == (NEW, OURS)
     )
@@ -144,11 +125,6 @@ def _advice(costs: Costs) -> Iterator[str]:
         f" {solver.loose_nmae:.2g} % (nMAE), without any training. Beside it, queries from which on"
         f" surrogates on new surfaces pay: {beside}."
     )
-
-
-def _build(question: Question) -> float:
-    """What is paid before the first answer [s]."""
-    return question.database + question.tuning + question.fit
 
 
 def _competitors(costs: Costs) -> Iterator[str]:
@@ -170,7 +146,7 @@ def _picture(costs: Costs) -> Any:
     for axis, solver, title in ((theirs, PAPER, "the paper's solver"), (ours, OURS, "our solver")):
         _draw_costs(axis, [q for q in costs.questions if (q.solver, q.asked) == (solver, NEW)])
         axis.set(title=f"New surfaces, {title}", xlabel="queries", ylabel="total cost [s]")
-    for features in costs.queries:
+    for features in costs.answers:
         points = [point for point in costs.points if point.features == features]
         errors = [point.nmae for point in points]
         samples.loglog([point.trained for point in points], errors, "o-", label=features)
@@ -193,20 +169,11 @@ def _draw_costs(axis: Any, questions: Sequence[Question]) -> None:
     axis.loglog(queries, queries * questions[0].solve, color="0.3", label="solver")
     for number, each in enumerate(questions):
         label = f"{each.features} ({_count(each.break_even)})"
-        axis.loglog(queries, _build(each) + queries * each.query, color=f"C{number}", label=label)
+        axis.loglog(
+            queries, each.build.total + queries * each.query, color=f"C{number}", label=label
+        )
         if math.isfinite(each.break_even):
             axis.plot(each.break_even, each.break_even * each.solve, "o", color=f"C{number}")
-
-
-def time_of(seconds: float) -> str:
-    """A time in a unit that suits it."""
-    if seconds < 1e-3:
-        return f"{1e6 * seconds:.3g} us"
-    if seconds < 1:
-        return f"{1e3 * seconds:.3g} ms"
-    if seconds < 600:
-        return f"{seconds:.3g} s"
-    return f"{seconds / 3600:.3g} h" if seconds < 1e6 else f"{seconds / 86400:.3g} d"
 
 
 def _count(number: float) -> str:

@@ -1,50 +1,52 @@
-"""The files and the table of `python -m bench generalisation`."""
+"""`python -m bench generalisation`: scores and verdicts, and predictions over truth."""
 
+import io
 from collections.abc import Sequence
-from dataclasses import astuple, fields
 from pathlib import Path
+from typing import Any
 
-from bench.page.content import Content, Figure, Table
-from bench.picture import new_figure, save
-from bench.surrogates.generalisation import Judged, Row
+from rich.console import Console
+from rich.table import Table
+
+from bench.page import content
+from bench.picture import new_figure
+from bench.report import Report
+from bench.surrogates.generalisation import Judged
 from bench.surrogates.verdict import covers, verdict
-from bench.table import write_table
+from bench.table import record
+
+WIDTH = 190
+"""Letters of a line of the printed table."""
 
 
-def write_report(folder: Path, found: Sequence[Judged]) -> list[Path]:
-    """Write `generalisation.csv`, and `generalisation-MODEL.png` for each model.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to.
-    """
+def report(found: Sequence[Judged]) -> Report:
+    """Make a report of what was measured, with a picture for each model."""
     rows = [judged.row for judged in found]
-    path = write_table(
-        folder / "generalisation.csv",
-        [*(field.name for field in fields(Row)), "verdict"],
-        ((*astuple(row), verdict(row, rows)) for row in rows),
-    )
     models = dict.fromkeys(row.model for row in rows)
-    return [path, *(_draw(folder, model, found) for model in models)]
+    return Report(
+        {"generalisation": [{**record(row), "verdict": verdict(row, rows)} for row in rows]},
+        pictures={f"generalisation-{model}": _picture(model, found) for model in models},
+        text=_table(found),
+    )
 
 
-def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder that `write_report` has written."""
+def contents(folder: Path) -> list[content.Content]:
+    """List what a folder of this report holds, with what to see in it."""
+    table = folder / "generalisation.csv"
     return [
         *(
-            Figure(
+            content.Figure(
                 picture,
                 "Prediction over truth where the surrogate was not trained: a row for each feature"
                 " set, a column for each case; dots off the diagonal are wrong. Statistics such as"
                 " curvatures depend on the spacing of the nodes, a loose solve among the features"
                 " does not.",
-                data=(folder / "generalisation.csv",),
+                data=(table,),
             )
             for picture in sorted(folder.glob("generalisation-*.png"))
         ),
-        Table(
-            folder / "generalisation.csv",
+        content.Table(
+            table,
             "Scores [%]; shares (0 to 1) of rows flagged as outside the training ranges, and"
             " covered by the 90 % intervals; and what follows.",
             columns=(
@@ -55,11 +57,8 @@ def contents(folder: Path) -> list[Content]:
     ]  # fmt: skip
 
 
-def show(found: Sequence[Judged]) -> None:
-    """Print the table."""
-    from rich.console import Console
-    from rich.table import Table
-
+def _table(found: Sequence[Judged]) -> str:
+    """Return the table for people."""
     rows = [judged.row for judged in found]
     table = Table(title="Trained on the paper preset, tested elsewhere [%]")
     for name in ("Tested on", "Features"):
@@ -80,11 +79,13 @@ def show(found: Sequence[Judged]) -> None:
             f"{100 * row.covered:.0f}{'' if covers(row) else '!'}",
         )
         table.add_row(what, row.features, str(row.judged), *numbers, *shares, verdict(row, rows))
-    Console(width=None if Console().is_terminal else 190).print(table)
+    text = io.StringIO()
+    Console(file=text, width=WIDTH).print(table)
+    return text.getvalue()
 
 
-def _draw(folder: Path, model: str, found: Sequence[Judged]) -> Path:
-    """Prediction over truth, as in section 4.3: a row a feature set, a column a case."""
+def _picture(model: str, found: Sequence[Judged]) -> Any:
+    """Draw prediction over truth, as in section 4.3: a row a feature set, a column a case."""
     mine = [judged for judged in found if judged.row.model == model]
     features = list(dict.fromkeys(judged.row.features for judged in mine))
     cases = list(dict.fromkeys(judged.row.tested_on for judged in mine))
@@ -104,4 +105,4 @@ def _draw(folder: Path, model: str, found: Sequence[Judged]) -> Path:
     for row, name in zip(axes, features, strict=True):
         row[0].set_ylabel(f"{name}: predicted [%]")
     figure.supxlabel("effective contact area by the solver [%]")
-    return save(figure, folder / f"generalisation-{model}.png")
+    return figure

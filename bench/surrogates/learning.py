@@ -1,15 +1,16 @@
 """Learning curves: what more samples bring, and what they cost."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from bench.surrogates.costs import BuildCosts, break_even, build_costs
+from bench.surrogates.answer_times import SolverTimes, SurrogateTimes
+from bench.surrogates.break_even import break_even, build_times
 from bench.surrogates.fitting import Fitted, Parts, fit
 from learn.dataset import Dataset
 from learn.features import chosen
-from learn.metrics import Scores, scores
+from learn.metrics import scores
 from learn.request import Request
 
 FEWEST = 100
@@ -44,31 +45,19 @@ class Point:
     break_even: float
 
 
-@dataclass(frozen=True)
-class Prices:
-    """What a curve's costs are made of [s].
-
-    Attributes
-    ----------
-    row : a database's row
-    again : a surface generated anew, with its features
-    solve, query : an answer of the solver and of the surrogate, on a new surface
-    """
-
-    row: float
-    again: float
-    solve: float
-    query: float
-
-
 def sizes(most: int) -> list[int]:
-    """Training rows of a curve's points: doubled up to all of them."""
+    """Return the training rows of a curve's points: doubled up to all of them."""
     doubled = [FEWEST * 2**power for power in range(30) if FEWEST * 2**power < 0.75 * most]
     return [*doubled, most]
 
 
 def curve(
-    request: Request, parts: Parts, database_rows: int, prices: Prices, full: Fitted
+    request: Request,
+    parts: Parts,
+    database_rows: int,
+    solver: SolverTimes,
+    answer: SurrogateTimes,
+    full: Fitted,
 ) -> Iterator[Point]:
     """Yield the points of one feature set, the last with all rows.
 
@@ -77,45 +66,29 @@ def curve(
     request : from `bench.surrogates.fitting.request_for`
     parts : rows
     database_rows : that had to be solved for them, those left out included
-    prices : of this feature set
+    solver, answer : times of an answer by the solver and with this feature set
     full : the surrogate of all training rows
     """
+    features = chosen(request.features)
     for size in sizes(parts.train.size):
-        fits = [full]
-        if size < parts.train.size:
-            fits = list(_fits(request, parts, size))
-        found = [scores(parts.test.target, each.predict(parts.test)) for each in fits]
+        fits = [full] if size == parts.train.size else list(_fits(request, parts, size))
         rows = size * database_rows / parts.train.size
-        costs = [
-            build_costs(rows, prices.row, each, chosen(request.features), prices.again)
-            for each in fits
-        ]
-        yield _point(request.features, size, round(rows), found, costs, prices)
+        judged = [asdict(scores(parts.test.target, each.predict(parts.test))) for each in fits]
+        medians = {name: float(np.median([each[name] for each in judged])) for name in judged[0]}
+        builds = [build_times(rows, solver, answer, each, features) for each in fits]
+        build = float(np.median([each.total for each in builds]))
+        yield Point(
+            features=request.features,
+            trained=size,
+            rows=round(rows),
+            **medians,
+            build=build,
+            break_even=break_even(build, solver.solve, answer.new),
+        )
 
 
 def _fits(request: Request, parts: Parts, size: int) -> Iterator[Fitted]:
-    """Fits to different rows, as many as there are rows for."""
+    """Fit different rows, as often as there are rows for."""
     for draw in range(min(DRAWS, parts.train.size // size)):
         rows: Dataset = parts.train.at(np.arange(draw * size, (draw + 1) * size))
         yield fit(request, rows, parts.calibration, (np.arange(size) % 5).astype(np.int8))
-
-
-def _point(
-    features: str,
-    size: int,
-    rows: int,
-    found: Sequence[Scores],
-    costs: Sequence[BuildCosts],
-    prices: Prices,
-) -> Point:
-    names = ("nmse", "nmae", "nmaxe", "r2")
-    medians = {name: float(np.median([getattr(each, name) for each in found])) for name in names}
-    build = float(np.median([each.total for each in costs]))
-    return Point(
-        features=features,
-        trained=size,
-        rows=rows,
-        **medians,
-        build=build,
-        break_even=break_even(build, prices.solve, prices.query),
-    )

@@ -3,18 +3,17 @@
 Read from a folder of `learn compare` and `learn tune`, whose fits were timed alone, on one thread.
 """
 
-import csv
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from bench.page.content import Content, Figure, Table
-from bench.picture import new_figure, save
+from bench.picture import new_figure
+from bench.report import Report
 from bench.style import STYLES
-from bench.table import write_table
+from bench.table import read_table
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
 from learn.models import MODELS
 
 TIMES = {
@@ -51,82 +50,67 @@ class Cost:
 
 
 def costs(comparison: Path, target: str = AREA) -> list[Cost]:
-    """Read errors and times of all models that a comparison has results of.
+    """Read errors and times of all models that a comparison has results of, in Table 4's order.
 
     Parameters
     ----------
     comparison : folder of `learn compare` and `learn tune`
     target : `area` or `force`
 
-    Returns
-    -------
-    In Table 4's order
-
     Raises
     ------
     InputError
         If the folder has no scores and times.
     """
-    folder = comparison / target
-    scores, times = _table(folder / "scores.csv"), _table(folder / "times.csv")
-    searches = {row["model"]: row for row in _table(folder / "tuning-times.csv")}
-    timed = {(row["model"], row["result"]): row for row in times}
-    found = []
-    for row in scores:
-        time = timed.get((row["model"], row["result"]))
-        if row["failure"] or time is None:
-            continue
-        search = searches.get(row["model"]) if row["result"] == "tuned" else None
-        found.append(
-            Cost(
-                model=row["model"],
-                result=row["result"],
-                nmae=float(row["nmae"]),
-                r2=float(row["r2"]),
-                predict_s=float(time["predict_row_s"]),
-                fit_s=float(time["fit_s"]),
-                search_s=float(search["fit_seconds"]) if search else None,
-            )
+    try:
+        scores, times, searches = (
+            read_table(comparison / target / name)[1]
+            for name in ("scores.csv", "times.csv", "tuning-times.csv")
         )
+    except InputError as error:
+        raise InputError(f"{error}; give a folder of learn compare or learn tune") from None
+    timed = {(row["model"], row["result"]): row for row in times}
+    searched = {(row["model"], "tuned"): float(row["fit_seconds"]) for row in searches}
+    found = [
+        Cost(
+            *key,
+            nmae=float(row["nmae"]),
+            r2=float(row["r2"]),
+            predict_s=float(timed[key]["predict_row_s"]),
+            fit_s=float(timed[key]["fit_s"]),
+            search_s=searched.get(key),
+        )
+        for row in scores
+        if (key := (row["model"], row["result"])) in timed and not row["failure"]
+    ]
     if not found:
         raise InputError(f"{comparison}: has no scores and times of {target}; run learn compare")
     return [_marked(cost, found) for cost in found]
 
 
 def front(points: Iterable[Cost], time: str) -> list[Cost]:
-    """Those that no other beats in both error and time, fastest first.
+    """Return the points that no other beats in both error and time, fastest first.
 
     Parameters
     ----------
     points : of which
     time : name of a time of `Cost`; points without it take no part
     """
-    best = float("inf")
-    kept = []
+    kept: list[Cost] = []
     known = (point for point in points if getattr(point, time) is not None)
     for point in sorted(known, key=lambda point: (getattr(point, time), point.nmae)):
-        if point.nmae < best:
-            best = point.nmae
+        if not kept or point.nmae < kept[-1].nmae:
             kept.append(point)
     return kept
 
 
-def write_report(folder: Path, found: Sequence[Cost]) -> list[Path]:
-    """Write `models.csv` and `models.png`.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to, or matplotlib is not installed.
-    """
-    names = [field.name for field in fields(Cost)]
-    picture = _picture(found)
-    table = write_table(folder / "models.csv", names, map(astuple, found))
-    return [table, save(picture, folder / "models.png")]
+def report(found: Sequence[Cost]) -> Report:
+    """Make a report of errors and times."""
+    return Report({"models": found}, pictures={"models": _picture(found)})
 
 
 def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder that `write_report` has written."""
+    """List what a folder of this report holds, with what to see in it."""
     return [
         Figure(
             folder / "models.png",
@@ -141,20 +125,9 @@ def contents(folder: Path) -> list[Content]:
 
 
 def _marked(cost: Cost, found: Sequence[Cost]) -> Cost:
-    """With the times whose fronts it is on."""
+    """Add the names of the times whose fronts it is on."""
     on = [name.removesuffix("_s") for name in TIMES if cost in front(found, name)]
     return replace(cost, front=" ".join(on))
-
-
-def _table(path: Path) -> list[dict[str, str]]:
-    require_file(path)
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            return list(csv.DictReader(file))
-    except OSError as error:
-        raise InputError(
-            f"{path}: {error.strerror or error}; give a folder of learn compare or learn tune"
-        ) from None
 
 
 def _picture(found: Sequence[Cost]) -> Any:

@@ -15,20 +15,17 @@ from numpy.typing import NDArray
 
 from bench.surrogates.databases import generated
 from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_for
-from bench.surrogates.tolerance_labels import DEFAULT, MEASURED, TIGHT, Solved, solve_all
+from bench.surrogates.tolerance_labels import DEFAULT, MEASURED, TIGHT, solve_all
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from learn.dataset import Dataset
-from learn.metrics import scores
+from learn.metrics import Scores, scores
 
 Values = NDArray[np.float64]
 
 TOLERANCES = (1e-1, 3e-2, 1e-2, 1e-3, 1e-4, 1e-5, DEFAULT, 1e-8)
 
 FEATURES = ("paper", "hybrid")
-
-EXACT = (0.0, 0.0, 0.0, 100.0)
-"""What `_label_errors` would say of the true areas."""
 
 
 @dataclass(frozen=True)
@@ -99,38 +96,51 @@ def tolerance(
     if not all(TIGHT < each < 1 for each in wanted):
         raise InputError(f"--tolerances: give numbers above {TIGHT:g} and below 1")
     true = generated(folder / "databases", "tight", _tight(rows), remark)
-    solved = Solved(folder / "databases" / "tolerances.npz", wanted, rows)
-    solve_all(solved, remark)
+    labels = solve_all(folder / "databases", wanted, rows, remark)
+    with Reader(true) as reader:
+        exact = np.stack([reader.column(name)[:rows] for name in MEASURED], axis=1)
+    measured = {TIGHT: exact} | {each: labels[each].values for each in wanted}
+    seconds = {each: float(np.nanmean(labels[each].seconds[:rows])) * rows for each in wanted}
     found: list[Row] = []
     for features in FEATURES:
         request = request_for(true, "kernel-ridge", features, area_max)
         data = read(request, rows)
-        parts = parted(data)
+        parts, settings = parted(data), None
         remark(f"{features} features: {parts.train.size} rows train")
-        exact = fit(request, parts.train, parts.calibration, parts.folds)
-        found.append(_row(solved, TIGHT, data, parts, exact))
-        for each in wanted:
-            other = _relabelled(solved, each, parts)
-            fitted = fit(request, other.train, other.calibration, other.folds, exact.settings)
-            found.append(_row(solved, each, data, parts, fitted))
+        for each, values in measured.items():
+            own = _relabelled(values[:, 0], parts)
+            fitted = fit(request, own.train, own.calibration, own.folds, settings)
+            settings = fitted.settings  # of the true areas, which come first
+            time = seconds.get(each, np.nan)
+            errors = _label_errors(values[data.rows], exact[data.rows])
+            judged, own_judged = _scores(fitted, parts.test), _scores(fitted, own.test)
+            found.append(
+                Row(
+                    each,
+                    features,
+                    parts.train.size,
+                    parts.test.size,
+                    time,
+                    time / seconds[DEFAULT],
+                    *errors,
+                    **vars(judged),
+                    own_nmae=own_judged.nmae,
+                    own_r2=own_judged.r2,
+                )
+            )
     return found
 
 
 def _tight(rows: int) -> str:
-    """Scene of the areas that count as true."""
+    """Return the scene of the areas that count as true."""
     return f"samples = {rows}\n[contact]\nrtol = {TIGHT:g}\n"
 
 
-def _labels(solved: Solved, tolerance: float, rows: Dataset) -> Values:
-    """(n, 3) `MEASURED` of a dataset's rows at a tolerance."""
-    return np.asarray(solved.values[solved.tolerances.index(tolerance), rows.rows])
-
-
-def _relabelled(solved: Solved, tolerance: float, parts: Parts) -> Parts:
-    """The same rows with the areas of another tolerance, those that failed there left out."""
+def _relabelled(areas: Values, parts: Parts) -> Parts:
+    """Return the same rows with other areas of the database, those that failed there left out."""
 
     def other(rows: Dataset) -> tuple[Dataset, NDArray[np.bool_]]:
-        area = _labels(solved, tolerance, rows)[:, 0]
+        area = areas[rows.rows]
         kept = np.isfinite(area)
         changed = replace(rows, target=np.where(kept, area, 0.0) / rows.scale)
         return changed.at(np.flatnonzero(kept)), kept
@@ -141,43 +151,14 @@ def _relabelled(solved: Solved, tolerance: float, parts: Parts) -> Parts:
     return Parts(train, calibration, test, parts.folds[kept])
 
 
-def _row(solved: Solved, tolerance: float, data: Dataset, parts: Parts, fitted: Fitted) -> Row:
-    """Judge a fit; the tight one has labels without error, and no time of its own."""
-    seconds = {
-        each: float(np.nanmean(solved.seconds[place])) * solved.rows
-        for place, each in enumerate(solved.tolerances)
-    }
-    time = seconds.get(tolerance, np.nan)
-    judged = scores(parts.test.target, fitted.predict(parts.test))
-    errors, own = EXACT, judged
-    if tolerance in seconds:
-        errors = _label_errors(solved, tolerance, data)
-        test = _relabelled(solved, tolerance, parts).test
-        own = scores(test.target, fitted.predict(test))
-    return Row(
-        tolerance,
-        data.features,
-        parts.train.size,
-        parts.test.size,
-        time,
-        time / seconds[DEFAULT],
-        *errors,
-        **vars(judged),
-        own_nmae=own.nmae,
-        own_r2=own.r2,
-    )
+def _scores(fitted: Fitted, rows: Dataset) -> Scores:
+    return scores(rows.target, fitted.predict(rows))
 
 
-def _label_errors(
-    solved: Solved, tolerance: float, data: Dataset
-) -> tuple[float, float, float, float]:
-    """Errors of areas and forces, and the share of exact contact counts [%]."""
-    area, force, nodes = _labels(solved, tolerance, data).T
-    known = np.isfinite(area)
-    true = data.target * data.scale
-    found = scores(true[known], area[known])
-    with Reader(Path(data.source["database"])) as reader:
-        true_force, true_nodes = (reader.column(name)[data.rows] for name in MEASURED[1:])
-    off = np.abs(force[known] / true_force[known] - 1)
-    right = float((nodes[known] == true_nodes[known]).mean())
-    return found.nmae, found.nmaxe, 100 * float(off.mean()), 100 * right
+def _label_errors(values: Values, exact: Values) -> tuple[float, float, float, float]:
+    """Return errors of areas and forces, and the share of exact contact counts [%]."""
+    known = np.isfinite(values[:, 0])
+    (area, force, nodes), (true_area, true_force, true_nodes) = values[known].T, exact[known].T
+    judged = scores(true_area, area)
+    off = np.abs(force / true_force - 1)
+    return judged.nmae, judged.nmaxe, 100 * float(off.mean()), 100 * (nodes == true_nodes).mean()

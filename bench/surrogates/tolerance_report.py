@@ -1,18 +1,16 @@
-"""The files and the words of `python -m bench tolerance`."""
+"""`python -m bench tolerance`: errors over time, and which tolerance to choose."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, fields
 from pathlib import Path
 from typing import Any
 
 from bench.page.content import Absent, Content, Figure, Table, Words
-from bench.picture import new_figure, save
+from bench.picture import new_figure
+from bench.report import Report
 from bench.style import STYLES
-from bench.surrogates.cost_report import time_of
+from bench.surrogates.clock import time_of
 from bench.surrogates.tolerance import Row
 from bench.surrogates.tolerance_labels import DEFAULT, TIGHT
-from bench.table import write_table
-from gen.runtime.output import write
 
 GOOD = 1.02
 """Test errors count as the tight labels' up to this ratio."""
@@ -20,23 +18,14 @@ GOOD = 1.02
 TABLE, PICTURE, TEXT = "tolerance.csv", "tolerance.png", "tolerance.txt"
 
 
-def write_report(folder: Path, rows: Sequence[Row]) -> tuple[list[Path], str]:
-    """Write `tolerance.csv`, `tolerance.txt` and `tolerance.png`.
-
-    Returns
-    -------
-    The files, and the text
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to.
-    """
-    text = "\n".join(lines(rows))
-    table = write_table(folder / TABLE, [each.name for each in fields(Row)], map(astuple, rows))
-    words = folder / TEXT
-    write(words, text + "\n")
-    return [table, words, save(_picture(rows), folder / PICTURE)], text
+def report(rows: Sequence[Row]) -> Report:
+    """Make a report of what was measured."""
+    return Report(
+        {"tolerance": rows},
+        pictures={"tolerance": _picture(rows)},
+        text="\n".join(lines(rows)),
+        text_name="tolerance",
+    )
 
 
 def contents(folder: Path) -> list[Content]:
@@ -154,17 +143,7 @@ def _picture(rows: Sequence[Row]) -> Any:
         places = [getattr(row, quantity) for row in labels]
         axis.plot(places, errors, "kx-", lw=1, label="the areas themselves")
         axis.grid(visible=True, which="major", color="0.9")
-    for row, error in zip(labels, errors, strict=True):
-        text = f"{row.tolerance:g}" + ("" if row.label_nmae else ":\nexact")
-        left.annotate(
-            text,
-            (row.seconds, error),
-            (-6, -3),
-            textcoords="offset points",
-            ha="right",
-            va="top",
-            fontsize=8,
-        )
+    _annotate(left, labels, errors)
     left.margins(x=0.1)
     left.set_ylim(floor / 4, 2 * max(row.nmae for row in rows))
     left.set(
@@ -178,3 +157,17 @@ def _picture(rows: Sequence[Row]) -> Any:
     right.axvline(DEFAULT, color="0.5", ls=":", label="default tolerance")
     right.legend(fontsize=9, loc="lower left")
     return figure
+
+
+def _annotate(axis: Any, rows: Sequence[Row], errors: Sequence[float]) -> None:
+    """Write tolerances beside the crosses of the areas' own errors."""
+    for row, error in zip(rows, errors, strict=True):
+        axis.annotate(
+            f"{row.tolerance:g}" + ("" if row.label_nmae else ":\nexact"),
+            (row.seconds, error),
+            (-6, -3),
+            textcoords="offset points",
+            ha="right",
+            va="top",
+            fontsize=8,
+        )

@@ -1,4 +1,4 @@
-"""Databases in the making: create one, resume it, or give it more rows."""
+"""Create a database, resume it, or give it more rows."""
 
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -14,7 +14,15 @@ from gen.schema import PHYSICS, columns_for
 
 
 class Opened(NamedTuple):
-    """What `open_or_create` did, and how many rows the file has."""
+    """The outcome of `open_or_create`.
+
+    Attributes
+    ----------
+    how : {"created", "resumed", "extended"}
+        Action that was taken.
+    samples : int
+        Number of rows of the file.
+    """
 
     how: Literal["created", "resumed", "extended"]
     samples: int
@@ -25,14 +33,17 @@ def create(path: Path, scene: Scene, rows: range | None = None) -> None:
 
     Parameters
     ----------
-    path : the file to create
-    scene : what its rows are going to be
-    rows : those of the scene that it holds, None for all; a job array's share makes a part
+    path : Path
+        File to create.
+    scene : Scene
+        Scene of its rows.
+    rows : range, optional
+        Rows of the scene that the file holds, all by default; fewer make a part.
 
     Raises
     ------
     InputError
-        If the file exists, its folder does not or cannot be written, or the disk is full.
+        If the file exists, its folder is missing or cannot be written, or the disk is full.
     """
     rows = range(scene.samples) if rows is None else rows
     with new_file(path, scene, rows) as temporary:
@@ -44,22 +55,31 @@ def create(path: Path, scene: Scene, rows: range | None = None) -> None:
 def open_or_create(
     path: Path, scene: Scene, rows: range | None = None, *, force: bool = False
 ) -> Opened:
-    """Make a database ready for a run: create, resume or extend it; the caller holds `lock(path)`.
+    """Create, resume or extend a database for a run; the caller holds `lock(path)`.
 
-    A file with more rows than asked for keeps them.
+    A file with more rows than requested keeps them.
 
     Parameters
     ----------
-    path : the database
-    scene : what to generate
-    rows : those of the scene that the file has to hold, None for all
-    force : True to add rows to those of a version of the code that computes other results
+    path : Path
+        Database.
+    scene : Scene
+        Scene to generate.
+    rows : range, optional
+        Rows of the scene that the file has to hold, all by default.
+    force : bool
+        Accept a file with another physics number, whose rows were computed by other code.
+
+    Returns
+    -------
+    Opened
+        Action that was taken, and number of rows.
 
     Raises
     ------
     InputError
-        If the path cannot be written or holds anything but a database of this scene, layout and
-        physics. Nothing is overwritten.
+        If the path cannot be written, or is not a database of this scene, layout and physics
+        number. Nothing is overwritten.
     """
     wanted = range(scene.samples) if rows is None else rows
     if not path.exists():
@@ -80,20 +100,25 @@ def open_or_create(
 def extend(path: Path, scene: Scene, rows: range | None = None, *, force: bool = False) -> range:
     """Give a database more rows of the same scene; the caller holds `lock(path)`.
 
-    Contiguous datasets cannot grow: the rows are copied into a new file, which then takes the
-    name of the old one, its owner, group and mode. A kill at any moment leaves one of the two,
-    whole. Rows between those that a part holds and those that are asked for come in as pending.
+    Contiguous datasets cannot grow, so the rows are copied into a new file, which then takes name,
+    owner, group and mode of the old one. A kill at any moment leaves one of the two files, whole.
+    Rows between those of a part and the requested ones are added as pending.
 
     Parameters
     ----------
-    path : the database
-    scene : its scene, perhaps with more samples
-    rows : those that it has to hold too, None for all
-    force : see `open_or_create`
+    path : Path
+        Database.
+    scene : Scene
+        Its scene, perhaps with more samples.
+    rows : range, optional
+        Rows that it has to hold too, all of the scene by default.
+    force : bool
+        See `open_or_create`.
 
     Returns
     -------
-    The rows that it holds now
+    range
+        Rows that it holds now.
 
     Raises
     ------
@@ -102,25 +127,25 @@ def extend(path: Path, scene: Scene, rows: range | None = None, *, force: bool =
         replaced, or is being written; if the disk is full.
     """
     with HeldFile(path) as held, open_file(path) as old:
-        found = checked_for(old, path, scene, force=force)
+        present = checked_for(old, path, scene, force=force)
         attributes = read_attributes(old)
-        there = rows_of(attributes)
-        rows = _hull(there, range(scene.samples) if rows is None else rows)
-        if rows == there:
-            raise InputError(f"{path} has {len(there)} samples; to extend it ask for more")
-        wider = scene if scene.samples > found.samples else found
-        place = there.start - rows.start
+        old_rows = rows_of(attributes)
+        rows = _hull(old_rows, range(scene.samples) if rows is None else rows)
+        if rows == old_rows:
+            raise InputError(f"{path} has {len(old_rows)} samples; to extend it ask for more")
+        wider = scene if scene.samples > present.samples else present
+        place = old_rows.start - rows.start
         with new_file(path, wider, rows, replaced=held) as temporary:
             lay_out(temporary, wider, rows, attributes | identity(wider))
             with open_file(temporary, writing=True) as new:
                 for column in columns_for(wider):
-                    for start, stop in chunks(len(there), column.row_bytes(wider.surface.nodes)):
+                    for start, stop in chunks(len(old_rows), column.row_bytes(wider.surface.nodes)):
                         write_rows(new[column.path], place + start, old[column.path][start:stop])
                 fill(new, wider, 0, place)
-                fill(new, wider, place + len(there), len(rows))
+                fill(new, wider, place + len(old_rows), len(rows))
     return rows
 
 
 def _hull(one: range, other: range) -> range:
-    """The smallest range that holds two."""
+    """Return the smallest range that contains two ranges."""
     return range(min(one.start, other.start), max(one.stop, other.stop))

@@ -1,4 +1,4 @@
-"""The disk under a database: rows in pieces, file systems, troubles in words."""
+"""Disk access of a database: rows in chunks, kinds of file systems, messages for errors."""
 
 import errno
 import os
@@ -11,20 +11,35 @@ import h5py
 from numpy.typing import NDArray
 
 CHUNK_BYTES = 8 * 2**20
-"""Bytes of a column that are held in memory at once."""
+"""Most bytes of a column that are in memory at once."""
 
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
-"""System errors that mean: no room left, be it the disk's, the quota's or the file's."""
+"""Errors of the system for a full disk, an exhausted quota or a file that is too large."""
 
 MOUNTS = Path("/proc/self/mountinfo")
-"""Linux's list of what is mounted where."""
+"""Linux's list of mounted file systems."""
 
 INCOHERENT = frozenset({"nfs", "nfs4", "cifs", "smb3"})
-"""File systems whose machines write back whole pages, with old bytes of others' rows in them."""
+"""File systems whose machines write back whole pages, with outdated bytes of neighbouring rows."""
 
 
 def chunks(rows: int, bytes_per_row: int, first: int = 0) -> Iterator[tuple[int, int]]:
-    """Split the rows first..rows so that a chunk has at most `CHUNK_BYTES`, but one row."""
+    """Split rows into chunks of at most `CHUNK_BYTES`, and of at least one row.
+
+    Parameters
+    ----------
+    rows : int
+        One past the last row.
+    bytes_per_row : int
+        Size of a row [bytes].
+    first : int
+        First row.
+
+    Yields
+    ------
+    tuple of int
+        First row of a chunk and one past its last.
+    """
     step = max(1, CHUNK_BYTES // bytes_per_row)
     for start in range(first, rows, step):
         yield start, min(start + step, rows)
@@ -33,8 +48,17 @@ def chunks(rows: int, bytes_per_row: int, first: int = 0) -> Iterator[tuple[int,
 def write_rows(dataset: h5py.Dataset, start: int, values: NDArray[Any]) -> None:
     """Write contiguous rows of the column's own type.
 
-    What `dataset[start:stop] = values` does, without the 0.1 ms that h5py takes to understand
-    the slice: a block has forty columns, and one process may write for hundreds.
+    This does the same as `dataset[start:stop] = values` without h5py's 0.1 ms for the slice; a
+    block has forty columns, and one process may write for hundreds.
+
+    Parameters
+    ----------
+    dataset : h5py.Dataset
+        Column to write into.
+    start : int
+        First row in the column.
+    values : ndarray
+        Rows of the column's type and shape.
     """
     rows = dataset.id.get_space()
     rows.select_hyperslab((start,) + (0,) * (values.ndim - 1), values.shape)
@@ -42,12 +66,17 @@ def write_rows(dataset: h5py.Dataset, start: int, values: NDArray[Any]) -> None:
 
 
 def coherent(path: Path) -> bool:
-    """Whether machines can write neighbouring rows at once, as on disks and parallel file systems.
+    """Tell whether several machines can write neighbouring rows of a file at the same time.
 
-    NFS and SMB do not see to that. What is mounted where is known on Linux only; elsewhere and in
-    doubt the answer is yes.
+    Local disks and parallel file systems allow it, NFS and SMB do not. The kind of file system is
+    known on Linux only; elsewhere and in doubt the answer is yes.
+
+    Parameters
+    ----------
+    path : Path
+        File or folder.
     """
-    real = Path(os.path.realpath(path))  # loops of links are for others to refuse
+    real = Path(os.path.realpath(path))  # raises nothing for loops of links
     try:
         mounts = MOUNTS.read_text(errors="surrogateescape").splitlines()
     except OSError:
@@ -61,10 +90,20 @@ def coherent(path: Path) -> bool:
 
 
 def disk_trouble(error: Exception) -> str | None:
-    """What went wrong with the disk, in words; None if the error is about something else.
+    """Describe an error of the disk in words.
 
-    h5py raises OSError, RuntimeError or ValueError for one and the same system error, depending
-    on the call; its number stands in the text.
+    h5py raises OSError, RuntimeError or ValueError for the same error of the system, depending on
+    the call; its number is part of the message.
+
+    Parameters
+    ----------
+    error : Exception
+        Error of h5py or of the system.
+
+    Returns
+    -------
+    str, optional
+        Description; None if the error is not about the disk.
     """
     match = re.search(r"errno = (\d+)", str(error))
     number = int(match[1]) if match else getattr(error, "errno", None)
@@ -75,5 +114,5 @@ def disk_trouble(error: Exception) -> str | None:
 
 
 def first_line(error: Exception) -> str:
-    """First line of an error's text: messages to users have no more."""
+    """Return the first line of an error's text, for messages of one line."""
     return str(error).partition("\n")[0]

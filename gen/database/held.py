@@ -1,4 +1,4 @@
-"""The file under a writer: locked by what it is, not by its name, and told from any other."""
+"""The file that a writer holds: locked by device and inode, and checked for replacement."""
 
 import errno
 import fcntl
@@ -15,21 +15,24 @@ from gen.runtime.errors import InputError
 from gen.runtime.output import require_writable
 
 LOCKED_BYTE = 2**62
-"""Far behind the end of any database: HDF5 and its readers lock nothing there."""
+"""Position of the locked byte, far behind the end of any database, where HDF5 locks nothing."""
 
 
 class HeldFile:
-    """A file that is going to be written, held by device and inode; a context manager.
+    """A file to be written, held by device and inode; a context manager.
 
-    `gen.runtime.lock` keeps writers apart by name. A hard link is another name of the same file: so
-    one byte of the file itself is locked too, by Linux's locks of open files. They do not shut out
-    readers whose HDF5 locks whole files by `flock`, and go with their process. On NFS and SMB both
-    kinds are one, and elsewhere they may be missing: a file with several hard links is refused.
+    `gen.runtime.lock` keeps writers apart by name, but a hard link is another name of the same
+    file. One byte of the file itself is therefore locked too, by Linux's open-file locks, which do
+    not shut out readers whose HDF5 locks whole files by `flock`, and which end with their process.
+    NFS and SMB do not distinguish the two kinds of locks, and other systems may lack open-file
+    locks: a file with several hard links is refused there.
 
     Parameters
     ----------
-    path : the database
-    locking : True to lock it; False on processes that write together with one that does
+    path : Path
+        Database.
+    locking : bool
+        Lock the file; False on processes that write together with one that has locked it.
 
     Raises
     ------
@@ -57,43 +60,44 @@ class HeldFile:
             raise
 
     def __enter__(self) -> Self:
-        """Leave the block to let go of the file."""
+        """Return the file, which is released at the end of the block."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Let go of the file."""
+        """Release the file."""
         self.close()
 
     def close(self) -> None:
-        """Let go of the file: the lock ends with it."""
+        """Release the file and its lock."""
         os.close(self._descriptor)
 
     def remember(self, columns: Iterable[h5py.Dataset]) -> None:
-        """Remember all that stands before and behind the rows, where no writer writes.
+        """Record the bytes before and behind the rows, where writers change nothing.
 
         Parameters
         ----------
-        columns : all columns of the same file, as HDF5 has opened it
+        columns : iterable of h5py.Dataset
+            All columns of the same file, opened by HDF5.
         """
         places = [(column.id.get_offset(), column.id.get_storage_size()) for column in columns]
         first = min(offset for offset, _ in places)
         last = max(offset + size for offset, size in places)
         size = os.fstat(self._descriptor).st_size
-        self._parts = ((0, first), (last, size + 1))  # a file that has grown is another one too
+        self._parts = ((0, first), (last, size + 1))  # a file that has grown has one more byte
         self._metadata = self._read()
         self.check()
 
     def check(self) -> None:
-        """Refuse to go on if the name has come to lead to another file, or the content is another.
+        """Refuse to continue if the file has been replaced, moved, deleted or overwritten.
 
         Raises
         ------
         InputError
-            It says what has become of the file.
+            If so; the message says which of these has happened.
         """
         try:
-            there = os.path.samestat(self.path.stat(), os.fstat(self._descriptor))
-            fate = "" if there else "replaced by another file"
+            same = os.path.samestat(self.path.stat(), os.fstat(self._descriptor))
+            fate = "" if same else "replaced by another file"
         except OSError:
             fate = "moved or deleted"
         if not fate and self._read() != self._metadata:
@@ -105,15 +109,15 @@ class HeldFile:
             )
 
     def stat(self) -> os.stat_result:
-        """Owner, mode and size of the file."""
+        """Return owner, mode and size of the file."""
         return os.fstat(self._descriptor)
 
     def _read(self) -> list[bytes]:
-        """All that stands before and behind the rows, as it is now."""
+        """Read the bytes before and behind the rows."""
         return [os.pread(self._descriptor, stop - start, start) for start, stop in self._parts]
 
     def _lock(self) -> None:
-        """Lock the one byte, or refuse several names where that is not possible."""
+        """Lock one byte; if that is not possible, refuse a file with several names."""
         # struct flock: type, whence, start, length, process; padded to its full size.
         request = struct.pack("hhqqi0q", fcntl.F_WRLCK, os.SEEK_SET, LOCKED_BYTE, 1, 0)
         if hasattr(fcntl, "F_OFD_SETLK") and coherent(self.path):

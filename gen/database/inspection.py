@@ -1,10 +1,10 @@
-"""What a file may hold before anything of it is read or written: what gen itself lays out.
+"""Inspection of a file before it is read or written: it has to be laid out as `gen` lays it out.
 
 Databases come from anywhere. HDF5 lets the data of a dataset lie in other files (external storage,
-external links, virtual datasets), behind filters, or on top of another dataset's, and lets a header
-promise more rows than the file has. Each of these would have a run write into a file that nobody
-named, or a reader ask for memory without bound. So the columns have to be plain: hard links to
-contiguous datasets of the schema's type and shape, each in a place of its own within the file.
+external links, virtual datasets), behind filters, or on top of another dataset's data, and lets a
+header declare more rows than the file has. With such a file, a run could write into a file that
+nobody named, or a reader could need memory without bound. Columns therefore have to be hard links
+to contiguous datasets of the schema's type and shape, and their data must not overlap.
 """
 
 from itertools import pairwise
@@ -20,20 +20,21 @@ from gen.schema import Column, columns_for
 TEXTS = ("title", "scene", "scene_hash", "versions", "git_commit", "created")
 NUMBERS = ("samples", "schema", "physics", "physics_forced")
 LARGEST_ATTRIBUTE = 2**22
-"""Bytes of an attribute at most: more than any scene's text has."""
+"""Most bytes of an attribute, more than the text of any scene has."""
 
 
 def check_attributes(file: h5py.File) -> None:
-    """Refuse attributes of another kind, before one of them is read.
+    """Refuse attributes other than texts of fixed length and single integers.
 
     Parameters
     ----------
-    file : a database; its attributes have to be texts of fixed length and single integers
+    file : h5py.File
+        Database whose attributes have not been read yet.
 
     Raises
     ------
     ValueError
-        It names the attribute.
+        If an attribute is of another kind; the message names it.
     """
     for name in file.attrs:
         attribute = h5py.h5a.open(file.id, name.encode("utf-8", "surrogateescape"))
@@ -43,25 +44,30 @@ def check_attributes(file: h5py.File) -> None:
         wanted = text if name in TEXTS else number if name in NUMBERS else text or number
         single = attribute.get_space().get_simple_extent_type() == h5py.h5s.SCALAR
         if not wanted or not single or attribute.get_storage_size() > LARGEST_ATTRIBUTE:
-            what = "integer" if name in NUMBERS else "text of fixed length"
-            raise ValueError(f"attribute {name!r} is not one {what}")
+            kind_wanted = "integer" if name in NUMBERS else "text of fixed length"
+            raise ValueError(f"attribute {name!r} is not one {kind_wanted}")
 
 
 def check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
-    """Refuse columns that gen cannot have laid out, before one of them is read.
+    """Refuse columns that `gen` cannot have laid out.
 
-    Takes constant time and memory, whatever number of rows the file declares.
+    Time and memory do not depend on the number of rows that the file declares.
 
     Parameters
     ----------
-    file, path : the database, open, and its name
-    scene : its scene, which decides columns and shapes
-    rows : number of rows that it holds
+    file : h5py.File
+        Database whose columns have not been read yet.
+    path : Path
+        Name of the database.
+    scene : Scene
+        Its scene, which decides columns and shapes.
+    rows : int
+        Number of its rows.
 
     Raises
     ------
     InputError
-        It names the column.
+        If a column is missing or laid out otherwise; the message names it.
     """
     size = path.stat().st_size
     places = []
@@ -85,7 +91,7 @@ def check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
 
 
 def _dataset(file: h5py.File, path: Path, column: Column) -> h5py.h5d.DatasetID:
-    """Dataset of a column, reached through hard links alone."""
+    """Open the dataset of a column; refuse links other than hard links."""
     node = h5py.h5g.open(file.id, b"/")
     *groups, name = column.path.split("/")
     for part in (*groups, name):
@@ -103,7 +109,7 @@ def _dataset(file: h5py.File, path: Path, column: Column) -> h5py.h5d.DatasetID:
 def _check_kind(
     dataset: h5py.h5d.DatasetID, path: Path, column: Column, shape: tuple[int, ...]
 ) -> None:
-    """Refuse another type, shape or rank than the schema's."""
+    """Refuse a dataset whose type, shape or rank differs from the schema's."""
     space = dataset.get_space()
     simple = space.get_simple_extent_type() == h5py.h5s.SIMPLE
     if not simple or space.shape != shape or space.get_simple_extent_dims(maxdims=True) != shape:
@@ -114,7 +120,7 @@ def _check_kind(
 
 
 def _foreign(dataset: h5py.h5d.DatasetID) -> str:
-    """Say what keeps a dataset's data from lying plainly in its own file, "" if nothing does."""
+    """Return why a dataset's data are not one contiguous piece of its file, or "" if they are."""
     properties = dataset.get_create_plist()
     layout = properties.get_layout()
     if properties.get_external_count():
@@ -127,6 +133,7 @@ def _foreign(dataset: h5py.h5d.DatasetID) -> str:
 
 
 def _refusal(path: Path, column: Column, fault: str) -> InputError:
+    """Return the error for a column that is laid out in another way."""
     return InputError(
         f"{path}: column {column.path!r} {fault}: gen writes no such file and uses none; give the"
         " file that gen wrote"
@@ -134,6 +141,7 @@ def _refusal(path: Path, column: Column, fault: str) -> InputError:
 
 
 def _missing(path: Path, column: Column, shape: tuple[int, ...] = ()) -> InputError:
+    """Return the error for a column that is missing or of another type."""
     wanted = f" of type {column.dtype} and shape {shape}" if shape else ""
     return InputError(
         f"{path} is damaged (no column {column.path!r}{wanted}); restore it from a copy or remove"

@@ -1,4 +1,4 @@
-"""What stands in a file: dimensions, columns, and attributes that say where it comes from."""
+"""The layout of a database: dimensions, columns, and attributes with its origin."""
 
 import json
 import re
@@ -27,24 +27,35 @@ from gen.schema import (
 )
 
 PART_NUMBERS = ("first_row", "rows")
-"""Attributes of a part: its first row in the scene's plan, and how many rows it holds."""
+"""Attributes of a part: its first row in the scene's plan, and its number of rows."""
 
 FLAGS: dict[Column, dict[int, str]] = {
     STATUS: {status: status.name.lower() for status in Status},
     REASON: REASONS,
 }
-"""Meanings of the columns that hold codes."""
+"""Meaning of each code, for the columns with codes."""
 
 
 def lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str | int]) -> None:
-    """Write dimensions, attributes and empty columns for some rows of a scene, or all.
+    """Create a file with dimensions, attributes and empty columns.
 
-    HDF5 allocates the columns but does not fill them: when the disk runs full inside HDF5's own
-    filling, it can neither close the file nor leave without a crash. `fill` does it instead.
+    HDF5 allocates the columns; `fill` fills them, because HDF5 crashes if the disk runs full during
+    its own filling.
+
+    Parameters
+    ----------
+    path : Path
+        File to create.
+    scene : Scene
+        Scene of the rows.
+    rows : range
+        Rows of the scene that the file holds.
+    attributes : mapping
+        Texts and integers from `provenance`.
     """
     columns = columns_for(scene)
-    # A superblock of version 2: the next one marks files as open and a killed writer would leave
-    # the mark. Creation order is kept: readers then list the columns in the schema's order.
+    # Version 2 of the superblock: later ones mark a file as open, and a killed writer would leave
+    # the mark. Creation order is tracked so that readers list columns in the schema's order.
     with h5py.File(path, "w", libver=("v108", "v110"), track_order=True, locking=False) as file:
         for name, value in _with_rows(attributes, scene, rows).items():
             _set(file, name, value)
@@ -60,7 +71,7 @@ def lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str 
 def _with_rows(
     attributes: Mapping[str, str | int], scene: Scene, rows: range
 ) -> dict[str, str | int]:
-    """Attributes that say which rows a file holds; a whole database says nothing about that."""
+    """Complete the attributes by the layout number and, for a part, its rows."""
     own = {name: value for name, value in attributes.items() if name not in PART_NUMBERS}
     if rows == range(scene.samples):
         return own | {"schema": SCHEMA}
@@ -68,12 +79,22 @@ def _with_rows(
 
 
 def rows_of(attributes: Mapping[str, str | int]) -> range:
-    """Rows of the scene that a file holds, by its attributes: the plan's numbers.
+    """Return the rows of a file in the numbers of its scene's plan.
+
+    Parameters
+    ----------
+    attributes : mapping
+        Attributes of the file.
+
+    Returns
+    -------
+    range
+        Rows of the file.
 
     Raises
     ------
     ValueError
-        If they are not rows of its scene.
+        If the attributes name rows that the scene does not have.
     """
     samples = int(attributes["samples"])
     if attributes["schema"] != PART:
@@ -85,7 +106,7 @@ def rows_of(attributes: Mapping[str, str | int]) -> range:
 
 
 def _dimension(file: h5py.File, name: str, size: int) -> h5py.Dataset:
-    """Add a netCDF-4 dimension without coordinates: a scale that never gets data or disk space."""
+    """Add a netCDF-4 dimension without coordinates: a scale without data or disk space."""
     scale = file.create_dataset(name, shape=(size,), dtype=">f4")
     scale.make_scale(f"This is a netCDF dimension but not a netCDF variable.{size:10d}")
     return scale
@@ -94,7 +115,7 @@ def _dimension(file: h5py.File, name: str, size: int) -> h5py.Dataset:
 def _add(
     file: h5py.File, column: Column, shape: tuple[int, ...], dimensions: list[h5py.Dataset]
 ) -> None:
-    """Add a column: allocated, not filled, described, attached to its dimensions."""
+    """Add a column that is allocated but not filled, with its attributes and dimensions."""
     properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
@@ -112,7 +133,17 @@ def _add(
 
 
 def fill(file: h5py.File, scene: Scene, first: int, last: int) -> None:
-    """Write NaN, 0 and empty texts into a file's rows first..last, which takes the disk space."""
+    """Write fill values (NaN, 0 and empty texts) into rows, which takes up their disk space.
+
+    Parameters
+    ----------
+    file : h5py.File
+        Database, open for writing.
+    scene : Scene
+        Its scene.
+    first, last : int
+        First row in the file, and one past the last.
+    """
     for column in columns_for(scene):
         dataset = file[column.path]
         for start, stop in chunks(last, column.row_bytes(scene.surface.nodes), first):
@@ -121,10 +152,10 @@ def fill(file: h5py.File, scene: Scene, first: int, last: int) -> None:
 
 
 def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
-    """Add an attribute; texts of fixed length.
+    """Add an attribute, a text with a fixed length.
 
-    HDF5 keeps texts of variable length in a heap without checksums: where that is damaged it may
-    read forever.
+    HDF5 keeps texts of variable length in a heap without checksums, and may read for ever if that
+    is damaged.
     """
     if isinstance(value, str):
         data = value.encode()
@@ -134,12 +165,22 @@ def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
 
 
 def read_attributes(file: h5py.File) -> dict[str, str | int]:
-    """Read the file's texts and numbers.
+    """Read the attributes of a file.
+
+    Parameters
+    ----------
+    file : h5py.File
+        Database.
+
+    Returns
+    -------
+    dict
+        Texts and integers by their names.
 
     Raises
     ------
     ValueError
-        If one is neither a text of fixed length nor an integer.
+        If an attribute is neither a text of fixed length nor an integer.
     """
     check_attributes(file)
     return {
@@ -149,12 +190,12 @@ def read_attributes(file: h5py.File) -> dict[str, str | int]:
 
 
 def _word(text: str) -> str:
-    """One word of CF's `flag_meanings`, which is a list separated by blanks."""
+    """Turn a text into one word, since CF's `flag_meanings` is a list separated by blanks."""
     return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "none"
 
 
 def identity(scene: Scene) -> dict[str, str | int]:
-    """Attributes that say which rows a file is made for."""
+    """Return the attributes that identify a scene."""
     return {
         "title": scene.title or "Contact of rough surfaces",
         "scene": scene.text(),
@@ -164,7 +205,7 @@ def identity(scene: Scene) -> dict[str, str | int]:
 
 
 def provenance(scene: Scene) -> dict[str, str | int]:
-    """All attributes of a new file."""
+    """Return all attributes of a new file for a scene."""
     return {
         "Conventions": "CF-1.11",
         **identity(scene),
@@ -178,6 +219,6 @@ def provenance(scene: Scene) -> dict[str, str | int]:
 
 
 def _versions() -> dict[str, str]:
-    """Versions of all that decides the numbers."""
+    """Return the versions of the packages that determine the numbers."""
     hdf5 = {"hdf5": h5py.version.hdf5_version}
     return versions(("asperity", "numpy", "scipy", "pyfftw", "h5py")) | hdf5

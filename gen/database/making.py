@@ -1,4 +1,4 @@
-"""Files in the making: whole before they take their names."""
+"""New files, which take their names only when they are whole."""
 
 import os
 import re
@@ -18,33 +18,39 @@ from gen.scene import Scene
 from gen.schema import row_bytes
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
-"""How HDF5 files begin."""
+"""First bytes of HDF5 files."""
 
 
 @contextmanager
 def new_file(
     path: Path, scene: Scene, rows: range, *, replaced: HeldFile | None = None
 ) -> Iterator[Path]:
-    """Make an empty file beside a database, which takes its place when the block has succeeded.
+    """Make an empty file beside a database, and rename it to the database if the block succeeds.
 
-    Its name, `X.h5.0123456789abcdef.part`, is drawn at random and nobody else's. What is left of a
-    killed attempt is removed by the next, which holds the same lock.
+    Its name, `X.h5.0123456789abcdef.part`, is drawn at random. The next attempt, which holds the
+    same lock, removes the remains of a killed one.
 
     Parameters
     ----------
-    path : the database
-    scene, rows : what it is going to hold
-    replaced : the file of this name that is to be replaced, None if there may be none
+    path : Path
+        Database.
+    scene : Scene
+        Scene of the rows, which decides the size.
+    rows : range
+        Rows that the file will hold.
+    replaced : HeldFile, optional
+        Existing file of this name to replace; None if there must be none.
 
     Yields
     ------
-    Name of the file in the making
+    Path
+        Name of the new file.
 
     Raises
     ------
     InputError
-        If the place cannot be written, there is no room, or a file is there that may not be
-        replaced: another than `replaced`, or one whose owner and group this user cannot hand on.
+        If the folder cannot be written, there is no room, or an existing file may not be replaced:
+        it is not `replaced`, or this user cannot pass on its owner and group.
     """
     if not path.resolve().parent.is_dir():
         raise InputError(f"{path}: the folder {path.parent} does not exist; create it first")
@@ -74,7 +80,7 @@ def new_file(
 
 
 def _make(unfinished: Path, path: Path, replaced: HeldFile | None) -> None:
-    """Create the file, closed to all whom the old one is closed to."""
+    """Create the file with owner, group and mode of the file that it replaces."""
     mode = 0o666 if replaced is None else 0o600
     descriptor = os.open(unfinished, os.O_RDWR | os.O_CREAT | os.O_EXCL, mode)
     try:
@@ -93,17 +99,17 @@ def _make(unfinished: Path, path: Path, replaced: HeldFile | None) -> None:
 
 
 def _remove_leftovers(real: Path) -> None:
-    """Remove what killed attempts have left, and nothing else that is called like it."""
+    """Remove the remains of killed attempts, but no user's file with a similar name."""
     own = re.compile(re.escape(real.name) + r"\.[0-9a-f]{16}\.part")
-    for each in real.parent.iterdir():
-        if own.fullmatch(each.name) and stat.S_ISREG(each.lstat().st_mode):
-            with suppress(PermissionError), each.open("rb") as file:
+    for path in real.parent.iterdir():
+        if own.fullmatch(path.name) and stat.S_ISREG(path.lstat().st_mode):
+            with suppress(PermissionError), path.open("rb") as file:
                 if file.read(len(SIGNATURE)) in {SIGNATURE, b""}:
-                    each.unlink()
+                    path.unlink()
 
 
 def _require_room(path: Path, scene: Scene, rows: int) -> None:
-    """Refuse a file that cannot fit before it fills the disk; quotas show only on writing."""
+    """Refuse a file that is larger than the free disk space; quotas show only on writing."""
     needed = rows * row_bytes(scene)
     free = shutil.disk_usage(path.resolve().parent).free
     if needed > free:
@@ -114,7 +120,7 @@ def _require_room(path: Path, scene: Scene, rows: int) -> None:
 
 
 def _put_in_place(temporary: Path, path: Path) -> None:
-    """Rename, but never over a file that has appeared meanwhile."""
+    """Rename the new file, but refuse to replace a file that has appeared meanwhile."""
     try:
         path.hardlink_to(temporary)
     except FileExistsError:

@@ -1,9 +1,9 @@
-"""The union of databases whose rows were computed in different places."""
+"""Merge databases whose rows were computed in different places."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -20,27 +20,30 @@ from gen.schema import STATUS, Column, Status, columns_for
 
 
 def merge(target: Path, sources: Sequence[Path]) -> Counts:
-    """Join databases of one scene whose rows were computed in different places.
+    """Merge databases of one scene whose rows were computed in different places.
 
-    Parts say which rows they hold; the new file holds all rows of the scene. A row that is done
-    anywhere is done in it, else failed if it failed anywhere. The largest number of samples counts;
-    attributes are those of the first file that has it.
+    The new file holds all rows of the scene. A row is done if it is done in any source, otherwise
+    failed if it failed in any. The largest number of samples counts; attributes are those of the
+    first source that has it.
 
     Parameters
     ----------
-    target : the file to create, locked meanwhile
-    sources : the databases
+    target : Path
+        File to create, which is locked meanwhile.
+    sources : sequence of Path
+        Databases to merge, whole ones or parts.
 
     Returns
     -------
-    How many rows are pending, done and failed in the new file
+    Counts
+        Numbers of pending, done and failed rows of the new file.
 
     Raises
     ------
     InputError
         If the target exists, there are no sources, one cannot be read or is of another scene or
-        physics, a row that is done in two files differs in a deterministic column, or the disk is
-        full.
+        physics number, a row that is done in two sources differs in a deterministic column, or the
+        disk is full.
     """
     if not sources:
         raise InputError(f"{target}: nothing to merge; give at least one database")
@@ -53,27 +56,32 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         scene = scenes[largest]
         forced = max(int(file.attrs["physics_forced"]) for file in files.values())
         attributes = read_attributes(files[largest]) | {"physics_forced": forced}
-        rows = range(scene.samples)
-        with new_file(target, scene, rows) as temporary:
-            lay_out(temporary, scene, rows, attributes)
-            with open_file(temporary, writing=True) as file:
-                widest = max(column.row_bytes(scene.surface.nodes) for column in columns_for(scene))
-                held = {path: rows_of(read_attributes(each)) for path, each in files.items()}
-                for start, stop in chunks(scene.samples, widest):
-                    here = {
-                        path: (files[path], own)
-                        for path, own in held.items()
-                        if own.start < stop and start < own.stop
-                    }
-                    if here:
-                        _merge_rows(file, here, scene, start, stop)
-                    else:
-                        fill(file, scene, start, stop)
-                return counts(file[STATUS.path])
+        parts = [Part(path, file, rows_of(read_attributes(file))) for path, file in files.items()]
+        with new_file(target, scene, range(scene.samples)) as temporary:
+            lay_out(temporary, scene, range(scene.samples), attributes)
+            with open_file(temporary, writing=True) as merged:
+                _merge_parts(merged, parts, scene)
+                return counts(merged[STATUS.path])
+
+
+class Part(NamedTuple):
+    """A source with the rows of the scene that it holds."""
+
+    path: Path
+    file: h5py.File
+    rows: range
+
+    def read(self, column: Column, start: int, stop: int, nodes: int) -> NDArray[Any]:
+        """Return the rows start..stop of a column, with fill values for rows that it lacks."""
+        values = np.full(column.shape(stop - start, nodes), column.fill, dtype=column.dtype)
+        first, last = max(start, self.rows.start), min(stop, self.rows.stop)
+        stored = self.file[column.path][first - self.rows.start : last - self.rows.start]
+        values[first - start : last - start] = stored
+        return values
 
 
 def _refuse_unequal(files: Mapping[Path, h5py.File], scenes: Mapping[Path, Scene]) -> None:
-    """Raise InputError unless all files are of one scene and physics."""
+    """Refuse files of different scenes or physics numbers."""
     first, *others = files
     for other in others:
         if different := differences(scenes[first], scenes[other]):
@@ -87,58 +95,47 @@ def _refuse_unequal(files: Mapping[Path, h5py.File], scenes: Mapping[Path, Scene
             )
 
 
-def _merge_rows(
-    target: h5py.File,
-    sources: Mapping[Path, tuple[h5py.File, range]],
-    scene: Scene,
-    start: int,
-    stop: int,
-) -> None:
-    """Write the rows start..stop of the target, each from the first source that has it best.
+def _merge_parts(target: h5py.File, parts: Sequence[Part], scene: Scene) -> None:
+    """Write all rows of the scene into the target, a chunk of rows after the other."""
+    widest = max(column.row_bytes(scene.surface.nodes) for column in columns_for(scene))
+    for start, stop in chunks(scene.samples, widest):
+        overlapping = [part for part in parts if part.rows.start < stop and start < part.rows.stop]
+        if overlapping:
+            _merge_rows(target, overlapping, scene, start, stop)
+        else:
+            fill(target, scene, start, stop)
 
-    Parameters
-    ----------
-    target : the file to write
-    sources : open files with some of these rows, and the rows that each holds
-    scene : of all of them
-    start, stop : first row, and one past the last
-    """
-    paths = list(sources)
+
+def _merge_rows(
+    target: h5py.File, parts: Sequence[Part], scene: Scene, start: int, stop: int
+) -> None:
+    """Write the rows start..stop, each from the first part in which it is done, or else failed."""
     nodes = scene.surface.nodes
-    status = np.stack([_stored(STATUS, *source, start, stop, nodes) for source in sources.values()])
+    status = np.stack([part.read(STATUS, start, stop, nodes) for part in parts])
     done = status == Status.DONE
     merit = 2 * done + (status == Status.FAILED)
     owner = merit.argmax(axis=0)
     for column in columns_for(scene):
         merged = np.full(column.shape(stop - start, nodes), column.fill, dtype=column.dtype)
-        for index, path in enumerate(paths):
+        for index, part in enumerate(parts):
             known = np.flatnonzero(merit[index])
             if not known.size:
                 continue
-            values = _stored(column, *sources[path], start, stop, nodes)
+            values = part.read(column, start, stop, nodes)
             own = known[owner[known] == index]
             merged[own] = values[own]
-            # An owner comes before all other files in which the row is done: it is in place.
+            # The owner of a row precedes all other parts in which the row is done.
             shared = np.flatnonzero(done[index] & (owner != index))
-            if column.deterministic and shared.size:
-                unequal = shared[_unequal_rows(merged[shared], values[shared])]
-                if unequal.size:
-                    other = paths[owner[unequal[0]]]
-                    raise InputError(
-                        f"row {start + unequal[0]}: {column.name} differs between {other} and "
-                        f"{path}, which other code or another machine must have made: not merged"
-                    )
+            if not column.deterministic or not shared.size:
+                continue
+            unequal = shared[_unequal_rows(merged[shared], values[shared])]
+            if unequal.size:
+                other = parts[owner[unequal[0]]].path
+                raise InputError(
+                    f"row {start + unequal[0]}: {column.name} differs between {other} and "
+                    f"{part.path}, which other code or another machine must have made: not merged"
+                )
         write_rows(target[column.path], start, merged)
-
-
-def _stored(
-    column: Column, file: h5py.File, own: range, start: int, stop: int, nodes: int
-) -> NDArray[Any]:
-    """Rows start..stop of a column; filled as pending rows are where the file has none of them."""
-    values = np.full(column.shape(stop - start, nodes), column.fill, dtype=column.dtype)
-    first, last = max(start, own.start), min(stop, own.stop)
-    values[first - start : last - start] = file[column.path][first - own.start : last - own.start]
-    return values
 
 
 def _unequal_rows(left: NDArray[Any], right: NDArray[Any]) -> NDArray[np.bool_]:

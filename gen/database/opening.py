@@ -1,4 +1,4 @@
-"""Files that are opened, and refused unless they are databases of this layout."""
+"""Open files, and refuse those that are not databases of this layout."""
 
 import errno
 import json
@@ -20,7 +20,7 @@ from gen.schema import PART, PHYSICS, SCHEMA, STATUS, Column, Status, columns_fo
 
 
 class Counts(NamedTuple):
-    """How many rows are pending, done and failed."""
+    """Numbers of pending, done and failed rows."""
 
     pending: int
     done: int
@@ -28,9 +28,18 @@ class Counts(NamedTuple):
 
 
 class OpenDatabase:
-    """What readers and writers share: the open file, its scene, its rows, their status.
+    """An open file with its scene and its rows, for readers and writers.
 
-    Rows have the numbers of the scene's plan everywhere, also in a part that holds only some.
+    Rows have the numbers of the scene's plan everywhere, also in a part.
+
+    Parameters
+    ----------
+    path : Path
+        Database.
+    scene : Scene
+        Its scene.
+    file : h5py.File
+        The open file.
     """
 
     def __init__(self, path: Path, scene: Scene, file: h5py.File) -> None:
@@ -40,17 +49,17 @@ class OpenDatabase:
         self._file = file
 
     def _places(self, first: int, last: int | None) -> tuple[int, int]:
-        """Where the rows first..last stand in the columns, as far as this file has them."""
+        """Return first and last position in the columns of those rows that the file has."""
         start, stop = self.rows.start, self.rows.stop
         last = stop if last is None else min(max(last, start), stop)
         return min(max(first, start), last) - start, last - start
 
     def __enter__(self) -> Self:
-        """Leave the block to close the file."""
+        """Return the database, which is closed at the end of the block."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Close the file, whatever has happened."""
+        """Close the file."""
         self.close()
 
     def close(self) -> None:
@@ -58,16 +67,22 @@ class OpenDatabase:
         self._file.close()
 
     def columns(self) -> tuple[Column, ...]:
-        """List the file's columns, in the schema's order."""
+        """Return the columns of the file in the schema's order."""
         return columns_for(self.scene)
 
     def counts(self) -> Counts:
-        """Count the rows by status."""
+        """Count the rows of the file by their status."""
         return counts(self._file[STATUS.path])
 
 
 def counts(status: h5py.Dataset) -> Counts:
-    """Count the rows by status."""
+    """Count rows by their status.
+
+    Parameters
+    ----------
+    status : h5py.Dataset
+        Column of statuses.
+    """
     done = failed = 0
     for start, stop in chunks(len(status), 1):
         chunk = status[start:stop]
@@ -77,10 +92,29 @@ def counts(status: h5py.Dataset) -> Counts:
 
 
 def open_file(path: Path, *, writing: bool = False, communicator: Any = None) -> h5py.File:
-    """Open an HDF5 file of any content; with an MPI communicator, by all its processes together.
+    """Open an HDF5 file without checking its content.
 
-    Without HDF5's buffer for small writes: data reach the kernel in the order of the calls, and a
-    failed write leaves nothing behind on which closing would fail as well.
+    HDF5's buffer for small writes is off, so that data reach the kernel in the order of the calls,
+    and a failed write leaves nothing that would make closing fail as well.
+
+    Parameters
+    ----------
+    path : Path
+        File to open.
+    writing : bool
+        Open the file for writing too.
+    communicator : mpi4py.MPI.Comm, optional
+        Processes that open the file together, a collective call.
+
+    Returns
+    -------
+    h5py.File
+        The open file.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, unreadable, read-only or no HDF5.
     """
     if path.is_dir():
         raise InputError(f"{path} is a folder; give the name of a database")
@@ -91,7 +125,7 @@ def open_file(path: Path, *, writing: bool = False, communicator: Any = None) ->
         require_writable(path)
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
-    access.set_file_locking(False, True)  # none, and no complaint where they are disabled
+    access.set_file_locking(False, True)  # no locks, and no error if the environment disables them
     access.set_sieve_buf_size(0)
     if communicator is not None:
         hints = communicator.Get_info()
@@ -105,7 +139,7 @@ def open_file(path: Path, *, writing: bool = False, communicator: Any = None) ->
 
 
 def _unreadable(path: Path, error: OSError) -> str:
-    """Why HDF5 could not open a file, and what to do."""
+    """Describe why HDF5 could not open a file, with advice."""
     if error.errno == errno.ENOENT:
         return "does not exist; check the name"
     if error.errno is not None:
@@ -118,19 +152,43 @@ def _unreadable(path: Path, error: OSError) -> str:
 
 
 def checked(file: h5py.File, path: Path) -> Scene:
-    """Scene of a database of this layout; refuses all else."""
+    """Check that an open file is a database of this layout, and return its scene.
+
+    Parameters
+    ----------
+    file : h5py.File
+        File to check.
+    path : Path
+        Its name.
+
+    Returns
+    -------
+    Scene
+        Scene of the database.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, or not a database of this layout.
+    """
     try:
         return _scene_of(file, path)
     except InputError:
         raise
-    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:  # all h5py's
+    except (
+        OSError,
+        RuntimeError,
+        KeyError,
+        TypeError,
+        ValueError,
+    ) as error:  # h5py raises all of these
         raise InputError(
             f"{path} is damaged ({first_line(error)}); restore it from a copy or remove it"
         ) from None
 
 
 def _scene_of(file: h5py.File, path: Path) -> Scene:
-    """Scene of a whole file; what is not whole may raise anything."""
+    """Return the scene of an intact file; a damaged one may raise any error of h5py."""
     if not all(name in file.attrs for name in ("schema", "physics", "scene", "samples")):
         raise InputError(f"{path} is HDF5 but not a database of Asperity; give another name")
     attributes = read_attributes(file)
@@ -153,9 +211,31 @@ def _scene_of(file: h5py.File, path: Path) -> Scene:
 
 
 def checked_for(file: h5py.File, path: Path, scene: Scene, *, force: bool) -> Scene:
-    """Scene of a database that can take rows of `scene`; refuses all else."""
-    found = checked(file, path)
-    if different := differences(found, scene):
+    """Check that rows of a scene can be written into an open file, and return the file's own scene.
+
+    Parameters
+    ----------
+    file : h5py.File
+        File to check.
+    path : Path
+        Its name.
+    scene : Scene
+        Scene of the rows to be written.
+    force : bool
+        Accept another physics number.
+
+    Returns
+    -------
+    Scene
+        Scene of the database, which may have another number of samples.
+
+    Raises
+    ------
+    InputError
+        If the file is no database of this layout, scene and physics number.
+    """
+    present = checked(file, path)
+    if different := differences(present, scene):
         raise InputError(
             f"{path} holds another scene ({'; '.join(different)}); "
             "give another name, or the file's own scene"
@@ -166,4 +246,4 @@ def checked_for(file: h5py.File, path: Path, scene: Scene, *, force: bool) -> Sc
             f"{path} holds results of physics {physics}, this version computes physics {PHYSICS}; "
             "give another name, or --force to have rows of both in one file"
         )
-    return found
+    return present

@@ -1,4 +1,4 @@
-"""The parallel writer: every process of an MPI run writes the rows that it has computed."""
+"""The parallel writer: every process of an MPI run writes its own rows."""
 
 import os
 import socket
@@ -15,27 +15,31 @@ from gen.scene import Scene
 
 
 def parallel_hdf5() -> bool:
-    """Whether this h5py and its HDF5 are built with MPI; no wheel of the package index is."""
+    """Tell whether h5py and its HDF5 are built with MPI; wheels of the package index are not."""
     return bool(h5py.get_config().mpi)
 
 
 class ParallelWriter(Writer):
     """A database open for writing on all processes at once; the master holds `lock(path)`.
 
-    Opening and closing are collective: every process of the communicator has to do both. Between
-    them each process writes its own rows by itself, and nothing else changes in the file.
+    Opening and closing are collective calls. In between, every process writes its own rows
+    independently.
 
     Parameters
     ----------
-    path : the database, from `open_or_create` on one process
-    scene : what is being generated
-    communicator : of mpi4py, the processes that write
-    force : see `open_or_create`
+    path : Path
+        Database, from `open_or_create` on one process.
+    scene : Scene
+        Scene of the rows to be written.
+    communicator : mpi4py.MPI.Comm
+        Processes that write.
+    force : bool
+        Accept another physics number.
 
     Raises
     ------
     InputError
-        On every process alike, if one of them does not see the same file or it cannot be opened.
+        On all processes, if one of them sees another file or cannot open it.
     """
 
     def __init__(self, path: Path, scene: Scene, communicator: Any, *, force: bool = False) -> None:
@@ -43,14 +47,14 @@ class ParallelWriter(Writer):
         super().__init__(path, scene, force=force)
 
     def _hold(self, path: Path) -> HeldFile:
-        """Lock the file on the master; refused on every process alike."""
+        """Lock the file on the master; if one process refuses it, all do."""
         _require_one_file(path, self._communicator)
         held, refusal = None, ""
         try:
             held = HeldFile(path, locking=self._communicator.rank == 0)
         except InputError as error:
             refusal = str(error)
-        refusals = [each for each in self._communicator.allgather(refusal) if each]
+        refusals = list(filter(None, self._communicator.allgather(refusal)))
         if held is None or refusals:
             if held is not None:
                 held.close()
@@ -67,26 +71,26 @@ class ParallelWriter(Writer):
         refusals = self._communicator.allgather(refusal)
         if file is None and all(refusals):
             raise InputError(refusals[0])
-        if any(refusals):  # some have opened it and would wait for the others to close it
+        if any(refusals):  # the processes that have opened it would wait in its closing
             raise RuntimeError("; ".join(filter(None, refusals)))
         return file
 
     def _abandon(self) -> None:
-        """Do nothing: MPI has the file open, and closing it is collective."""
+        """Do nothing, since closing is a collective call of MPI."""
 
     def _flush(self) -> None:
-        """Do nothing: HDF5's flush is collective, and it has nothing to hand over.
+        """Do nothing: HDF5's flush is a collective call, and there is nothing to flush.
 
-        With MPI-IO it buffers no data of contiguous datasets, and MPI-IO hands each contiguous
-        piece to the kernel before the call returns. So the order of the writes is kept.
+        With MPI-IO, HDF5 buffers no data of contiguous datasets, and MPI-IO passes contiguous
+        pieces to the kernel before the call returns, so that the order of writes is kept.
         """
 
 
 def _require_one_file(path: Path, communicator: Any) -> None:
     """Refuse a path that leads to different files on different machines, or to none."""
     try:
-        found = path.stat()
-        seen = (found.st_ino, found.st_size) if os.access(path, os.R_OK | os.W_OK) else None
+        status = path.stat()
+        seen = (status.st_ino, status.st_size) if os.access(path, os.R_OK | os.W_OK) else None
     except OSError:
         seen = None
     everywhere = communicator.allgather((seen, socket.gethostname()))

@@ -1,4 +1,4 @@
-"""The reader: columns, attributes and what they amount to."""
+"""The reader of databases: columns, attributes, counts and ranges."""
 
 import math
 from contextlib import ExitStack
@@ -18,7 +18,13 @@ from gen.schema import REASON, STATUS, Status
 
 
 def is_database(path: Path) -> bool:
-    """Whether a file is a database that can be read."""
+    """Tell whether a file is a readable database.
+
+    Parameters
+    ----------
+    path : Path
+        File, which need not exist.
+    """
     try:
         with require_file(path).open("rb") as file:
             if file.read(len(SIGNATURE)) != SIGNATURE:
@@ -30,17 +36,21 @@ def is_database(path: Path) -> bool:
 
 
 class Reader(OpenDatabase):
-    """A database open for reading, also while a run writes it; a context manager.
+    """A database open for reading, even while a run writes it; a context manager.
 
     Parameters
     ----------
-    path : the database
+    path : Path
+        Database.
 
     Attributes
     ----------
-    path : the database
-    scene : the scene it was made with
-    rows : those of the scene that it holds: all of them, or a part
+    path : Path
+        Database.
+    scene : Scene
+        Scene that it was made with.
+    rows : range
+        Rows of the scene that it holds; fewer than all in a part.
 
     Raises
     ------
@@ -56,7 +66,7 @@ class Reader(OpenDatabase):
 
     @property
     def attributes(self) -> dict[str, str | int]:
-        """What the file says about itself: scene, versions, commit, numbers of layout, physics."""
+        """Attributes of the file: scene, versions, commit, layout number, physics number."""
         return read_attributes(self._file)
 
     @property
@@ -69,13 +79,15 @@ class Reader(OpenDatabase):
 
         Parameters
         ----------
-        name : name of the column
-        start, stop : first row, and one past the last (None: to the end); what a part has of them
+        name : str
+            Name of the column.
+        start, stop : int, optional
+            First row and one past the last, all rows by default; a part returns those it has.
 
         Returns
         -------
-        (stop - start,), or (stop - start, n, n) for a field, in the unit of `gen.schema`; pending
-        and failed rows included: see the status
+        ndarray, shape (stop - start,) or (stop - start, nx, ny)
+            Numbers, texts or fields in the unit of `gen.schema`, pending and failed rows included.
 
         Raises
         ------
@@ -90,7 +102,13 @@ class Reader(OpenDatabase):
         raise InputError(f"{self.path} has no column {name!r}; it has {names}")
 
     def reasons(self) -> dict[int, int]:
-        """Count the failed rows by the code of their reason (see `gen.schema.REASONS`)."""
+        """Count the failed rows by their reason.
+
+        Returns
+        -------
+        dict of int
+            Number of rows by the code of their reason, a key of `gen.schema.REASONS`.
+        """
         total = np.zeros(256, dtype=np.int64)
         for start, stop in chunks(len(self.rows), 1):
             failed = self._file[STATUS.path][start:stop] == Status.FAILED
@@ -100,11 +118,13 @@ class Reader(OpenDatabase):
         return {int(code): int(total[code]) for code in np.flatnonzero(total)}
 
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Find the smallest and the largest value of every column of numbers over the done rows.
+        """Find the range of every column of numbers over the done rows.
 
         Returns
         -------
-        By name, in the column's unit, NaN without done rows; fields, codes and texts are left out
+        dict of (float, float)
+            Smallest and largest value by the column's name and in its unit, NaN without done rows;
+            fields, codes and texts are omitted.
         """
         wanted = [
             column

@@ -1,4 +1,4 @@
-"""The single writer: finished rows go in, unfinished ones are found again."""
+"""The writer of databases: write finished rows, find pending ones."""
 
 import os
 import tempfile
@@ -19,7 +19,7 @@ from gen.scene import Scene
 from gen.schema import STATUS, Status
 
 KINDS = {"f": "fiu", "i": "iu", "u": "iu", "S": "S"}
-"""Kinds of arrays that a column of each kind takes."""
+"""Accepted kinds of arrays for each kind of column."""
 
 
 class Writer(OpenDatabase):
@@ -29,15 +29,21 @@ class Writer(OpenDatabase):
 
     Parameters
     ----------
-    path : the database, from `open_or_create`
-    scene : what is being generated
-    force : see `open_or_create`
+    path : Path
+        Database, from `open_or_create`.
+    scene : Scene
+        Scene of the rows to be written.
+    force : bool
+        Accept another physics number.
 
     Attributes
     ----------
-    path : the database
-    scene : the file's scene, which may have more samples than the one asked for
-    rows : those of the scene that the file holds
+    path : Path
+        Database.
+    scene : Scene
+        Scene of the file, which may have more samples than the requested one.
+    rows : range
+        Rows of the scene that the file holds.
 
     Raises
     ------
@@ -57,7 +63,7 @@ class Writer(OpenDatabase):
             stack.pop_all()
 
     def close(self) -> None:
-        """Close the file, then let go of it; a file that has become another gets nothing more."""
+        """Close and release the file; if it has been replaced, write nothing more into it."""
         if not self._file:
             return
         try:
@@ -68,16 +74,16 @@ class Writer(OpenDatabase):
         self._held.close()
 
     def _abandon(self) -> None:
-        """Have HDF5 write into nothing what it writes when it closes a file, its first bytes."""
+        """Redirect the bytes that HDF5 writes when it closes a file into a temporary file."""
         with tempfile.TemporaryFile() as nothing:
             os.dup2(nothing.fileno(), self._file.id.get_vfd_handle())
 
     def confirm(self) -> None:
-        """Refuse a file that is no longer what was opened: see `HeldFile.check`."""
+        """Refuse a file that has been replaced, see `HeldFile.check`."""
         self._held.check()
 
     def _hold(self, path: Path) -> HeldFile:
-        """Lock the file, whatever it is called."""
+        """Lock the file by device and inode."""
         return HeldFile(path)
 
     def _open(self, path: Path) -> h5py.File:
@@ -85,22 +91,24 @@ class Writer(OpenDatabase):
         return open_file(path, writing=True)
 
     def write_block(self, start: int, stop: int, columns: Mapping[str, ArrayLike]) -> None:
-        """Write finished rows: everything else first, then their status.
+        """Write finished rows: first all other columns, then the status.
 
         Parameters
         ----------
-        start, stop : first row, and one past the last
-        columns : by name, every column of the file: (stop - start,), or (stop - start, n, n) for
-            fields, in the units of `gen.schema`; the status done or failed
+        start, stop : int
+            First row, and one past the last.
+        columns : mapping of array_like, shape (stop - start,) or (stop - start, nx, ny)
+            All columns of the file by name, in the units of `gen.schema`; every status is done or
+            failed.
 
         Raises
         ------
         ValueError
             If a column is missing, unknown, or of another shape or kind, a status is neither done
-            nor failed, or there are no such rows; nothing is written then.
+            nor failed, or the file has no such rows; nothing is written then.
         InputError
-            If the disk is full or fails: it says how many rows are safe; if the file is no longer
-            what was opened.
+            If the disk is full or fails, with the number of rows that are safe, or if the file has
+            been replaced.
         """
         arrays = self._checked_block(start, stop, columns)
         self.confirm()
@@ -124,7 +132,7 @@ class Writer(OpenDatabase):
     def _checked_block(
         self, start: int, stop: int, columns: Mapping[str, ArrayLike]
     ) -> dict[str, NDArray[Any]]:
-        """Arrays of a block, of the right names, shapes and kinds."""
+        """Return a block's arrays in the columns' types; refuse wrong names, shapes and kinds."""
         if not self.rows.start <= start < stop <= self.rows.stop:
             raise ValueError(f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}")
         if wrong := columns.keys() ^ self._datasets.keys():
@@ -144,7 +152,7 @@ class Writer(OpenDatabase):
         return arrays
 
     def _flush(self) -> None:
-        """Hand all data to the kernel, which keeps them if this process is killed."""
+        """Pass all data to the kernel, which keeps them if this process is killed."""
         self._file.flush()
 
     def pending(self, first: int = 0, last: int | None = None) -> list[tuple[int, int]]:
@@ -152,11 +160,13 @@ class Writer(OpenDatabase):
 
         Parameters
         ----------
-        first, last : where to look: first row, and one past the last (None: to the end)
+        first, last : int, optional
+            First row of the search and one past the last, all rows by default.
 
         Returns
         -------
-        (start, stop) of every run of pending rows, in order, as long as possible
+        list of (int, int)
+            First row and one past the last of every longest run of pending rows, in order.
         """
         begin, end = self._places(first, last)
         runs: list[tuple[int, int]] = []
@@ -165,14 +175,25 @@ class Writer(OpenDatabase):
             finished = (chunk == Status.DONE) | (chunk == Status.FAILED)
             edges = np.flatnonzero(np.diff(finished, prepend=True, append=True))
             edges += self.rows.start + start
-            found = list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-            if runs and found and runs[-1][1] == found[0][0]:
-                found[0] = (runs.pop()[0], found[0][1])
-            runs += found
+            here = list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+            if runs and here and runs[-1][1] == here[0][0]:
+                here[0] = (runs.pop()[0], here[0][1])
+            runs += here
         return runs
 
     def retry_failed(self, first: int = 0, last: int | None = None) -> int:
-        """Make the failed rows first..last pending again, and return how many they were."""
+        """Make failed rows pending again.
+
+        Parameters
+        ----------
+        first, last : int, optional
+            First row and one past the last, all rows by default.
+
+        Returns
+        -------
+        int
+            Number of rows that were failed.
+        """
         self.confirm()
         retried = 0
         begin, end = self._places(first, last)

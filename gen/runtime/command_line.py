@@ -1,4 +1,4 @@
-"""How every command of the project ends: one clear line, and one exit code on all ranks."""
+"""Run a command so that it ends with one clear line and the same exit code on all ranks."""
 
 import os
 import sys
@@ -15,11 +15,11 @@ from gen.runtime import farm, memory, startup
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import printable
 
-# The base class of what typer raises for a wrong command line; its own home has moved twice.
 CommandLineError: Any = typer.BadParameter.__mro__[2]
+"""Base class of typer's errors about a command line; typer has moved it twice."""
 
 LONGEST = 1200
-"""Characters of a line of complaint at most: what is wrong stands at both ends."""
+"""Most characters of a message; the middle of longer ones is left out."""
 
 EXTRAS = {
     "jinja2": "bench",
@@ -30,11 +30,10 @@ EXTRAS = {
     "SurfaceTopography": "instruments",
     "xgboost": "learn",
 }
-"""Packages that only some commands need, and the extra that brings each."""
+"""Extra that installs a package, for packages that only some commands need."""
 
 FORWARDING = 0.5
-"""Time that a launcher has for passing on a last line [s]: what it holds when it hears of the abort
-is lost."""
+"""Time for the launcher to pass on a last line [s]; an abort would lose it."""
 
 
 def main(
@@ -45,23 +44,29 @@ def main(
     together: Collection[str] = (),
     alone: bool = False,
 ) -> int:
-    """Run a command on the processes that it needs; return the exit code, the same on all of them.
+    """Run a command on all its processes and return the same exit code on all of them.
 
-    Whatever ends the command on the master ends it on the workers too, wherever they wait: bad
-    input, a disk that is full, a package that is missing. The master alone tells why. A bug ends
-    all processes at once, with its traceback.
+    If the command ends on the master (bad input, a full disk, a missing package), it ends on the
+    workers too, wherever they wait, and the master alone prints why. A bug ends all processes at
+    once with its traceback.
 
     Parameters
     ----------
-    app : the commands
-    name : what the user typed before the arguments
-    arguments : the command line
-    together : names of the commands that the workers take part in; the others are the master's
-    alone : True for commands that refuse to be more than one process: they measure times
+    app : typer.Typer
+        Commands of the program.
+    name : str
+        Name of the program, for messages.
+    arguments : sequence of str
+        Command line without the name of the program.
+    together : collection of str
+        Names of the commands that the workers take part in; the master runs the rest alone.
+    alone : bool
+        Refuse to run as more than one process, for programs that measure times.
 
     Returns
     -------
-    0 for success, 2 for input that cannot be used, 130 after Ctrl-C, or what the command exits with
+    int
+        0 for success, 2 for unusable input, 130 after Ctrl-C, or the command's own code.
     """
     world = farm.World()
     try:
@@ -77,7 +82,7 @@ def main(
         return _ended(world, code, message)
     except farm.MasterLeft as left:
         return left.code
-    except InputError as error:  # there is no world to agree with
+    except InputError as error:  # this process could not join the others
         _complain(f"{name}: {error}")
         return 2
     except Exception:
@@ -85,7 +90,7 @@ def main(
 
 
 def _ended(world: farm.World, code: int, message: str) -> int:
-    """Agree on the master's exit code; what ends one worker alone ends all processes."""
+    """Agree on the master's exit code; a command that failed on one worker ends all processes."""
     try:
         return world.end(code)
     except RuntimeError:
@@ -102,7 +107,10 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
 
     Returns
     -------
-    (code, message) : the exit code, and what to tell the user, "" for nothing
+    code : int
+        Exit code.
+    message : str
+        Message to the user, or "".
     """
     try:
         code = _invoke(app, name, arguments)
@@ -110,11 +118,11 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
         code = left.exit_code
     except farm.MasterLeft:
         raise
-    except SystemExit as left:  # of a library: the other ranks have to hear of it
+    except SystemExit as left:  # from a library; the other ranks have to end too
         code = left.code if isinstance(left.code, int) else 1
     except (KeyboardInterrupt, typer.Abort):
         return 130, f"{name}: interrupted"
-    except BrokenPipeError:  # the reader of our output, `head` say, has had enough
+    except BrokenPipeError:  # the reader of our output, for example `head`, has ended
         _drop_output()
         return 141, ""
     except (CommandLineError, InputError, ModuleNotFoundError, OSError) as error:
@@ -129,7 +137,7 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
 
 
 def _invoke(app: typer.Typer, name: str, arguments: Sequence[str]) -> int:
-    """Run a command; raise what it raises, and what its output's device does."""
+    """Run a command and flush its output, so that errors of the output are raised here."""
     command = _built(app)
     with command.make_context(name, list(arguments)) as context:
         code = command.invoke(context)
@@ -140,12 +148,12 @@ def _invoke(app: typer.Typer, name: str, arguments: Sequence[str]) -> int:
 
 @cache
 def _built(app: typer.Typer) -> Any:
-    """Return what parses a command line; to build it takes longer than to refuse one."""
+    """Return the parser of an app; building it takes longer than refusing a command line."""
     return typer.main.get_command(app)
 
 
 def _in_words(name: str, error: Exception) -> str:
-    """What to tell; a module of our own that is missing is a bug, and is raised again."""
+    """Return the message for an error; raise it again if a module of our own is missing."""
     if isinstance(error, CommandLineError):
         context = getattr(error, "ctx", None)
         path = context.command_path if context else name
@@ -162,7 +170,7 @@ def _in_words(name: str, error: Exception) -> str:
 
 
 def _place(error: OSError) -> str:
-    """Name what an error of the system is about, as far as it says."""
+    """Return the path that an error of the system is about, or ""."""
     if isinstance(error.filename, str | bytes):
         return f"{os.fsdecode(error.filename)}: "
     try:
@@ -173,17 +181,17 @@ def _place(error: OSError) -> str:
 
 
 def _complain(message: str) -> None:
-    """Say one line on standard error, if that can be written to."""
+    """Write one line on standard error, if that is possible."""
     with suppress(OSError, ValueError, AttributeError):
         line = printable(" ".join(message.split()))
-        if len(line) > LONGEST:  # of a name or a number that nobody has typed by hand
+        if len(line) > LONGEST:  # holds a name or a number that nobody has typed by hand
             line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
         sys.stderr.write(line + "\n")
         sys.stderr.flush()
 
 
 def _drop_output() -> None:
-    """Drop what standard output still holds: Python would try again, and complain, as it exits."""
+    """Discard buffered output, which Python would otherwise try to write again as it exits."""
     with suppress(OSError, ValueError, AttributeError):
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""Consoles for tables and lines of any origin: what a file holds cannot drive the terminal."""
+"""Consoles that replace control characters, so that texts of files cannot drive the terminal."""
 
 import errno
 import os
@@ -13,48 +13,50 @@ from gen.runtime.terminal import printable
 
 
 class _Harmless:
-    """What is to be printed, without control characters of its own.
+    """Content to print with its control characters replaced.
 
     Parameters
     ----------
-    content : anything that rich can print
+    content : rich.console.ConsoleRenderable
+        Anything that rich can print.
     """
 
     def __init__(self, content: ConsoleRenderable) -> None:
         self._content = content
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
-        """Pass rich's own control codes and ends of lines on, and the texts once printable."""
+        """Yield rich's own control codes and ends of lines unchanged, and texts made printable."""
         for segment in console.render(self._content, options):
             lines = "\n".join(printable(line) for line in segment.text.split("\n"))
             yield segment if segment.control else Segment(lines, segment.style)
 
 
 class _Censor(RenderHook):
-    """Makes whatever a console prints harmless; a text is a single line."""
+    """A hook that makes everything printable; a text is a single line."""
 
     def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
-        """Called by rich before it prints."""
-        for each in renderables:
-            if isinstance(each, Text):
-                each.plain = printable(each.plain)
-        return [_Harmless(each) for each in renderables]
+        """Make content printable; rich calls this before it prints."""
+        for content in renderables:
+            if isinstance(content, Text):
+                content.plain = printable(content.plain)
+        return [_Harmless(content) for content in renderables]
 
 
 class _Console(Console):
-    """A console that raises what its stream raises; rich's own would end the process instead."""
+    """A console that raises BrokenPipeError; rich's own would end the process instead."""
 
     def on_broken_pipe(self) -> None:
-        """Called by rich while it handles a BrokenPipeError."""
+        """Raise the error again; rich calls this while it handles it."""
         raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
 
 
 def console(**settings: Any) -> Console:
-    """Make a console whose texts hold no control characters.
+    """Make a console that prints no control characters of its content.
 
     Parameters
     ----------
-    settings : what `rich.console.Console` takes
+    **settings
+        Arguments of `rich.console.Console`.
     """
     made = _Console(**settings)
     made.push_render_hook(_Censor())
@@ -62,5 +64,11 @@ def console(**settings: Any) -> Console:
 
 
 def wide_console(width: int) -> Console:
-    """Make a console as wide as the terminal, or of a fixed width where there is none."""
+    """Make a console as wide as the terminal, or of a fixed width without one.
+
+    Parameters
+    ----------
+    width : int
+        Width without a terminal [characters].
+    """
     return console(width=None if Console().is_terminal else width)

@@ -1,7 +1,7 @@
-"""JSON documents that programs write for programs: checked before anything in them is used.
+"""JSON documents that our programs exchange, checked before any part of them is used.
 
-Somebody may have edited them, or sent them: a key that is missing, a text where a number should be
-or a number that is none has to be named where it stands, not where it does its harm.
+Somebody may have edited or sent them. A missing key, a text in place of a number or a number that
+is not finite is named here, before it can do harm.
 """
 
 from pathlib import Path
@@ -13,27 +13,39 @@ from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 
 LARGEST = 64 * 2**20
-"""Bytes of a document at most; those of this project have some thousands."""
+"""Most bytes of a document; those of this project have some thousands."""
 
 
 class Document(BaseModel):
-    """What a document has to hold, without conversions and NaN; it may have more keys.
+    """The required keys of a document; values are neither converted nor NaN, further keys allowed.
 
-    A class of this kind says which keys there are, of what type, and between which bounds.
+    Subclasses declare the keys with their types and bounds.
     """
 
     model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
 
 
 def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
-    """Read a regular file whole.
+    """Read a whole regular file.
+
+    Parameters
+    ----------
+    path : Path
+        File to read.
+    largest : int
+        Largest size that is accepted [bytes].
+
+    Returns
+    -------
+    bytes
+        Content of the file.
 
     Raises
     ------
     FileNotFoundError
-        If there is none.
+        If the file does not exist.
     InputError
-        If it is anything else than a regular file, larger, or cannot be read.
+        If the path is no regular file, the file is larger, or it cannot be read.
     """
     try:
         size = require_file(path).stat().st_size
@@ -47,18 +59,25 @@ def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
 
 
 def read(path: Path, *kinds: type[Document]) -> dict[str, Any] | None:
-    """Read a document; None if there is none.
+    """Read a document and check it.
 
     Parameters
     ----------
-    path : JSON, an object
-    kinds : what it may hold: one of these
+    path : Path
+        File with a JSON object.
+    *kinds : type of Document
+        Accepted kinds of documents; one of them has to fit.
+
+    Returns
+    -------
+    dict, optional
+        Keys and values of the document; None if the file does not exist.
 
     Raises
     ------
     InputError
-        If it cannot be read, or holds something else; in one line, with the key and what is wrong
-        for the first of the kinds.
+        If the file cannot be read, or none of the kinds fits; the message names the key and the
+        fault for the first kind.
     """
     try:
         content = read_bytes(path)
@@ -68,27 +87,35 @@ def read(path: Path, *kinds: type[Document]) -> dict[str, Any] | None:
 
 
 def checked(path: Path | str, content: bytes, *kinds: type[Document]) -> dict[str, Any]:
-    """Return what JSON holds, numbers of the wanted types; refuse what is none of some kinds.
+    """Parse a JSON object and check it against the accepted kinds.
 
     Parameters
     ----------
-    path : what messages call it
-    content : JSON, an object
-    kinds : see `read`
+    path : Path or str
+        Name of the document, for messages.
+    content : bytes
+        JSON object.
+    *kinds : type of Document
+        Accepted kinds of documents; one of them has to fit.
+
+    Returns
+    -------
+    dict
+        Keys and values, numbers of the declared types.
 
     Raises
     ------
     InputError
-        See `read`.
+        If none of the kinds fits.
     """
     faults = []
     for kind in kinds:
         try:
-            found = kind.model_validate_json(content)
+            document = kind.model_validate_json(content)
         except ValidationError as error:
             faults.append(error.errors(include_url=False, include_input=False)[0])
         else:
-            return found.model_dump(exclude_unset=True)
+            return document.model_dump(exclude_unset=True)
     key = ".".join(map(str, faults[0]["loc"]))
     where = f"{key}: " if key else ""
     raise InputError(

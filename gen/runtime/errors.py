@@ -1,5 +1,5 @@
-"""The one error that means: the user gave something that cannot be used."""
+"""The error for input that cannot be used."""
 
 
 class InputError(ValueError):
-    """What was given, what is allowed and where, in one line; the command line exits with 2."""
+    """Unusable input: one line with the given and the allowed value; commands then exit with 2."""

@@ -1,8 +1,8 @@
 """One master and its workers: serially or over MPI behind one contract; the home of mpi4py.
 
-The work is a pure function of its task, the tasks come from an iterator that is drawn from only
-as fast as they are worked off, and results reach the master one by one in the order in which they
-are finished: the master holds a few tasks per worker, however long the plan is.
+Work is a pure function of a task. Tasks are drawn from an iterator when a worker becomes free, and
+results reach the master one by one in the order of completion, so that the master holds a few tasks
+per worker however long the plan is.
 """
 
 import os
@@ -22,25 +22,26 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 IN_FLIGHT = 2
-"""Tasks handed out per worker: one at work, one waiting, so that no worker waits for the master."""
+"""Tasks in the hands of each worker: the second one spares it the wait for the master."""
 
 LAUNCHERS = ("PMI_SIZE", "PMIX_RANK", "OMPI_COMM_WORLD_SIZE", "MPI_LOCALNRANKS")
-"""Variables that mpiexec, mpirun and srun set for the processes that they start."""
+"""Environment variables that mpiexec, mpirun and srun set for the processes that they start."""
 
 LONGEST_NAP = 0.01
-"""Time at most between two looks of a process that waits for the master [s]: MPI itself would keep
-a core busy, for as long as the master works alone."""
+"""Longest pause between two looks for a message of the master [s]; MPI's own waiting would keep a
+core busy while the master works alone."""
 
 _own_work: ContextVar[Callable[[Any], Any]] = ContextVar("_own_work")
-"""What this process does with a task, while it is in `run`."""
+"""The function that this process applies to tasks while it is in `run`."""
 
 
 class MasterLeft(SystemExit):
-    """Raised on a worker that waits for a master which has ended the command: the worker ends too.
+    """The master has ended the command; raised on workers that wait for it, to end them too.
 
     Attributes
     ----------
-    code : exit code of the master
+    code : int
+        Exit code of the master.
     """
 
     code: int
@@ -50,14 +51,18 @@ class MasterLeft(SystemExit):
 class World:
     """The processes of this run.
 
-    What the master has for all processes travels in envelopes: either a value (`broadcast`) or the
-    exit code with which the master ends the command (`end`). A master that refuses its input
-    therefore always meets the workers, wherever they wait.
+    The master sends envelopes to all processes: either a value (`broadcast`) or the exit code with
+    which it ends the command (`end`). A master that refuses its input therefore reaches the
+    workers wherever they wait.
 
     Attributes
     ----------
-    rank : of this process; 0 is the master
-    size : number of processes; 1 works without MPI
+    rank : int
+        Rank of this process; 0 is the master.
+    size : int
+        Number of processes; 1 works without MPI.
+    communicator : mpi4py.MPI.Comm, optional
+        Communicator of all processes, None without MPI.
     """
 
     rank: int = 0
@@ -75,7 +80,17 @@ class World:
         return max(self.size - 1, 1)
 
     def broadcast(self, value: Any) -> Any:
-        """Give the master's value to every process; all of them have to call it.
+        """Return the master's value on every process; a collective call.
+
+        Parameters
+        ----------
+        value : object
+            Value to send; ignored on the workers.
+
+        Returns
+        -------
+        object
+            Value of the master.
 
         Raises
         ------
@@ -88,20 +103,22 @@ class World:
         return value
 
     def end(self, code: int) -> int:
-        """End the command: the last that every process calls, unless it has raised `MasterLeft`.
+        """End the command on all processes; the last call of those that raised no `MasterLeft`.
 
         Parameters
         ----------
-        code : exit code of this process's own command; only the master's counts
+        code : int
+            Exit code of this process's own command; only the master's counts.
 
         Returns
         -------
-        The master's exit code
+        int
+            Exit code of the master.
 
         Raises
         ------
         RuntimeError
-            On a worker whose command has ended although the master goes on with it.
+            On a worker whose command has ended although the master continues it.
         """
         _, agreed = self._exchange((None, code))
         if agreed is None:
@@ -109,7 +126,7 @@ class World:
         return int(agreed)
 
     def _exchange(self, envelope: tuple[Any, int | None]) -> tuple[Any, int | None]:
-        """Return the master's envelope on every process; those that wait for it sleep."""
+        """Return the master's envelope on every process; waiting processes sleep."""
         if self.communicator is None:
             return envelope
         announced = self.communicator.Ibcast(bytearray(1), root=0)
@@ -117,11 +134,11 @@ class World:
         while not announced.Test():
             time.sleep(nap)
             nap = min(2 * nap, LONGEST_NAP)
-        found: tuple[Any, int | None] = self.communicator.bcast(envelope, root=0)
-        return found
+        received: tuple[Any, int | None] = self.communicator.bcast(envelope, root=0)
+        return received
 
     def abort(self) -> NoReturn:
-        """End all processes at once after a bug, with its traceback."""
+        """Print the traceback of a bug and end all processes at once."""
         traceback.print_exc()
         sys.stderr.flush()
         if self.communicator is not None:
@@ -130,12 +147,17 @@ class World:
 
 
 def this_world() -> World:
-    """Join the other processes if an MPI launcher started this one; import no MPI otherwise.
+    """Join the other processes if an MPI launcher started this one; otherwise import no MPI.
+
+    Returns
+    -------
+    World
+        All processes of the run.
 
     Raises
     ------
     InputError
-        If a launcher started it but mpi4py is not installed or of another MPI.
+        If a launcher started this process but mpi4py is not installed or of another MPI.
     """
     launched = any(name in os.environ for name in LAUNCHERS)
     if not launched and "mpi4py" not in sys.modules:
@@ -156,7 +178,7 @@ def this_world() -> World:
 
 
 def _check_launcher() -> None:
-    """Refuse variables of a launcher that is not there: MPI would end this process from inside.
+    """Refuse variables of a launcher that does not exist, for which MPI would end the process.
 
     Raises
     ------
@@ -179,7 +201,7 @@ def _check_launcher() -> None:
 
 
 def _is_open(descriptor: str) -> bool:
-    """Whether a text is the number of an open file."""
+    """Tell whether a text is the number of an open file."""
     try:
         os.fstat(int(descriptor))
     except (OSError, ValueError, OverflowError):
@@ -188,10 +210,10 @@ def _is_open(descriptor: str) -> bool:
 
 
 def leave() -> None:
-    """Finalise MPI if this process has joined it: the last thing before its exit code.
+    """Finalise MPI if this process has joined it, immediately before the process ends.
 
-    `python -m mpi4py` aborts all ranks for a code other than 0 unless MPI is finalised by then,
-    and the launcher would report the abort instead of the code.
+    `python -m mpi4py` aborts all ranks for an exit code other than 0 unless MPI is finalised, and
+    the launcher would report the abort instead of the code.
     """
     if "mpi4py.MPI" in sys.modules:
         from mpi4py import MPI
@@ -208,23 +230,29 @@ def run(
     *,
     stopping: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Do all tasks; every process of the world has to call it, with its own copy of the work.
+    """Do all tasks; a collective call, each process with its own copy of the work.
 
     Parameters
     ----------
-    work : what this process does with a task if it is a worker; it stays here and may hold what
-        cannot be sent, an open file say, while tasks and results are picklable
-    tasks : drawn from on the master only, as workers become free
-    on_result : called on the master with each task and its result, in the order of completion
-    world : from `this_world`
-    stopping : asked on the master before a task is handed out; once true no more are, and the
-        ones in flight are finished
+    work : callable
+        Function from a task to its result. It is never sent and may hold an open file; tasks and
+        results are pickled.
+    tasks : iterator
+        Tasks, drawn on the master only, when workers become free.
+    on_result : callable
+        Function of a task and its result, called on the master in the order of completion.
+    world : World
+        All processes, from `this_world`.
+    stopping : callable
+        Function that the master calls before handing out a task; once it returns True, the tasks
+        in flight are finished and no more are handed out.
 
     Raises
     ------
     Exception
-        What `on_result` or `tasks` raise, on the master, after the tasks in flight have ended; so
-        does an InputError of `work`. What else `work` raises is a bug: it ends all processes.
+        An exception of `on_result` or `tasks`, or an InputError of `work`: on the master, after
+        the tasks in flight have ended. Any other exception of `work` is a bug and ends all
+        processes.
     MasterLeft
         On the workers, if the master has ended the command instead of calling this.
     """
@@ -236,21 +264,21 @@ def run(
         return
     from mpi4py.futures import MPICommExecutor
 
-    world.broadcast(None)  # a master that never comes is heard of here, not inside the executor
+    world.broadcast(None)  # raises MasterLeft here, as the executor could not
     own = _own_work.set(work)
     try:
         with MPICommExecutor(world.communicator, root=0) as executor:
             if executor is not None:
                 try:
                     _supervise(executor, _do, tasks, on_result, world, stopping)
-                except KeyboardInterrupt:  # the user does not want to wait for what is in flight
+                except KeyboardInterrupt:  # the user does not want to wait for the tasks in flight
                     world.communicator.Abort(130)
     finally:
         _own_work.reset(own)
 
 
 def _do(task: Any) -> Any:
-    """Do a task with the work of the process that this is called on; only its name is sent."""
+    """Do a task with this process's own work; MPI sends only the name of this function."""
     return _own_work.get()(task)
 
 
@@ -262,7 +290,7 @@ def _supervise(
     world: World,
     stopping: Callable[[], bool],
 ) -> None:
-    """Keep every worker busy until the tasks run out, at a cost that no number of them raises."""
+    """Keep every worker busy until the tasks run out, at a constant cost per task."""
     in_flight: dict[Future[Result], Task] = {}
     finished: SimpleQueue[Future[Result]] = SimpleQueue()
     drained = False
@@ -277,7 +305,7 @@ def _supervise(
         if in_flight:
             future = finished.get()
             error = future.exception()
-            if isinstance(error, InputError):  # memory that has run out, say: no bug
+            if isinstance(error, InputError):  # for example memory that has run out
                 raise error
             if error is not None:
                 _abort_with(future, world)
@@ -285,7 +313,7 @@ def _supervise(
 
 
 def _abort_with(future: "Future[Any]", world: World) -> NoReturn:
-    """A worker's bug: show it as if it had been raised here, and end every process."""
+    """Raise a worker's bug here, so that its traceback is printed, and end every process."""
     try:
         future.result()
     except Exception:

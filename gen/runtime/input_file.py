@@ -1,4 +1,4 @@
-"""Files that commands read: regular ones, which end, and which nobody has to write to first."""
+"""Input files: regular ones only, since reading pipes and devices may never end."""
 
 import stat
 from pathlib import Path
@@ -11,27 +11,29 @@ KINDS = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
-"""What is no regular file, nor a folder."""
+"""Kinds of paths that are neither files nor folders."""
 
 
 def require_file(path: Path) -> Path:
-    """Refuse what could block its reader for ever: pipes, sockets and devices.
+    """Refuse pipes, sockets and devices, which could block their reader for ever.
 
-    Every reader of a file that a user names calls this before it opens the file. Folders, and paths
-    at which nothing stands, pass: whoever opens them can say more.
+    Every reader of a file that a user names calls this before opening it. Folders and missing
+    files pass, since the reader's own message says more.
 
     Parameters
     ----------
-    path : the file; a link stands for what it leads to
+    path : Path
+        File, or a link to it.
 
     Returns
     -------
-    The path
+    Path
+        The same path.
 
     Raises
     ------
     InputError
-        If something else than a file or a folder stands there.
+        If the path is neither a file nor a folder.
     """
     try:
         kind = KINDS.get(stat.S_IFMT(path.stat().st_mode))

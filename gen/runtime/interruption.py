@@ -1,7 +1,8 @@
-"""Signals that ask a run to stop: what is in flight is finished, nothing new is begun.
+"""Signals that ask a run to stop: work in flight is finished, no new work is begun.
 
-Python hears signals between two of its own steps. Where compiled code takes minutes for one, as
-a fit may, a thread hears them: it says what is waited for, and the second signal ends the process.
+Python handles signals between two of its own steps. If compiled code takes minutes for one step,
+as a fit may, a thread answers: it prints that the run is stopping, and a second signal ends the
+process.
 """
 
 import os
@@ -15,23 +16,25 @@ from types import FrameType
 from typing import Any, Self
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
-"""Ctrl-C, the end of a batch job, and the warning that Slurm can send before it."""
+"""Signals of Ctrl-C, of the end of a batch job, and of Slurm's warning before that end."""
 
 PATIENCE = 2.0
-"""Time after which a signal that Python has not heard is answered by the thread [s]."""
+"""Time that Python has to handle a signal before the thread answers it [s]."""
 
 
 class Interruption:
-    """Note the first signal; let the second one do what it always does.
+    """A context manager that records the first signal; the second one has its usual effect.
 
     Parameters
     ----------
-    listening : True on the master, which stops the run in order; False on a worker, which ignores
-        the signals and works until the master has no more tasks
+    listening : bool
+        True on the master, which stops the run in order; False on a worker, which ignores the
+        signals and works until the master has no more tasks.
 
     Attributes
     ----------
-    signal : number of the signal that came, 0 if none did
+    signal : int
+        Number of the first signal, 0 before it.
     """
 
     def __init__(self, *, listening: bool) -> None:
@@ -41,7 +44,7 @@ class Interruption:
         self._heard = threading.Event()
 
     def __enter__(self) -> Self:
-        """Take the signals over."""
+        """Install our handlers."""
         for number in SIGNALS:
             handler = self._note if self._listening else signal.SIG_IGN
             self._previous[number] = signal.signal(number, handler)
@@ -53,7 +56,7 @@ class Interruption:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Give the signals back."""
+        """Restore the previous handlers."""
         self._release()
         if self._listening:
             previous, write = self._wakeup
@@ -61,18 +64,19 @@ class Interruption:
             os.close(write)
 
     def requested(self) -> bool:
-        """Whether a signal has come."""
+        """Tell whether a signal has come."""
         return self.signal != 0
 
     def _note(self, number: int, frame: FrameType | None) -> None:
+        """Record a signal and restore the previous handlers, so that the next one ends the run."""
         self.signal = number
         self._heard.set()
         self._release()
 
     def _watch(self, read: int) -> None:
-        """Answer signals while Python is busy elsewhere; ends when the other end is closed.
+        """Answer signals while Python is inside compiled code, until the pipe is closed.
 
-        Signals that come together, as Ctrl-C does from a terminal and from mpiexec, are one.
+        Signals that arrive together, as Ctrl-C does from a terminal and from mpiexec, count as one.
         """
         said = False
         while numbers := os.read(read, 1024):
@@ -82,7 +86,7 @@ class Interruption:
                 time.sleep(PATIENCE)
             if self._heard.is_set():
                 continue
-            if said:  # whatever was finished is on disk
+            if said:  # finished work is on disk already
                 os._exit(128 + numbers[-1])
             with suppress(OSError, ValueError):
                 sys.stderr.write("stopping after the step under way; again, to stop now\n")
@@ -92,6 +96,7 @@ class Interruption:
         os.close(read)
 
     def _release(self) -> None:
+        """Restore the previous handlers."""
         for number, handler in self._previous.items():
             signal.signal(number, handler)
         self._previous.clear()

@@ -1,4 +1,4 @@
-"""The right to write: one process at a time writes a database."""
+"""Locks by name, so that only one run at a time writes a database."""
 
 import fcntl
 import os
@@ -14,23 +14,24 @@ from gen.runtime.errors import InputError
 from gen.runtime.output import place_of
 
 OURS = re.compile(rb"host .+, process [0-9]+(, job .+)?, since .+\n?")
-"""What a lock file of ours says: who holds it, in one line."""
+"""Content of our lock files: their holder in one line."""
 
 LONGEST = 500
-"""Bytes of that line at most."""
+"""Most bytes of that line."""
 
 
 @contextmanager
 def lock(path: Path) -> Iterator[None]:
-    """Hold the right to write a database; hold it around all that creates, opens and writes it.
+    """Hold the lock of a database while the block creates, opens or writes it.
 
-    The kernel holds the lock, on the file `<path>.lock`, and drops it with its process; the file
-    says who holds it. With `HDF5_USE_FILE_LOCKING=FALSE`, the usual setting where a file system
-    has no locks, the lack of locks is accepted and the user sees to it that one run writes.
+    The kernel keeps the lock on the file `<path>.lock` and drops it when the process ends; the
+    file names the holder. With `HDF5_USE_FILE_LOCKING=FALSE`, the usual setting on file systems
+    without locks, missing locks are accepted and the user makes sure that only one run writes.
 
     Parameters
     ----------
-    path : the database, which need not exist yet
+    path : Path
+        Database, which need not exist yet.
 
     Raises
     ------
@@ -55,7 +56,7 @@ def lock(path: Path) -> Iterator[None]:
 
 
 def _locked(path: Path, lock_path: Path) -> tuple[int, bool]:
-    """Descriptor of the locked lock file, and whether it may be written and removed."""
+    """Return the descriptor of the locked file, and whether it may be written and removed."""
     while True:
         descriptor, ours = _opened(path, lock_path)
         try:
@@ -81,10 +82,10 @@ def _locked(path: Path, lock_path: Path) -> tuple[int, bool]:
 
 
 def _opened(path: Path, lock_path: Path) -> tuple[int, bool]:
-    """Descriptor of the lock file, and whether it is one of ours: made here, or by its content.
+    """Return the descriptor of the lock file, and whether it is ours by origin or content.
 
-    A link is not followed and a file of the user's is refused. An empty one is nobody's: it can be
-    locked, but is left as it is.
+    A link is not followed and a file of the user's is refused. An empty file may be locked but is
+    neither written nor removed.
     """
     flags = os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     while True:
@@ -110,6 +111,7 @@ def _opened(path: Path, lock_path: Path) -> tuple[int, bool]:
 
 
 def _foreign(path: Path, lock_path: Path) -> InputError:
+    """Return the error for a file of the user's that has the name of the lock."""
     return InputError(
         f"{path} cannot be written: {lock_path} is there and not a lock that can be taken; move it"
         " away"
@@ -117,14 +119,14 @@ def _foreign(path: Path, lock_path: Path) -> InputError:
 
 
 def _leads_to(path: Path, descriptor: int) -> bool:
-    """Whether a name leads to an open file."""
+    """Tell whether a name leads to an open file."""
     with suppress(OSError):
         return os.path.samestat(os.fstat(descriptor), path.lstat())
     return False
 
 
 def _this_process() -> str:
-    """Host, process, Slurm job if any, and time, in one line."""
+    """Return one line with host, process, Slurm job if any, and time."""
     job = os.environ.get("SLURM_JOB_ID")
     parts = [f"host {socket.gethostname()}", f"process {os.getpid()}"]
     parts += [f"job {job}"] if job else []
@@ -133,6 +135,14 @@ def _this_process() -> str:
 
 
 def beside(path: Path, ending: str) -> Path:
-    """Name in the folder where the file really is: scratch folders are often reached by links."""
+    """Append to a file's name, in the folder to which links lead.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+    ending : str
+        Text to append to its name.
+    """
     real = place_of(path)
     return real.with_name(real.name + ending)

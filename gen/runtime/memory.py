@@ -1,4 +1,4 @@
-"""Memory: what this process may take, and what a contact problem needs."""
+"""The memory that this process may take, and the memory that a contact problem needs."""
 
 import os
 import resource
@@ -10,17 +10,18 @@ from gen.runtime.errors import InputError
 MIB = 2**20
 
 SOLVE_BYTES = 400
-"""Peak bytes a node of one solve: 360 were measured on 513 to 2,049 nodes a side, where areas were
-2 to 3 %."""
+"""Peak memory of a solve per node [bytes]: 360 were measured on 513 to 2,049 nodes a side with
+areas of 2 to 3 %."""
 
 CONTACT_BYTES = 32
-"""Bytes a node of a solution that is kept: heights, pressure, displacement, gap."""
+"""Memory of a solution per node [bytes]: heights, pressure, displacement, gap."""
 
 
 def allowed() -> int:
-    """Return what this process may take [bytes]: the machine's, less where it has been given less.
+    """Return the memory that this process may take [bytes].
 
-    Limits of containers, of jobs and of the shell (`ulimit -v`) count.
+    That is the machine's memory or the lowest limit of container, batch job and shell
+    (`ulimit -v`).
     """
     limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
     for name in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
@@ -35,12 +36,19 @@ def allowed() -> int:
 
 
 def require_for_contacts(loads: int, shape: tuple[int, ...]) -> None:
-    """Refuse more contacts of one surface than memory holds, before the first is solved.
+    """Refuse several contacts of one surface that do not fit into memory together.
+
+    Parameters
+    ----------
+    loads : int
+        Number of contacts.
+    shape : tuple of int
+        Nodes along x and y.
 
     Raises
     ------
     InputError
-        With what they need, and what there is.
+        If they do not fit; the message gives the needed and the allowed memory.
     """
     nodes = shape[0] * shape[1]
     needed = nodes * (SOLVE_BYTES + loads * CONTACT_BYTES)
@@ -52,7 +60,18 @@ def require_for_contacts(loads: int, shape: tuple[int, ...]) -> None:
 
 
 def too_little_for_solve(shape: tuple[int, ...]) -> InputError:
-    """Return the error for a solve that has run out of memory: what it needs, what there is."""
+    """Return the error for a solve that ran out of memory.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Nodes along x and y.
+
+    Returns
+    -------
+    InputError
+        Error with the needed and the allowed memory.
+    """
     needed = shape[0] * shape[1] * SOLVE_BYTES
     return InputError(
         f"a contact of {shape[0]} x {shape[1]} nodes does not fit into memory: it needs about"
@@ -62,7 +81,7 @@ def too_little_for_solve(shape: tuple[int, ...]) -> InputError:
 
 
 def size(count: float) -> str:
-    """Return a number of bytes in words, in the unit that suits it: "330 bytes", "1.5 GB"."""
+    """Format a number of bytes with a suitable unit, as "330 bytes" or "1.5 GB"."""
     for unit, bytes_of_one in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if abs(count) >= bytes_of_one:
             return f"{count / bytes_of_one:,.1f} {unit}"

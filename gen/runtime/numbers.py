@@ -1,26 +1,31 @@
-"""Numbers as users type them: read in this one place, so that they are refused in one way."""
+"""Parse the numbers that users type, and refuse the same ones everywhere."""
 
 import math
 
 from gen.runtime.errors import InputError
 
 MOST = 100_000
-"""Values that one option may stand for."""
+"""Most values of one option."""
 
 DIGITS = 18
-"""Digits of a whole number at most: enough for 2^59, few enough for any machine."""
+"""Most digits of a whole number: enough for 2^59, and few enough for 64 bits."""
 
 MAGNITUDES = (1e-60, 1e60)
-"""Between these are all useful lengths [um] and moduli [MPa]: squares, products and ratios of them
-are numbers still."""
+"""Range of useful lengths [um] and moduli [MPa]; their squares, products and ratios stay finite."""
 
 
 def whole(text: str) -> int | None:
-    """Return the whole number that a text spells in decimal digits, None if there is none.
+    """Parse a whole number.
 
     Parameters
     ----------
-    text : digits, blanks around them allowed
+    text : str
+        At most `DIGITS` decimal digits, with blanks around them or without.
+
+    Returns
+    -------
+    int, optional
+        The number; None if the text is anything else.
     """
     digits = text.strip()
     good = digits.isascii() and digits.isdecimal() and len(digits) <= DIGITS
@@ -28,7 +33,17 @@ def whole(text: str) -> int | None:
 
 
 def rows_from(text: str) -> tuple[int, int] | None:
-    """Return the first row and one past the last from "100:200"; None from nothing.
+    """Parse a range of rows.
+
+    Parameters
+    ----------
+    text : str
+        First row and one past the last, as "100:200", or "".
+
+    Returns
+    -------
+    tuple of int, optional
+        First row and one past the last; None for "".
 
     Raises
     ------
@@ -45,43 +60,59 @@ def rows_from(text: str) -> tuple[int, int] | None:
 
 
 def values_from(text: str, option: str, advice: str) -> list[float]:
-    """Return the numbers of "5", "1,2,5" or "1:100:20", which is start, stop and count.
+    """Parse the numbers of an option.
 
     Parameters
     ----------
-    text : numbers, or several with commas
-    option : its name in messages
-    advice : what is allowed, in messages
+    text : str
+        Parts with commas between them: numbers, or start:stop:count for evenly spaced ones.
+    option : str
+        Name of the option, for messages.
+    advice : str
+        Allowed values in words, for messages.
+
+    Returns
+    -------
+    list of float
+        The numbers.
 
     Raises
     ------
     InputError
-        If part of the text is no number, or stands for more than `MOST` of them.
+        If a part is no number, or there are more than `MOST` numbers.
     """
-    found: list[float] = []
+    values: list[float] = []
     for part in text.split(","):
-        spelt = _series(part)
-        if spelt is None:
+        series = _series(part)
+        if series is None:
             raise InputError(f"{option} {shown(text)}: {advice}")
-        start, stop, count = spelt
-        if len(found) + count > MOST:
+        start, stop, count = series
+        if len(values) + count > MOST:
             raise InputError(f"{option} {shown(text)}: give {MOST:,} values at most")
-        found += [start] if count == 1 else _even(start, stop, count)
-    return found
+        values += [start] if count == 1 else _even(start, stop, count)
+    return values
 
 
 def shown(text: str, most: int = 60) -> str:
-    """Quote what a user has typed, and only the beginning of what nobody has typed by hand."""
+    """Quote a text of the user's, shortened if it is too long to be typed by hand.
+
+    Parameters
+    ----------
+    text : str
+        Text to quote.
+    most : int
+        Largest number of characters.
+    """
     return repr(text) if len(text) <= most else f"{text[:most]!r}... ({len(text)} characters)"
 
 
 def magnitude(value: float) -> bool:
-    """Whether a length, load or modulus is a number above 0 that can be computed with."""
+    """Tell whether a length, load or modulus is positive and within `MAGNITUDES`."""
     return MAGNITUDES[0] < value < MAGNITUDES[1]
 
 
 def _series(text: str) -> tuple[float, float, int] | None:
-    """Return start, stop and count, 1 of a single number; None if the text is neither."""
+    """Parse "start:stop:count" or one number, whose count is 1; None for anything else."""
     parts = text.split(":")
     count = whole(parts[2]) if len(parts) == 3 else 1
     try:
@@ -96,7 +127,7 @@ def _series(text: str) -> tuple[float, float, int] | None:
 
 
 def _even(start: float, stop: float, count: int) -> list[float]:
-    """Return evenly spaced numbers, both ends among them."""
-    import numpy as np  # which --help does not wait for
+    """Return evenly spaced numbers, including both ends."""
+    import numpy as np  # here, so that --help does not wait for it
 
     return [float(value) for value in np.linspace(start, stop, count)]

@@ -1,8 +1,8 @@
-"""Files that commands write: refused before the work, and then written whole or not at all.
+"""Output files: refused before any work is done for them, then written whole or not at all.
 
-One rule for every file that a user names, whatever the command: it is never an input, never
+The same rule holds for every file that a user names in any command: it is never an input, never
 another output, and it replaces only a file of its own kind. Databases, which runs continue and
-extend, have rules of their own in `gen.database`; what is here about places holds for them too.
+extend, have further rules in `gen.database`.
 """
 
 import os
@@ -17,7 +17,7 @@ from typing import IO, Literal, NamedTuple
 from gen.runtime.errors import InputError
 
 Kind = Literal["text", "picture", "surrogate", "arrays"]
-"""What commands write besides databases; `arrays` are NumPy's zip archives."""
+"""Kinds of output besides databases; `arrays` are NumPy's zip archives."""
 
 WORDS: dict[str, str] = {
     "text": "text",
@@ -27,17 +27,16 @@ WORDS: dict[str, str] = {
     "database": "HDF5",
     "binary": "something binary",
 }
-"""Names of all kinds of content in messages."""
+"""Name of each kind of content in messages."""
 
 BEGINNING = 4096
-"""Bytes by which the kinds are told apart."""
+"""Bytes at the beginning of a file that decide its kind."""
 
 TEXT = bytes({7, 8, 9, 10, 12, 13, 27} | set(range(32, 256)))
-"""Bytes that texts are made of; nearly all other files have one of the rest at their beginning."""
-
+"""Bytes of texts; the beginnings of nearly all binary files have further ones."""
 
 SURROGATE = b"asperity surrogate\n"
-"""How the files of surrogates begin; before format 3 they were zip archives."""
+"""First bytes of a surrogate; before format 3 surrogates were zip archives."""
 
 SIGNATURES = {
     b"\x89PNG\r\n": "picture",
@@ -45,7 +44,7 @@ SIGNATURES = {
     b"\x89HDF\r\n": "database",
     SURROGATE: "surrogate",
 }
-"""How the files of other kinds begin, where all of a kind do."""
+"""Kind of the files that begin with these bytes."""
 
 
 class Output(NamedTuple):
@@ -53,9 +52,12 @@ class Output(NamedTuple):
 
     Attributes
     ----------
-    path : the file, None if nothing is to be written
-    option : how the user named it, in messages
-    kind : what will be written
+    path : Path, optional
+        The file; None if the user named none.
+    option : str
+        Option with which the user named it, for messages.
+    kind : {"text", "picture", "surrogate", "arrays"}
+        Kind of its content.
     """
 
     path: Path | None
@@ -64,23 +66,25 @@ class Output(NamedTuple):
 
 
 def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) -> None:
-    """Refuse outputs before any work is done for them; what is there is left as it is.
+    """Refuse outputs before any work is done for them, without changing existing files.
 
     Parameters
     ----------
-    outputs : all files that the command will write
-    inputs : files that it reads; of a folder, all files but tables (.csv)
+    outputs : iterable of Output
+        All files that the command will write.
+    inputs : iterable of Path or str
+        Files that it reads, and folders of which it reads all files except tables (.csv).
 
     Raises
     ------
     InputError
         If a file cannot be written, is an input or another output, also by another name, or holds
-        something of another kind.
+        another kind of content.
     """
-    wanted = [(each.path, each.option, each.kind) for each in outputs if each.path is not None]
+    wanted = [(output.path, output.option, output.kind) for output in outputs if output.path]
     read = list(_files_of(inputs))
     for number, (path, option, kind) in enumerate(wanted):
-        if any(_is_same(path, each) for each in read):
+        if any(_is_same(path, file) for file in read):
             raise InputError(f"{option} {path}: is an input: not replaced")
         for other, name, _ in wanted[:number]:
             if _is_same(path, other):
@@ -92,17 +96,19 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
 
 
 def check_folder(folder: Path, *names: str) -> None:
-    """Refuse a folder before any work is done for it, whether it is there or has to be made.
+    """Refuse an output folder before any work is done for it.
 
     Parameters
     ----------
-    folder : where the command will write
-    names : files that it will write there: pictures (.png) and texts
+    folder : Path
+        Folder, which may have to be made.
+    *names : str
+        Names of the files that the command will write there: pictures (.png) and texts.
 
     Raises
     ------
     InputError
-        If it is no folder, files cannot be written there, or one of them cannot be replaced.
+        If the path is no folder, files cannot be written there, or one cannot be replaced.
     """
     if folder.is_dir():
         with _in_words(folder, "cannot be written to"):
@@ -113,17 +119,17 @@ def check_folder(folder: Path, *names: str) -> None:
     if os.path.lexists(folder):
         raise InputError(f"{folder} is a file: give a folder")
     with _in_words(folder, "cannot be written to"):
-        existing = next(each for each in folder.absolute().parents if os.path.lexists(each))
+        existing = next(above for above in folder.absolute().parents if os.path.lexists(above))
         _try_beside(existing / "any")
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, and those above it, where they are not there yet.
+    """Make a folder and those above it, unless they exist.
 
     Raises
     ------
     InputError
-        If that is not possible.
+        If the folder cannot be made.
     """
     if os.path.lexists(folder) and not folder.is_dir():
         raise InputError(f"{folder} is a file: give a folder")
@@ -132,27 +138,49 @@ def make_folder(folder: Path) -> None:
 
 
 def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
-    """Write a file whole or not at all; see `whole`."""
+    """Write a file whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    content : str or bytes
+        Its content.
+    kind : {"text", "picture", "surrogate", "arrays"}
+        Kind of the content; a file of another kind is not replaced.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written; an existing file is unchanged then.
+    """
     with whole(path, kind) as file:
         file.write(content.encode() if isinstance(content, str) else content)
 
 
 @contextmanager
 def whole(path: Path, kind: Kind = "text") -> Iterator[IO[bytes]]:
-    """Open a file in the making, which takes its place once the block has succeeded.
+    """Open a temporary file that is renamed to its final name once the block has succeeded.
 
-    A link stays a link, and a file that is replaced hands on its mode and, where the system lets
-    it, its owner and group.
+    A link stays a link. A replaced file passes on its mode and, if the system allows it, its owner
+    and group.
 
     Parameters
     ----------
-    path : the file
-    kind : what is written; a file of another kind is not replaced
+    path : Path
+        File to write.
+    kind : {"text", "picture", "surrogate", "arrays"}
+        Kind of the content; a file of another kind is not replaced.
+
+    Yields
+    ------
+    file object
+        The temporary file, open for writing bytes.
 
     Raises
     ------
     InputError
-        If the file cannot be written; what was there is there still.
+        If the file cannot be written; an existing file is unchanged then.
     """
     real = place_of(path)
     if real.exists():
@@ -173,12 +201,22 @@ def whole(path: Path, kind: Kind = "text") -> Iterator[IO[bytes]]:
 
 
 def place_of(path: Path) -> Path:
-    """Where a file really is: scratch folders are often reached by links.
+    """Follow all links to the place of a file, which need not exist yet.
+
+    Parameters
+    ----------
+    path : Path
+        Path of a file, perhaps through links to scratch folders.
+
+    Returns
+    -------
+    Path
+        Absolute path without links.
 
     Raises
     ------
     InputError
-        If the path is no file's: a loop of links, a folder, the root.
+        If the path cannot be a file's: a loop of links, a folder, the root.
     """
     try:
         real = path.resolve()
@@ -196,12 +234,12 @@ def place_of(path: Path) -> Path:
 
 
 def require_writable(path: Path) -> None:
-    """Refuse a file that may not be written; its mode counts for the superuser too.
+    """Refuse an existing file that may not be written; its mode counts for the superuser too.
 
     Raises
     ------
     InputError
-        If nobody may write it, this user may not, or the system does not let it happen.
+        If its mode lets nobody write, or the system does not let this user write.
     """
     if not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH):
         raise InputError(f"{path} is read-only; give another name, or chmod u+w it")
@@ -210,12 +248,14 @@ def require_writable(path: Path) -> None:
 
 
 def hand_on(old: os.stat_result, descriptor: int) -> None:
-    """Give an open file owner and group, as far as this user may, and mode of the one it replaces.
+    """Give a new file the mode of the one it replaces and, if allowed, its owner and group.
 
     Parameters
     ----------
-    old : of the file that will be replaced
-    descriptor : of the one that takes its place
+    old : os.stat_result
+        Status of the file that will be replaced.
+    descriptor : int
+        Descriptor of the new file, open for writing.
     """
     for owner, group in ((old.st_uid, -1), (-1, old.st_gid)):
         with suppress(PermissionError):
@@ -224,7 +264,7 @@ def hand_on(old: os.stat_result, descriptor: int) -> None:
 
 
 def _try(path: Path, kind: Kind) -> None:
-    """Find out whether a file can be written, without changing what is there."""
+    """Refuse a file that cannot be written, without changing an existing one."""
     real = place_of(path)
     if real.exists():
         _require_replaceable(path, kind)
@@ -233,18 +273,24 @@ def _try(path: Path, kind: Kind) -> None:
 
 
 def _require_replaceable(path: Path, kind: Kind) -> None:
-    """Refuse to replace what is no regular file, of another kind, or may not be written."""
+    """Refuse to replace a path that is no regular file, of another kind, or not writable."""
     if not path.is_file():
         raise InputError(f"{path}: is no regular file: not replaced")
     require_writable(path)
     with _in_words(path, "cannot be read"):
-        found = kind_of(path)
-    if found not in {kind, ""}:
-        raise InputError(f"{path}: holds {WORDS[found]}, not {WORDS[kind]}: not replaced")
+        present = kind_of(path)
+    if present not in {kind, ""}:
+        raise InputError(f"{path}: holds {WORDS[present]}, not {WORDS[kind]}: not replaced")
 
 
 def kind_of(path: Path) -> str:
-    """What a file holds, as far as its beginning tells; "" if it is empty."""
+    """Return the kind of a file's content, judged by its beginning.
+
+    Returns
+    -------
+    str
+        A key of `WORDS`, or "" for an empty file.
+    """
     with path.open("rb") as file:
         start = file.read(BEGINNING)
     for signature, kind in SIGNATURES.items():
@@ -265,32 +311,32 @@ def kind_of(path: Path) -> str:
 
 
 def _try_beside(path: Path) -> None:
-    """Make a file in a file's folder, and remove it."""
+    """Make and remove a trial file in the folder of a file."""
     trial = path.with_name(f".asperity-{secrets.token_hex(8)}")
     os.close(os.open(trial, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
     trial.unlink()
 
 
 def _files_of(inputs: Iterable[Path | str]) -> Iterator[Path]:
-    """Files among the inputs, and those in folders among them."""
-    for each in map(Path, inputs):
+    """Yield the files among the inputs, and the files in folders among them."""
+    for path in map(Path, inputs):
         with suppress(OSError):
-            if each.is_dir():
-                yield from (file for file in each.iterdir() if file.suffix.lower() != ".csv")
+            if path.is_dir():
+                yield from (file for file in path.iterdir() if file.suffix.lower() != ".csv")
             else:
-                yield each
+                yield path
 
 
 def _is_same(one: Path, other: Path) -> bool:
-    """Whether two names lead, or would lead, to one file: links of both kinds count."""
-    with suppress(OSError, RuntimeError):  # one of them is not there yet, or a loop of links
+    """Tell whether two paths lead, or would lead, to the same file through links of either kind."""
+    with suppress(OSError, RuntimeError):  # one path does not exist yet, or is a loop of links
         return one.samefile(other) if one.exists() else one.resolve() == other.resolve()
     return False
 
 
 @contextmanager
 def _in_words(path: Path, trouble: str) -> Iterator[None]:
-    """Turn a system error into one line for the user."""
+    """Turn an error of the system into one line for the user."""
     try:
         yield
     except OSError as error:

@@ -1,7 +1,6 @@
-"""A bound on the wall-clock time of a calculation, for users who ask for one.
+"""A bound on the wall-clock time of a calculation, for users who set one.
 
-Seconds differ from machine to machine and from run to run: what takes too long has not failed, it
-is not done yet.
+Times differ between machines and between runs: a calculation over its time is pending, not failed.
 """
 
 import signal
@@ -10,31 +9,32 @@ from contextlib import contextmanager
 from types import FrameType
 
 LONGEST = 1e8
-"""Longest time that can be allowed [s], three years: the system's timer ends at 9.2e9 s."""
+"""Longest bound [s], three years; the system's timer ends at 9.2e9 s."""
 
 REPEATED = 1.0
-"""Time after which the alarm rings again [s]: code that swallows exceptions may swallow one."""
+"""Interval of further alarms [s], since code that catches all exceptions may swallow the first."""
 
 
 class Overtime(Exception):
-    """A calculation took longer than it was allowed to."""
+    """A calculation has taken longer than its bound."""
 
 
 @contextmanager
 def at_most(seconds: float | None) -> Iterator[None]:
-    """Let a block take some seconds; on a process's main thread only.
+    """Bound the wall-clock time of a block; works on a process's main thread only.
 
-    The alarm is heard between two steps of Python: one long call of compiled code is not cut off.
+    Python handles the alarm between two of its steps, so a long call of compiled code runs to its
+    end.
 
     Parameters
     ----------
-    seconds : wall-clock time that the block may take [s], above 0, at most `LONGEST`; None
-        for any
+    seconds : float, optional
+        Wall-clock time of the block [s], above 0 and at most `LONGEST`; None for no bound.
 
     Raises
     ------
     ValueError
-        For another number of seconds.
+        If the number of seconds is out of range.
     Overtime
         Once the block has taken longer.
     """
@@ -50,10 +50,11 @@ def at_most(seconds: float | None) -> Iterator[None]:
             yield
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
-    finally:  # the alarm may ring on the way out, which is late enough to be overtime too
+    finally:  # an alarm during the first `finally` is overtime too
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, previous)
 
 
 def _end(number: int, frame: FrameType | None) -> None:
+    """Handle the alarm."""
     raise Overtime

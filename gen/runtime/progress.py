@@ -1,4 +1,4 @@
-"""Show how far a run is: a bar on a terminal, plain lines in a batch log."""
+"""Show the progress of a run: a bar on a terminal, plain lines in a batch log."""
 
 import time
 from contextlib import suppress
@@ -13,17 +13,21 @@ LINE_SECONDS = 30.0
 
 
 HEEDLESS = suppress(OSError, ValueError)
-"""Round all that is shown: a stream that is full, closed or gone ends no run."""
+"""Guard of everything that is shown: a full, closed or vanished stream must not end a run."""
 
 
 class RunProgress:
-    """Rows finished and failed, rate and time left, on standard error.
+    """A display of finished and failed rows, rate and remaining time on standard error.
 
     Parameters
     ----------
-    total : rows that this run is to finish
-    noun : what they are called
-    work : expected cost of all of them in any unit, if they differ; the time left follows from it
+    total : int
+        Number of rows of this run.
+    noun : str
+        Plural noun for the rows.
+    work : float, optional
+        Expected cost of all rows in any unit, from which the remaining time follows; by default
+        all rows cost the same.
     """
 
     def __init__(self, total: int, noun: str = "samples", work: float | None = None) -> None:
@@ -50,14 +54,24 @@ class RunProgress:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Leave the last state on the screen."""
+        """Stop the bar; print a last line in a batch log."""
         with HEEDLESS:
             self._bar.stop()
         if not self._console.is_terminal and self._here:
             self._print_line()
 
     def advance(self, rows: int, failed: int, work: float | None = None) -> None:
-        """Count rows that have been written, `failed` of them as failures, and their cost."""
+        """Count rows that have been written.
+
+        Parameters
+        ----------
+        rows : int
+            Number of rows, failed ones included.
+        failed : int
+            Number of failed rows.
+        work : float, optional
+            Cost of the rows, in the unit of the total; their number by default.
+        """
         self._here += rows
         self._failed += failed
         self._worked += rows if work is None else work
@@ -67,16 +81,24 @@ class RunProgress:
             self._print_line()
 
     def say(self, message: str) -> None:
-        """Print a line above the bar."""
+        """Print a line above the bar.
+
+        Parameters
+        ----------
+        message : str
+            The line.
+        """
         with HEEDLESS:
             self._console.print(message, markup=False, highlight=False, soft_wrap=True)
 
     def _print_line(self) -> None:
+        """Print the state as a line of a batch log."""
         self._last_line = time.monotonic()
         share = 100 * self._here / self._total
         self.say(f"{self._here} of {self._total} {self._noun} ({share:.1f} %), {self._pace()}")
 
     def _pace(self) -> str:
+        """Return rate, failures and remaining time in words."""
         elapsed = max(time.monotonic() - self._began, 1e-9)
         left = elapsed * (self._work / self._worked - 1) if self._worked else 0.0
         rate = f"{self._here / elapsed:.3g} {self._noun}/s"
@@ -84,7 +106,7 @@ class RunProgress:
 
 
 def _duration(seconds: float) -> str:
-    """Hours, minutes and seconds, as short as it goes."""
+    """Format a time as minutes and seconds, with hours if there are any."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

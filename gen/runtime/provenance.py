@@ -1,4 +1,4 @@
-"""Where results come from: versions of packages, and the checkout's commit."""
+"""Where results come from: the versions of packages and the commit of the checkout."""
 
 import importlib.metadata
 import platform
@@ -8,23 +8,32 @@ from pathlib import Path
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Versions of Python and of those packages that are installed.
+    """Return the versions of Python and of installed packages without importing them.
 
-    Read from package lists, nothing is imported.
+    Parameters
+    ----------
+    packages : iterable of str
+        Names of packages in the package index; those that are not installed are left out.
+
+    Returns
+    -------
+    dict of str
+        Version of each package by its name.
     """
-    found = {"python": platform.python_version()}
+    installed = {"python": platform.python_version()}
     for name in packages:
         with suppress(importlib.metadata.PackageNotFoundError):
-            found[name] = importlib.metadata.version(name)
-    return found
+            installed[name] = importlib.metadata.version(name)
+    return installed
 
 
 def git_commit() -> str:
-    """Commit of the checkout that this code runs from, "" if it is none.
+    """Return the commit of the checkout that this code runs from, "" outside a checkout.
 
-    Read from git's files: starting a process from an MPI rank is unsafe on some interconnects.
+    It is read from git's files, since starting a process from an MPI rank is unsafe on some
+    interconnects.
     """
-    git = Path(__file__).resolve().parents[1] / ".git"
+    git = Path(__file__).resolve().parents[2] / ".git"
     try:
         if git.is_file():  # a linked work tree
             git = (git.parent / git.read_text().removeprefix("gitdir:").strip()).resolve()

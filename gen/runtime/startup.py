@@ -1,4 +1,4 @@
-"""What every program of the project does before its command: threads, signals, standard streams."""
+"""Prepare a process for a command of any program: threads, signals, standard streams."""
 
 import io
 import os
@@ -7,18 +7,19 @@ import sys
 from typing import Any, TextIO
 
 OUTPUT = "standard output"
-"""What stands for a file's name in errors of standard output."""
+"""Name of standard output in place of a file's name in errors."""
 
 
 def start(*, deaf: bool) -> None:
-    """Make this process ready for a command; called before NumPy is imported.
+    """Prepare this process for a command; to be called before NumPy is imported.
 
     Parameters
     ----------
-    deaf : True if Ctrl-C is to end the process until a run listens: a KeyboardInterrupt on one
-        rank alone would leave the others waiting for it
+    deaf : bool
+        Let Ctrl-C end the process until a run listens to signals; a KeyboardInterrupt on one rank
+        alone would leave the other ranks waiting.
     """
-    # One thread a process: more would fight for cores, and sums could depend on their number.
+    # More threads would compete for the cores, and sums could depend on their number.
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):
         os.environ[f"{library}_NUM_THREADS"] = "1"
     if deaf:
@@ -29,19 +30,19 @@ def start(*, deaf: bool) -> None:
 
 
 def _open_closed_descriptors() -> None:
-    """Open standard streams that were closed: else a database would become one, and be spoilt."""
+    """Open closed standard streams on /dev/null; a database could otherwise get their number."""
     for descriptor in range(3):
         try:
             os.fstat(descriptor)
-        except OSError:  # open takes the lowest number that is free: this one
+        except OSError:  # open takes the lowest free number, which is this one
             os.open(os.devnull, os.O_RDWR)
 
 
 class _Output(io.FileIO):
-    """Standard output, named in what it raises."""
+    """Standard output, named in the errors that it raises."""
 
     def write(self, data: Any) -> int:
-        """Write some bytes; return their number."""
+        """Write bytes and return their number."""
         try:
             return super().write(data) or 0
         except OSError as error:
@@ -49,10 +50,10 @@ class _Output(io.FileIO):
 
 
 class _Remarks(io.FileIO):
-    """Standard error: its device may be full, or its reader gone, and nothing ends for that."""
+    """Standard error, whose errors are ignored: a full device or a lost reader ends no command."""
 
     def write(self, data: Any) -> int:
-        """Write what can be written, and take the rest for written."""
+        """Write bytes; on an error, pretend that all of them were written."""
         try:
             return super().write(data) or 0
         except OSError:
@@ -60,9 +61,9 @@ class _Remarks(io.FileIO):
 
 
 def _text(raw: io.FileIO, like: TextIO | None, errors: str) -> io.TextIOWrapper:
-    """Text on a descriptor, encoded as in the stream that Python has opened on it.
+    """Open a text stream on a descriptor with the encoding of Python's own stream.
 
-    A character that this encoding lacks, of a title or a file's name, ends no command.
+    Characters that the encoding lacks, for example in a title, are replaced.
     """
     return io.TextIOWrapper(
         io.BufferedWriter(raw),

@@ -1,4 +1,4 @@
-"""Small tables that people take on to other programs: CSV files, written whole or not at all."""
+"""Tables for other programs: CSV files, written whole or not at all."""
 
 import csv
 import io
@@ -8,32 +8,40 @@ from pathlib import Path
 from gen.runtime.output import write
 
 Row = dict[str, float | int | str]
+"""One line of a table: values by the names of the columns."""
 
 FORMULAS = ("=", "+", "-", "@", "\t", "\r", "\n")
-"""What a text begins with that a spreadsheet would compute."""
+"""First characters of a text that a spreadsheet would compute."""
 
 
 def cell(value: object) -> object:
-    """Quote a text that a spreadsheet would take for a formula; numbers stay what they are.
+    """Return a value for a cell, with an apostrophe before texts that look like formulas.
 
     Parameters
     ----------
-    value : of a cell; a text gets an apostrophe in front where it begins as a formula does, which
-        is what OWASP advises for names that come from strangers
+    value : object
+        Number or text. The apostrophe is OWASP's advice for texts from strangers.
     """
     return f"'{value}" if isinstance(value, str) and value.startswith(FORMULAS) else value
 
 
 def write_csv(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows under a header; a file that is there is replaced only by a whole one.
+    """Write rows as CSV under a header with their names.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    rows : sequence of dict
+        Rows with the same names, at least one.
 
     Raises
     ------
     InputError
-        If the file cannot be written
+        If the file cannot be written.
     """
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, list(rows[0]))
     writer.writeheader()
-    writer.writerows({name: cell(each) for name, each in row.items()} for row in rows)
+    writer.writerows({name: cell(value) for name, value in row.items()} for row in rows)
     write(path, text.getvalue())

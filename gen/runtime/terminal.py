@@ -1,8 +1,8 @@
-"""Text for a terminal: nothing that stands in somebody's file may drive it.
+"""Print lines on a terminal without control characters of their content.
 
-Titles, names of files and texts of libraries come from strangers. An escape sequence in one of them
-could clear the screen, rename the window or forge a line of our own. Every line that a command
-prints goes through `echo`, through `gen.runtime.console`, or through `printable` where it is made.
+Titles, names of files and messages of libraries come from strangers. An escape sequence in one of
+them could clear the screen, rename the window or forge a line of ours. Every line that a command
+prints goes through `echo`, through `gen.runtime.console`, or through `printable`.
 """
 
 import typer
@@ -12,19 +12,28 @@ LETTERS = 110
 
 
 def printable(text: str) -> str:
-    """Replace every character that cannot be printed, the end of a line too, by a question mark.
+    """Replace every character that is not printable by a question mark.
 
-    Escape, bell and the other control characters go, and those that turn the direction of writing.
+    These are control characters, ends of lines, and characters that turn the direction of writing.
 
     Parameters
     ----------
-    text : one line
+    text : str
+        One line.
     """
     return "".join(character if character.isprintable() else "?" for character in text)
 
 
 def echo(line: str, *, err: bool = False) -> None:
-    """Print one line on standard output, or on standard error if `err`."""
+    """Print one line.
+
+    Parameters
+    ----------
+    line : str
+        Text of the line.
+    err : bool
+        Print on standard error instead of standard output.
+    """
     typer.echo(printable(line), err=err)
 
 

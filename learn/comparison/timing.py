@@ -1,13 +1,13 @@
-"""Fit a model to all training rows, score it, and time it while nothing else runs.
+"""Fit a model to all training rows, score it, and time it alone.
 
-The times of a search are taken while other fits run beside them. These are taken while the other
+A search's own times are taken while other fits run beside them; these are taken while the other
 processes wait, on one thread, as medians.
 """
 
 import math
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from statistics import median
 from time import perf_counter
 from typing import Any
@@ -16,33 +16,30 @@ import numpy as np
 
 from learn import memory
 from learn.arrays import Values
-from learn.comparison.search.pruning import Settings
-from learn.comparison.training_data import Training
+from learn.comparison.pruning import Settings
+from learn.comparison.training_data import held
 from learn.metrics import Scores, scores
-from learn.models import MODELS, STEP, pipeline
+from learn.models import MODELS, pipeline
 
 FITS = (3, 7)
-"""Fewest and most fits that a median is over."""
+"""Fewest and most fits of a time."""
 
 ENOUGH = 5.0
-"""Seconds after which the fewest repetitions are enough."""
+"""Seconds after which the fewest are enough."""
 
 TOO_LONG = 300.0
-"""Seconds after which no further repetition is begun."""
+"""Seconds after which no further fit is begun, however few there were."""
 
 
 @dataclass(frozen=True)
-class TimedFit:
-    """A model to fit to all training rows.
+class Final:
+    """A model to fit.
 
     Attributes
     ----------
-    model : str
-        Name of the model.
-    settings : dict
-        Settings on top of the baseline's.
-    tuned : bool
-        Whether it is the winner of a search.
+    model : its name
+    settings : on top of the baseline's
+    tuned : whether it is a search's winner
     """
 
     model: str
@@ -56,14 +53,10 @@ class Times:
 
     Attributes
     ----------
-    fit : float
-        Time of a fit to all training rows.
-    fits : int
-        Number of fits that this median is over.
-    test : float
-        Time of predicting the whole test set.
-    row : float
-        Time of predicting a single row.
+    fit : of a fit to all training rows
+    fits : number of fits that the median is over
+    test : of predicting the whole test set
+    row : of predicting a single row
     """
 
     fit: float = math.nan
@@ -73,23 +66,17 @@ class Times:
 
 
 @dataclass(frozen=True, eq=False)
-class FitResult:
-    """Scores, predictions and times of a model.
+class Outcome:
+    """What became of a model.
 
     Attributes
     ----------
-    train, test : Scores or None
-        Scores on the training and the test rows, None if the fit failed.
-    prediction : ndarray, shape (m,)
-        Predictions of the test rows, empty if the fit failed.
-    fitted : dict
-        Settings that the fit has chosen by itself, such as a kernel's length.
-    times : Times
-        Times, NaN if the fit failed.
-    failure : str
-        The reason why there are no scores.
-    remarks : tuple of str
-        Warnings of the fit.
+    train, test : scores on the training and the test rows, None if the fit failed
+    prediction : (m,) of the test rows
+    fitted : settings that the fit has found by itself, such as a kernel's length
+    times : medians
+    failure : why there are no scores
+    remarks : warnings of the fit
     """
 
     train: Scores | None
@@ -101,38 +88,32 @@ class FitResult:
     remarks: tuple[str, ...] = ()
 
 
-def fit_and_time(training: Training, task: TimedFit) -> FitResult:
-    """Fit, score and time a model.
-
-    Parameters
-    ----------
-    training : Training
-        Training and test rows.
-    task : TimedFit
-        The model and its settings.
-    """
-    model = MODELS[task.model]
-    settings = {**task.settings, **(model.refit if task.tuned else {})}
+def measure(final: Final) -> Outcome:
+    """Fit, score and time a model on the data that this process holds."""
+    training = held()
+    model = MODELS[final.model]
+    settings = {**final.settings, **(model.refit if final.tuned else {})}
     unfitted = pipeline(
         model,
         settings,
         normalisation=training.normalisation,
         seed=training.seed,
-        tuned=task.tuned,
+        tuned=final.tuned,
     )
-    need = memory.needed(model.name, training.rows, baseline=not task.tuned)
+    need = memory.needed(model.name, training.target.size, baseline=not final.tuned)
     with memory.reserved(need), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            result = _scored_and_timed(training, unfitted)
+            outcome = _measured(unfitted)
         except Exception as error:  # whatever a library raises: the model has no scores
             text = " ".join(str(error).split())[:300] or type(error).__name__
-            result = FitResult(None, None, np.empty(0), {}, Times(), failure=text)
-    remarks = dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught)
-    return replace(result, remarks=tuple(remarks))
+            outcome = Outcome(None, None, np.empty(0), {}, Times(), failure=text)
+    remarks = tuple(dict.fromkeys(" ".join(str(each.message).split()) for each in caught))
+    return Outcome(**{**vars(outcome), "remarks": remarks})
 
 
-def _scored_and_timed(training: Training, unfitted: Any) -> FitResult:
+def _measured(unfitted: Any) -> Outcome:
+    training = held()
     first = perf_counter()
     fitted = unfitted.fit(training.inputs, training.target)
     fits = [perf_counter() - first]
@@ -140,7 +121,7 @@ def _scored_and_timed(training: Training, unfitted: Any) -> FitResult:
     prediction = restored(fitted.predict(training.test_inputs))
     train = scores(restored(training.target), restored(fitted.predict(training.inputs)))
     test = scores(training.test_target, prediction)
-    # The first of several fits is a warm-up; a fit that is too long to be repeated counts itself.
+    # The first of several is a warm-up; the only one of a long fit has to do.
     fits = _repeated(lambda: unfitted.fit(training.inputs, training.target), FITS, fits[0]) or fits
     times = Times(
         fit=median(fits),
@@ -148,11 +129,11 @@ def _scored_and_timed(training: Training, unfitted: Any) -> FitResult:
         test=median(_repeated(lambda: fitted.predict(training.test_inputs), (3, 9), 0.0)),
         row=median(_repeated(lambda: fitted.predict(training.test_inputs[:1]), (5, 99), 0.0)),
     )
-    return FitResult(train, test, prediction, _chosen(fitted), times)
+    return Outcome(train, test, prediction, _found(fitted), times)
 
 
 def _repeated(action: Callable[[], Any], bounds: tuple[int, int], spent: float) -> list[float]:
-    """Time an action repeatedly, within bounds of number and of time spent [s]."""
+    """Times of an action, as many as are affordable after what was spent already."""
     taken: list[float] = []
     while len(taken) < bounds[1] and spent < TOO_LONG:
         if len(taken) >= bounds[0] and sum(taken) > ENOUGH:
@@ -164,12 +145,12 @@ def _repeated(action: Callable[[], Any], bounds: tuple[int, int], spent: float) 
     return taken
 
 
-def _chosen(fitted: Any) -> dict[str, str]:
-    """Return the settings that the fit itself has chosen."""
-    estimator = fitted.named_steps[STEP]
+def _found(fitted: Any) -> dict[str, str]:
+    """What the fit itself has chosen."""
+    estimator = fitted.named_steps["model"]
     kernel = getattr(estimator, "kernel_", None)
-    chosen = {} if kernel is None else {"kernel": str(kernel)}
+    found = {} if kernel is None else {"kernel": str(kernel)}
     epochs = getattr(estimator, "n_iter_", None)
     if isinstance(epochs, int):
-        chosen["iterations"] = str(epochs)
-    return chosen
+        found["iterations"] = str(epochs)
+    return found

@@ -1,11 +1,10 @@
-"""What a model is given: three feature sets, from a database's rows or from a surface of one's own.
+"""Three feature sets, computed from the rows of a database or from the heights of any surface.
 
-- `paper`: Delta and the 22 statistics, in um, as they stand.
+- `paper`: Delta and the 22 statistics, in um, without a change.
 - `dimensionless`: the same without units. Scaling heights and Delta together, or the scan length L,
-  changes no contact area, and does not change these either.
-- `hybrid`: besides those, what a look at the surface itself says (`pytest bench -k features`
-  times it): bearing area and interference, and a loose contact solve on 33 x 33 blocks.
-  Dimensionless too.
+  changes neither the contact area nor these features.
+- `hybrid`: in addition, features of the heights: bearing area and interference, and a loose contact
+  solve on 33 x 33 blocks (`pytest bench -k features` times them). They have no units either.
 """
 
 from learn.features.sets import SETS, FeatureSet, chosen

@@ -1,15 +1,16 @@
-"""What a surface adds to its features, for the rows of a database, which stores no surfaces.
+"""Hybrid features for the rows of a database, which stores no surfaces.
 
-Rows are pure functions of the scene, so each surface is generated anew, on the farm, and must show
-the statistics that its row has. The values are kept in a file beside the database,
-`paper.h5` -> `paper.h5.pressed.npz`, each with the inputs that it belongs to: a database that has
-changed or grown costs what has changed, and an interrupted run goes on.
+Rows are pure functions of the scene, so each surface is generated again by the processes of the
+run, and its statistics must agree with those of its row. The features are kept in a file beside the
+database, `paper.h5` -> `paper.h5.pressed.npz`, together with the inputs that they belong to: only
+rows that are new or have changed are computed, and an interrupted run continues.
 """
 
 import hashlib
 import time
 import zlib
 from collections.abc import Callable, Iterator
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from zipfile import BadZipFile
@@ -20,13 +21,13 @@ from numpy.typing import NDArray
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
+from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 from gen.runtime.output import whole
 from gen.runtime.progress import RunProgress
 from gen.scene import Scene
 from gen.schema import PHYSICS, Status
-from learn.executor import Executor
 from learn.features.sets import PRESSED, STATISTICS
 from learn.features.surface import BLOCKS, LOOSE, SurfaceFeatures
 
@@ -38,42 +39,49 @@ VERSION = 2
 BLOCK_ROWS = 32
 SAVE_SECONDS = 20.0
 AGREEMENT = 1e-6
-"""Relative difference of statistics that other processors may cause."""
+"""Largest relative difference of statistics between processors."""
 
 Block = tuple[int, int]
 
 
-def pressed_rows(path: Path, executor: Executor, stopping: Callable[[], bool]) -> Values:
-    """Read or compute the features that the surfaces of all finished rows add.
+def pressed_rows(path: Path, world: farm.World, stopping: Callable[[], bool]) -> Values | None:
+    """Return the hybrid features of all finished rows; every process has to call it.
 
     Parameters
     ----------
     path : Path
         The database.
-    executor : Executor
-        Generates the surfaces anew.
+    world : farm.World
+        Processes that generate the surfaces.
     stopping : callable
-        Asked between blocks of rows; True ends the work.
+        Called on the master between blocks; True ends the work.
 
     Returns
     -------
-    ndarray, shape (n, 7)
-        The features `PRESSED` of every row of the database, NaN where there are none, or where the
-        work was stopped before.
+    ndarray, shape (n, 7) or None
+        On the master, the features of `PRESSED` for every row of the database; NaN for rows that
+        are not finished or were not reached before the stop. None on the workers.
 
     Raises
     ------
     InputError
-        If the file is no database, or its surfaces cannot be generated anew.
+        On the master, if the file is no database, or its surfaces cannot be generated again.
     """
-    job = _Job(path)
-    if job.blocks:
-        _work_off(job, executor, stopping)
-    return job.values
+    job = _Job(path) if world.is_master else None
+    scene = world.broadcast(job.scene if job is not None and job.blocks else None)
+    if scene is not None:
+        _work_off(job, scene, world, stopping)
+    return None if job is None else job.values
 
 
-def _work_off(job: "_Job", executor: Executor, stopping: Callable[[], bool]) -> None:
-    """Do the blocks that are left; raise InputError if a surface is not the database's."""
+def _work_off(
+    job: "_Job | None", scene: Scene, world: farm.World, stopping: Callable[[], bool]
+) -> None:
+    """Compute the missing blocks; on the master, raise InputError for a wrong surface."""
+    compute = partial(compute_block, scene)
+    if job is None:
+        farm.run(compute, iter(()), _ignore, world)
+        return
     faults: list[str] = []
     rows = sum(stop - start for start, stop in job.blocks)
     with RunProgress(rows, "surfaces") as progress:
@@ -89,11 +97,11 @@ def _work_off(job: "_Job", executor: Executor, stopping: Callable[[], bool]) -> 
             progress.advance(block[1] - block[0], 0)
 
         try:
-            executor.run(
-                compute_block,
-                job.scene,
-                job.blocks,
+            farm.run(
+                compute,
+                iter(job.blocks),
                 keep,
+                world,
                 stopping=lambda: stopping() or bool(faults),
             )
         finally:
@@ -104,8 +112,12 @@ def _work_off(job: "_Job", executor: Executor, stopping: Callable[[], bool]) -> 
         raise InputError(faults[0])
 
 
+def _ignore(block: Block, found: tuple[Values, Values]) -> None:
+    """Do nothing: only the master receives results."""
+
+
 def compute_block(scene: Scene, block: Block) -> tuple[Values, Values]:
-    """Inputs (k, 23) and values (k, 7) of the rows of a block, NaN where they are undefined."""
+    """Return inputs (k, 23) and features (k, 7) of a block's rows, NaN where they are undefined."""
     start, stop = block
     plan = parameters(scene, start, stop)
     inputs = np.full((stop - start, 1 + len(STATISTICS)), np.nan)
@@ -126,13 +138,13 @@ def compute_block(scene: Scene, block: Block) -> tuple[Values, Values]:
 
 
 def of_scene(scene: Scene, heights: Values, name: str) -> SurfaceFeatures:
-    """A surface with a scene's side and spacing."""
+    """Return a surface with the side and spacing of a scene."""
     side, spacing = scene.surface.side, scene.spacing
     return SurfaceFeatures(heights, (side, side), (spacing, spacing), name)
 
 
 class _Job:
-    """The rows that the file beside the database has, and the rows that it lacks."""
+    """The master's view: rows that the file beside the database has, and rows that it lacks."""
 
     def __init__(self, path: Path) -> None:
         with Reader(path) as reader:
@@ -156,7 +168,7 @@ class _Job:
         self.blocks = list(_blocks(self.left, self.scene.samples_per_surface))
 
     def keep(self, block: Block, inputs: Values, values: Values) -> str:
-        """Take a block's values in; why they cannot be the database's, "" if they can."""
+        """Store the features of a block; return why they cannot be the database's, or ""."""
         start, stop = block
         for row in range(start, stop):
             if row not in self.left:
@@ -174,7 +186,7 @@ class _Job:
         return ""
 
     def save(self) -> str:
-        """Write the file beside the database; why that was not possible, "" if it was."""
+        """Write the file beside the database; return why that was not possible, or ""."""
         self.last_save = time.monotonic()
         try:
             with whole(self.cache, "arrays") as file:
@@ -184,7 +196,7 @@ class _Job:
         return ""
 
     def _kept(self) -> Values:
-        """Values of the rows that the file has, with the inputs that they have today."""
+        """Return the features that the file has for rows whose inputs have not changed."""
         values = np.full((len(self.inputs), len(PRESSED)), np.nan)
         try:
             content = BytesIO(
@@ -206,13 +218,13 @@ class _Job:
 
 
 def _key(scene: Scene) -> str:
-    """Fingerprint of what the values depend on besides the inputs."""
+    """Return a fingerprint of all settings that the features depend on besides the inputs."""
     text = f"{VERSION} {BLOCKS} {LOOSE} {','.join(PRESSED)} {PHYSICS} {scene.fingerprint()}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _blocks(rows: set[int], samples_per_surface: int) -> Iterator[Block]:
-    """Runs of rows, of whole surfaces, at most about `BLOCK_ROWS` long."""
+    """Yield runs of rows of whole surfaces, at most about `BLOCK_ROWS` long."""
     length = max(1, BLOCK_ROWS // samples_per_surface) * samples_per_surface
     for number in sorted({row // length for row in rows}):
         inside = [row for row in range(number * length, (number + 1) * length) if row in rows]

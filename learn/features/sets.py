@@ -1,12 +1,12 @@
-"""The feature sets: their columns, and how Delta and the 22 statistics become features.
+"""The feature sets: their columns, and the formulas from Delta and the 22 statistics to features.
 
-By dimensional analysis the contact area depends on heights and Delta through their ratios alone,
-and not on L: the equations of the half-space are linear in displacements, and pressures scale with
-E* / L. So heights and Delta are taken over h, the root of the sum of their squares: like the
-paper's scaling of rows to unit length, but exact under a change of units. (Over the rms height
-alone, which is small for some surfaces, kernel ridge is half as accurate again.) Curvatures are
-multiplied by L^2 / h and, as the bandwidths, taken as logarithms: they span decades. Densities are
-per node, the rest are pure numbers.
+By dimensional analysis the contact area depends on heights and Delta only through their ratios, and
+not on L: the equations of the half-space are linear in displacements, and pressures scale with E* /
+L. Heights and Delta are therefore divided by h, the root of the sum of their squares. This is like
+the paper's scaling of rows to unit length, but exact under a change of units. (Divided by the rms
+height, which is small for some surfaces, the error of kernel ridge is half as large again.)
+Curvatures are multiplied by L^2 / h and, like the bandwidths, taken as logarithms, because they
+span decades. Densities are per node; the other features are pure numbers.
 """
 
 from collections.abc import Mapping
@@ -38,21 +38,27 @@ PRESSED = (
     "refined_share",
     "refined_interference/delta",
 )
-"""What the hybrid set adds, from `learn.features.surface`; pure numbers all."""
+"""Columns that the hybrid set adds, from `learn.features.surface`; all are pure numbers."""
 
 
 @dataclass(frozen=True)
 class FeatureSet:
-    """One choice of inputs.
+    """A named set of features.
 
     Attributes
     ----------
-    name : on the command line and in files
-    columns : names of its features, in order
-    units : their units
-    normalisation : how they are scaled unless asked otherwise, of `learn.models.NORMALISATIONS`
-    scaled : True if it is free of units: then so are the targets (`target_scale`)
-    needs_surface : True if the statistics do not suffice
+    name : str
+        Name on the command line and in files.
+    columns : tuple of str
+        Names of the features, in order.
+    units : tuple of str
+        Units of the features.
+    normalisation : str
+        Default scaling, a name of `learn.models.NORMALISATIONS`.
+    scaled : bool
+        True if features and targets have no units (`target_scale`).
+    needs_surface : bool
+        True if the features need the heights of the surface.
     """
 
     name: str
@@ -102,12 +108,12 @@ SETS: Mapping[str, FeatureSet] = {
 
 
 def chosen(name: str) -> FeatureSet:
-    """Find a feature set by its name.
+    """Return the feature set of a name.
 
     Raises
     ------
     InputError
-        If there is none.
+        If no set has this name.
     """
     if name not in SETS:
         raise InputError(f"--features {name!r}: give one of {', '.join(SETS)}")
@@ -125,15 +131,21 @@ def build(
 
     Parameters
     ----------
-    features : which
-    statistics : (n, 22) in the order of `STATISTICS`, in their units
-    delta : (n,) far-field displacement [um]
-    length : scan length L, the geometric mean of both sides, one or (n,) [um]
-    pressed : (n, 7) `PRESSED`, for sets that need the surface
+    features : FeatureSet
+        The set to build.
+    statistics : ndarray, shape (n, 22)
+        Statistics in the order of `STATISTICS`, in their units.
+    delta : ndarray, shape (n,)
+        Far-field displacement [um].
+    length : ndarray or float
+        Scan length L, the geometric mean of both sides; one for all rows, or shape (n,) [um].
+    pressed : ndarray, shape (n, 7), optional
+        Columns of `PRESSED`, for sets that need the surface.
 
     Returns
     -------
-    (n, d) features, NaN or infinite where the statistics are undefined
+    ndarray, shape (n, d)
+        Features, NaN or infinite where the statistics are undefined.
     """
     if features.name == "paper":
         return np.column_stack([delta, statistics])
@@ -152,10 +164,10 @@ def build(
 
 
 def height_unit(statistics: Values, delta: Values) -> Values:
-    """(n,) the height h: root of the sum of squares of Delta and all statistics that are heights.
+    """Return the height h, the root of the sum of squares of Delta and the statistics in um, (n,).
 
-    The unit is a power of two times a number near 1 whatever the heights' scale, so that none of
-    the squares over- or underflows.
+    The sum is taken of numbers near 1, after division by a power of two, so that no square
+    overflows or underflows.
     """
     heights = np.column_stack([delta, *(statistics[:, STATISTICS.index(name)] for name in HEIGHTS)])
     with np.errstate(invalid="ignore"):
@@ -172,17 +184,23 @@ def target_scale(
     length: Values | float,
     modulus: float,
 ) -> Values:
-    """What a target is divided by before it is learnt, so that it is free of units too.
+    """Return the scale that a target is divided by before it is learnt, so that it has no unit.
 
     Parameters
     ----------
-    features, statistics, delta, length : see `build`
-    target : name of its column
-    modulus : E* [MPa]
+    features : FeatureSet
+        The set that the models are given.
+    target : str
+        Name of the target's column.
+    statistics, delta, length : ndarray
+        See `build`.
+    modulus : float
+        E* [MPa].
 
     Returns
     -------
-    (n,) in the target's unit; 1 for features in um
+    ndarray, shape (n,)
+        Scale in the unit of the target; 1 for features with units.
     """
     ones = np.ones(len(delta))
     if not features.scaled:

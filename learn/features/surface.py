@@ -1,10 +1,11 @@
 """Features of one surface, computed once for any number of displacements.
 
-The hybrid set looks at the surface itself. Bearing area and interference are what would touch if
-nothing deformed. A contact solve on 33 x 33 blocks, each as high as the mean of its nodes, gives
-area, force and a smooth deflection; interpolated to the nodes, the deflection says which of them
-stand clear above it (`refined`: none where nodes are blocks), so that the highest nodes are not
-lost in their blocks' means. Delta counts from the highest node throughout.
+The hybrid set uses the heights themselves. Bearing area and bearing interference are those of a
+surface that does not deform. A contact solve on 33 x 33 blocks, each with the mean height of its
+nodes, gives area, force and a smooth displacement. The displacement is interpolated to the nodes;
+the `refined` features count the nodes that stand above it, so that the highest nodes are not lost
+in the means of their blocks (there are none where every node is a block). Delta is measured from
+the highest node throughout.
 """
 
 import math
@@ -23,22 +24,26 @@ Values = NDArray[np.float64]
 Sides = tuple[float, float]
 
 BLOCKS = 33
-"""Blocks a side; a surface of fewer nodes is its own coarse surface."""
+"""Blocks per side; on a surface with fewer nodes every node is a block."""
 
 LOOSE = 1e-3
-"""Residual of the coarse solve, over Delta: a feature need not be exact, only always the same."""
+"""Residual of the coarse solve, over Delta: a feature need not be exact, but reproducible."""
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceFeatures:
-    """A surface, ready to be asked for its features at any Delta.
+    """A surface whose features can be computed at any Delta.
 
     Parameters
     ----------
-    heights : (nx, ny) heights, 2 x 2 or more, finite [um]
-    sides : scan lengths along x and y [um]
-    spacing : of the nodes along x and y; sides / (nodes - 1) unless given [um]
-    name : what messages call it
+    heights : ndarray, shape (nx, ny)
+        Heights, 2 x 2 or more, finite [um].
+    sides : tuple of float
+        Scan lengths along x and y [um].
+    spacing : tuple of float, optional
+        Spacing of the nodes along x and y; sides / (nodes - 1) unless given [um].
+    name : str
+        Name of the surface in messages.
     """
 
     heights: Values
@@ -61,12 +66,12 @@ class SurfaceFeatures:
 
     @cached_property
     def statistics(self) -> Values:
-        """(22,) statistics, in the order of Table 1.
+        """The 22 statistics, in the order of Table 1.
 
         Raises
         ------
         InputError
-            If the surface does not define them all.
+            If one of them is undefined for this surface.
         """
         description = describe(self.heights, self.steps)
         if description.reason:
@@ -74,16 +79,18 @@ class SurfaceFeatures:
         return np.array(list(description.values.values()))
 
     def features(self, features: FeatureSet, deltas: Values) -> Values:
-        """Features at each displacement.
+        """Return the features at each displacement.
 
         Parameters
         ----------
-        features : which
-        deltas : (k,) far-field displacements, above 0 [um]
+        features : FeatureSet
+            The set to compute.
+        deltas : ndarray, shape (k,)
+            Far-field displacements, above 0 [um].
 
         Returns
         -------
-        (k, d)
+        ndarray, shape (k, d)
 
         Raises
         ------
@@ -104,7 +111,7 @@ class SurfaceFeatures:
         return found
 
     def pressed(self, delta: float) -> tuple[float, ...]:
-        """What the hybrid set adds at one Delta [um], in the order of `sets.PRESSED`."""
+        """Return the columns of `PRESSED`, which the hybrid set adds, at one Delta [um]."""
         interference = self.heights - (self._highest - delta)
         bearing = _above(interference, delta)
         depth = delta - (self._highest - float(self._coarse.max()))
@@ -118,12 +125,12 @@ class SurfaceFeatures:
             contact.area_percent,
             contact.force / (self.length * delta),
             float(contact.displacement.mean()) / delta,
-            # Only what stands clear of it by more than the coarse solve's own residual.
+            # Only nodes that stand above it by more than the residual of the coarse solve.
             *_above(interference - deflection - LOOSE * delta, delta),
         )
 
     def coarse_contact(self, depth: float) -> bem.Contact:
-        """Solve the contact of the block means, `depth` below the highest of them, E* = 1 MPa."""
+        """Solve the contact of the block means, `depth` [um] below the highest, with E* = 1 MPa."""
         (step_x, step_y), (nx, ny) = self.steps, self.heights.shape
         blocks_x, blocks_y = self._coarse.shape
         steps = step_x * nx / blocks_x, step_y * ny / blocks_y
@@ -133,10 +140,11 @@ class SurfaceFeatures:
             raise InputError(f"{self.name}: coarse contact: {error}") from None
 
     def compliance(self, delta: float) -> float:
-        """Mean displacement over F / (E* L) at some Delta [1], from the coarse solve.
+        """Return the mean displacement over F / (E* L) at one Delta [1], from the coarse solve.
 
-        The mean displacement of the surface is this times F / (E* L) for the force of any better
-        solve: where the load sits on the patch, not how it is shared by single nodes, decides it.
+        Multiplied by F / (E* L) with the force of a finer solve, it gives the mean displacement of
+        that solve: it depends on the distribution of the load over the patch, and hardly on its
+        distribution over single nodes.
         """
         depth = delta - (self._highest - float(self._coarse.max()))
         contact = self.coarse_contact(max(depth, 1e-3 * delta))
@@ -148,7 +156,7 @@ class SurfaceFeatures:
 
     @cached_property
     def _coarse(self) -> Values:
-        """Means of the blocks' nodes (33, 33), or fewer where there are fewer nodes [um]."""
+        """Mean heights of the blocks, (33, 33), or fewer where there are fewer nodes [um]."""
         (rows, sizes_x), (columns, sizes_y) = (_blocks(nodes) for nodes in self.heights.shape)
         sums = np.add.reduceat(np.add.reduceat(self.heights, rows, axis=0), columns, axis=1)
         return np.asarray(sums / np.outer(sizes_x, sizes_y))
@@ -161,20 +169,20 @@ class SurfaceFeatures:
 
 
 def _above(interference: Values, delta: float) -> tuple[float, float]:
-    """Share of nodes above 0, and the mean of what stands above over Delta."""
+    """Return the share of nodes above 0, and the mean of the positive part over Delta."""
     above = np.maximum(interference, 0.0)
     return np.count_nonzero(above) / above.size, float(above.mean()) / delta
 
 
 def _blocks(nodes: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First node and size of each block along an axis."""
+    """Return the first node and the size of each block along an axis."""
     blocks = min(nodes, BLOCKS)
     edges = np.arange(blocks + 1) * nodes // blocks
     return edges[:-1], np.diff(edges)
 
 
 def _interpolation(nodes: int) -> Values:
-    """(nodes, blocks) weights."""
+    """Return the weights of linear interpolation from blocks to nodes, (nodes, blocks)."""
     first, sizes = _blocks(nodes)
     centres = first + (sizes - 1) / 2
     unit = np.eye(centres.size)

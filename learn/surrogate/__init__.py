@@ -1,4 +1,4 @@
-"""Surrogates in use: fitted to a database, kept in one file, asked a million times.
+"""Surrogates: fitted to a database, stored in one file, and evaluated as often as needed.
 
 Examples
 --------

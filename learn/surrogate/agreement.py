@@ -1,6 +1,6 @@
-"""Whether a surrogate's card is whole, and says of its models what they are.
+"""Checks that a surrogate's card is complete, and that its models are those of the card.
 
-Somebody who writes a file on purpose can make card and models agree on a lie.
+They are no protection against a forged file whose card and models agree.
 """
 
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ from learn.surrogate.parts import (
 Values = NDArray[np.float64]
 
 ROUNDING = 1e-6
-"""By which numbers may differ that are computed from the same rows."""
+"""Relative difference allowed between numbers that are computed from the same rows."""
 
 TEXTS = ("title", "database", "database_sha256", "licence", "made")
 SCORES = ("nmse", "nmae", "nmaxe", "r2")
@@ -36,16 +36,17 @@ UNITS = {column.name: column.unit for column in COLUMNS}
 
 
 def check_card(card: Part) -> FeatureSet:
-    """Refuse a card that lacks something, or contradicts itself or its scene.
+    """Refuse a card that is incomplete, or contradicts itself or its scene.
 
     Returns
     -------
-    The feature set that it names
+    FeatureSet
+        Feature set of the card.
 
     Raises
     ------
     ValueError
-        It names what is wrong.
+        If the card is wrong; the message names the entry.
     """
     for name in TEXTS:
         text(card, name)
@@ -78,7 +79,7 @@ def check_card(card: Part) -> FeatureSet:
 
 
 def _check_scene(card: Part) -> None:
-    """Compare what predictions take from the card with the scene that it stands for."""
+    """Refuse a card whose nodes, side, spacing or modulus are not those of its scene."""
     scene = Scene.from_text(text(card, "scene"), "the card's scene")
     own = {
         "nodes": scene.surface.nodes,
@@ -113,7 +114,7 @@ def _check_target(name: str, target: Part) -> None:
 
 
 def _any_number(part: Part, name: str) -> None:
-    """A number that is shown and not used: infinite intervals have infinite widths."""
+    """Refuse an entry that is no number; it may be infinite, as the widths of intervals are."""
     if not isinstance(part, dict) or type(part.get(name)) not in {int, float}:
         raise ValueError(f"{name} is no number")
 
@@ -121,18 +122,21 @@ def _any_number(part: Part, name: str) -> None:
 def check_models(
     card: Mapping[str, Any], learnt: Mapping[str, Learnt], low: Values, high: Values
 ) -> None:
-    """Refuse models that were not fitted and calibrated to the rows that the card counts.
+    """Refuse models whose numbers of training and calibration rows are not those of the card.
 
     Parameters
     ----------
-    card : from `check_card`
-    learnt : models by target
-    low, high : (d,) training ranges of the features
+    card : mapping of str to object
+        From `check_card`.
+    learnt : mapping of str to Learnt
+        Models by target.
+    low, high : ndarray, shape (d,)
+        Training ranges of the features.
 
     Raises
     ------
     ValueError
-        It names what is wrong.
+        If the card is wrong; the message names the entry.
     """
     rows = card["rows"]
     for name, each in learnt.items():
@@ -150,7 +154,7 @@ def check_models(
 
 
 def _check_scaling(scaling: Any, rows: int, low: Values, high: Values) -> None:
-    """Refuse scalings that rows between these ends cannot have."""
+    """Refuse scalings that are impossible for training rows within these ranges."""
     size = np.maximum(np.abs(low), np.abs(high))
     constant = high - low <= ROUNDING * size  # scikit-learn then divides by 1
     if hasattr(scaling, "mean_"):

@@ -1,4 +1,4 @@
-"""Predictions for files, as tables: one row a surface and displacement."""
+"""Predictions for files, as tables with one row for each surface and displacement."""
 
 import re
 from collections import Counter
@@ -25,7 +25,7 @@ Values = NDArray[np.float64]
 REASONS = 12
 """Reasons that are printed at most."""
 VALUE = re.compile(r" \S+ outside")
-"""What differs between rows that are outside for the same reason."""
+"""The part of a reason that differs between rows with the same reason."""
 
 SHOWN = 40
 """Rows that are printed at most; a file gets all of them."""
@@ -33,14 +33,18 @@ SHOWN = 40
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked, besides about which file.
+    """Settings of a prediction that do not depend on the file.
 
     Attributes
     ----------
-    deltas : (k,) far-field displacements, None where tables have their own [um]
-    e_star : E* that forces are for, None for the training's [MPa]
-    level : coverage of the intervals
-    reading : how surfaces are read
+    deltas : ndarray, shape (k,) or None
+        Far-field displacements, None if the tables contain them [um].
+    e_star : float or None
+        E* of the forces, None for that of the training [MPa].
+    level : float
+        Coverage of the intervals.
+    reading : Reading
+        Options that say how surfaces are read.
     """
 
     deltas: Values | None
@@ -59,14 +63,19 @@ def answers(
 
     Parameters
     ----------
-    surrogate : what is asked
-    paths : surfaces, tables of statistics, folders of surfaces
-    question : at which displacements, and how
-    say : called with what was done to each surface, and what to know about it
+    surrogate : Surrogate
+        The surrogate.
+    paths : sequence of Path
+        Surfaces, tables of statistics, folders of surfaces.
+    question : Question
+        Displacements and settings.
+    say : callable
+        Called with lines for the user about each surface.
 
     Yields
     ------
-    One row for the table a surface and displacement
+    Row
+        A row of the table, for one surface and displacement.
 
     Raises
     ------
@@ -95,7 +104,7 @@ def answers(
 
 
 def _of_table(surrogate: Surrogate, table: Table, question: Question) -> Prediction:
-    """Predict rows of statistics, each at its own Delta or at all that were given."""
+    """Predict rows of statistics, each at its own Delta or at all given displacements."""
     deltas = question.deltas
     if (table.delta is None) == (deltas is None):
         said = "no Delta: give --delta" if deltas is None else "its own Delta: leave out --delta"
@@ -117,7 +126,7 @@ def _of_table(surrogate: Surrogate, table: Table, question: Question) -> Predict
 
 
 def _note(surrogate: Surrogate, table: Table, row: int) -> str:
-    """What is odd about a row's grid, as far as the table says."""
+    """Return how the grid of a row differs from the training's, as far as the table tells."""
     nodes = int(surrogate.card["nodes"]), int(surrogate.card["nodes"])
     side = float(surrogate.card["side"])
     if table.nodes[row].all():
@@ -131,7 +140,7 @@ def _note(surrogate: Surrogate, table: Table, row: int) -> str:
 def _rows(
     surrogate: Surrogate, name: str, found: Prediction, warnings: Sequence[str] = ()
 ) -> Iterator[Row]:
-    """Rows of the table, each with the warnings about its surface.
+    """Yield the rows of the table, each with the warnings about its surface.
 
     The ends of intervals are empty where a row is outside the training.
     """
@@ -140,7 +149,7 @@ def _rows(
         for target, learnt in surrogate.learnt.items():
             key = heading(learnt.column, learnt.unit)
             row[key] = float(found.values[target][place])
-            # On unknown ground there is no interval to give: the cells stay empty.
+            # Outside the training no interval holds: the cells stay empty.
             row[f"{key}_low"] = "" if reason else float(found.low[target][place])
             row[f"{key}_high"] = "" if reason else float(found.high[target][place])
             if target in found.std:
@@ -150,12 +159,12 @@ def _rows(
 
 
 def heading(column: str, unit: str) -> str:
-    """Name of a target's column, with its unit: area_percent, force_uN, mean_gap_um."""
+    """Return the name of a target's column with its unit: area_percent, force_uN, mean_gap_um."""
     return column if unit in {"%", "1"} else f"{column}_{unit}"
 
 
 def show(rows: Sequence[Row], level: float, e_star: float) -> None:
-    """Print the first rows of the table, and below it why some are outside."""
+    """Print the first rows of the table, and the reasons of those outside the training."""
     console = wide_console(160)
     hidden = ("_low", "_high", "_std", "warnings")  # warnings were said with the surface
     names = [name for name in rows[0] if not name.endswith(hidden)]
@@ -180,7 +189,7 @@ def show(rows: Sequence[Row], level: float, e_star: float) -> None:
 
 
 def _reasons(rows: Sequence[Row]) -> Iterator[str]:
-    """Why rows are outside, a line for each feature, with the value of its first row."""
+    """Yield a line for each feature that is outside its range, with the first value."""
     numbers: Counter[str] = Counter()
     first: dict[str, str] = {}
     for row in rows:
@@ -195,7 +204,7 @@ def _reasons(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _cell(row: Row, name: str) -> str:
-    """A cell as it is printed: a value with its interval, with `-` where that is withheld."""
+    """Return a cell as printed: a value with its interval, or `-` for one that is withheld."""
     value = row[name]
     if name == "reason":
         return brief(str(value))

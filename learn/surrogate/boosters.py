@@ -1,8 +1,8 @@
-"""XGBoost's trees as arrays, and back: its reader only sees a model that is written here.
+"""XGBoost's trees as arrays, and back.
 
-XGBoost reads its own files in compiled code that trusts them: three changed bytes end the process.
-So no byte of its format is kept. What a file holds are trees (`learn.surrogate.forest`) and one
-number; a model of the installed version, fitted to nothing, is filled with them.
+XGBoost's compiled reader trusts its files: three changed bytes end the process. A surrogate's file
+therefore holds trees (`learn.surrogate.forest`) and one number instead of XGBoost's format. They
+are written into an empty model of the installed version, so that XGBoost reads only text made here.
 """
 
 import json
@@ -23,7 +23,7 @@ NO_PARENT = 2**31 - 1
 
 
 def taken_apart(estimator: Any) -> dict[str, Any]:
-    """Trees and base score of a fitted XGBRegressor.
+    """Return trees and base score of a fitted XGBRegressor.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def taken_apart(estimator: Any) -> dict[str, Any]:
 
 
 def _tree(tree: dict[str, Any]) -> Tree:
-    """One tree without the nodes that pruning has cut off, numbered level by level."""
+    """Return a tree without the nodes that pruning has cut off, numbered level by level."""
     left, right = tree["left_children"], tree["right_children"]
     order = [0]
     for node in order:  # which grows
@@ -61,17 +61,19 @@ def _tree(tree: dict[str, Any]) -> Tree:
 
 
 def put_together(part: Part, width: int) -> Any:
-    """A fitted XGBRegressor.
+    """Return a fitted XGBRegressor.
 
     Parameters
     ----------
-    part : from `taken_apart`, or a stranger's
-    width : number of features
+    part : mapping
+        Part of a file: from `taken_apart`, or forged.
+    width : int
+        Number of features.
 
     Raises
     ------
     ValueError
-        If the trees are none, or a number is not finite in single precision.
+        If an array is no tree, or a number is not finite in single precision.
     """
     estimator = MODELS["xgboost"].estimator(0).set_params(n_estimators=1, max_depth=1)
     estimator.fit(np.zeros((2, width)), np.zeros(2))
@@ -95,7 +97,7 @@ def put_together(part: Part, width: int) -> Any:
 
 
 def _written(pattern: dict[str, Any], tree: Tree, place: int) -> dict[str, Any]:
-    """One tree as XGBoost writes it; what only says how it came about is zero."""
+    """Return a tree in XGBoost's format; entries about the history of its fit are zero."""
     size = tree.left.size
     if ((tree.left != LEAF) & (tree.right != tree.left + 1)).any():  # XGBoost looks there
         raise ValueError("a right child does not follow the left one")

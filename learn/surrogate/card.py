@@ -1,4 +1,4 @@
-"""The model card: what a surrogate was made of, how good it is, and how to read its answers."""
+"""The model card: data, settings, scores, intervals and training ranges of a surrogate."""
 
 from collections.abc import Iterator
 from datetime import UTC, datetime
@@ -38,7 +38,7 @@ def make(
     parts: tuple[Indices, Indices, Indices],
     judged: dict[str, dict[str, Any]],
 ) -> dict[str, Any]:
-    """Put the card together; numbers, texts, lists and dictionaries only."""
+    """Assemble the card, of numbers, texts, lists and dictionaries only."""
     scene = Scene.from_text(rows.source["scene"])
     features = chosen(request.features)
     train, calibration, test = parts
@@ -73,7 +73,7 @@ def make(
 
 
 def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
-    """Score a target's model on the test rows, in the target's unit, and its intervals."""
+    """Score the model of a target and its intervals on the test rows, in the target's unit."""
     from learn.surrogate.model import CEILING
 
     raw, scale = learnt.raw(rows.inputs[test]), rows.scale[test]
@@ -100,12 +100,12 @@ def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
 
 
 def _width(raw: Any, half: Any, scale: Any, ceiling: float) -> Any:
-    """Widths of the intervals as they are given, within what is possible."""
+    """Return the widths of the intervals, cut at the bounds of the target."""
     return np.clip((raw + half) * scale, 0.0, ceiling) - np.clip((raw - half) * scale, 0.0, ceiling)
 
 
 def lines(surrogate: "Surrogate") -> Iterator[str]:
-    """Lines of the card, without its tables."""
+    """Yield the lines of the card, without its tables."""
     card = surrogate.card
     yield f"{card['title']}, {card['features']} features, normalised: {card['normalisation']}"
     rows = card["rows"]
@@ -137,7 +137,7 @@ def show(surrogate: "Surrogate") -> None:
     Raises
     ------
     InputError
-        If the card lacks something: the file was not made by `learn fit`.
+        If an entry of the card is missing, so that the file is not from `learn fit`.
     """
     from gen.runtime.console import wide_console
 
@@ -200,7 +200,7 @@ def _table(title: str, *names: str) -> "Table":
 
 
 def _plain(text: Any) -> str:
-    """A text of the file as a cell: no markup, nothing that drives a terminal."""
+    """Return a text of the file as a cell, without markup and control characters."""
     from rich.markup import escape
 
     return escape(printable(str(text)))

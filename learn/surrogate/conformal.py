@@ -1,9 +1,9 @@
-"""Split-conformal intervals: as wide as the errors on rows that the model has not seen.
+"""Split-conformal intervals: as wide as the errors on rows that the model was not fitted to.
 
-The conformity scores, absolute errors on the calibration rows, are MAPIE's; what is kept of them
-answers for any level without it. Errors grow with the prediction, so the scores are kept apart for
-ranges of the prediction, cut at quantiles of the training rows' target (Mondrian): the coverage
-holds in each range, not only on average.
+The conformity scores, absolute errors on the calibration rows, come from MAPIE; the stored scores
+give intervals of any level without it. Errors grow with the prediction. The scores are therefore
+kept separately for ranges of the prediction, cut at quantiles of the training target (Mondrian), so
+that the coverage holds in each range, not only on average.
 """
 
 import math
@@ -18,52 +18,60 @@ from gen.runtime.errors import InputError
 Values = NDArray[np.float64]
 
 RANGES = 5
-"""Ranges of the prediction at most."""
+"""Largest number of ranges of the prediction."""
 
 ROWS = 100
-"""Calibration rows of a range at least, where there is more than one."""
+"""Smallest number of calibration rows per range, where there are several ranges."""
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What intervals need.
+    """Scores that intervals are computed from.
 
     Attributes
     ----------
-    borders : (k - 1,) between the ranges of the prediction
-    scores : k arrays of absolute errors on the calibration rows, ascending
+    borders : ndarray, shape (k - 1,)
+        Borders between the ranges of the prediction.
+    scores : tuple of ndarray
+        For each of the k ranges, the absolute errors on the calibration rows, ascending.
     """
 
     borders: Values
     scores: tuple[Values, ...]
 
     def half_width(self, prediction: Values, level: float) -> Values:
-        """Half the width of the interval at each prediction.
+        """Return half the width of the interval at each prediction.
 
         Parameters
         ----------
-        prediction : (n,)
-        level : wanted coverage, between 0 and 1
+        prediction : ndarray, shape (n,)
+            Predictions.
+        level : float
+            Wanted coverage, between 0 and 1.
 
         Returns
         -------
-        (n,) infinite where too few calibration rows say anything about such a level
+        ndarray, shape (n,)
+            Half widths, infinite where there are too few calibration rows for the level.
         """
         widths = np.array([quantile(scores, level) for scores in self.scores])
         return np.asarray(widths[np.searchsorted(self.borders, prediction, side="right")])
 
 
 def quantile(scores: Values, level: float) -> float:
-    """The score that a new row stays below with a probability of `level` or more.
+    """Return the score that a new row does not exceed with a probability of `level` or more.
 
     Parameters
     ----------
-    scores : (n,) ascending
-    level : between 0 and 1
+    scores : ndarray, shape (n,)
+        Ascending scores.
+    level : float
+        Probability between 0 and 1.
 
     Returns
     -------
-    The k-th score, k = ceil((n + 1) level), infinity where k > n
+    float
+        The k-th score, k = ceil((n + 1) level), infinity where k > n.
 
     Source: A. N. Angelopoulos, S. Bates (2021), arXiv:2107.07511, section 1.
     """
@@ -72,7 +80,7 @@ def quantile(scores: Values, level: float) -> float:
 
 
 def checked_level(level: float) -> float:
-    """Return a coverage that intervals can have.
+    """Return a coverage after a check that intervals can have it.
 
     Raises
     ------
@@ -85,12 +93,14 @@ def checked_level(level: float) -> float:
 
 
 def calibrate(predicted: Values, target: Values, training: Values) -> Calibration:
-    """Score a model by its predictions of rows that it has not seen.
+    """Calibrate intervals with predictions of rows that the model was not fitted to.
 
     Parameters
     ----------
-    predicted, target : (n,) of the calibration rows
-    training : (m,) target of the training rows, which decides the ranges
+    predicted, target : ndarray, shape (n,)
+        Predictions and true values of the calibration rows.
+    training : ndarray, shape (m,)
+        Target of the training rows, whose quantiles are the borders of the ranges.
     """
     from mapie.regression import SplitConformalRegressor
 
@@ -107,23 +117,23 @@ def calibrate(predicted: Values, target: Values, training: Values) -> Calibratio
 
 
 class _Known:
-    """A fitted model whose predictions of the rows at hand are known: none is made twice."""
+    """A fitted model, for MAPIE, whose predictions have been computed already."""
 
     def __init__(self, predicted: Values) -> None:
         self.predicted_ = predicted
         self.fitted_ = True
 
     def fit(self, inputs: Values, target: Values) -> "_Known":
-        """Do nothing: it is fitted."""
+        """Do nothing, as the model is fitted."""
         return self
 
     def predict(self, inputs: Values) -> Values:
-        """Return what is known."""
+        """Return the known predictions."""
         return self.predicted_
 
 
 def _borders(predicted: Values, training: Values) -> Values:
-    """Quantiles of the training target with enough calibration rows between them."""
+    """Return quantiles of the training target with enough calibration rows between them."""
     for ranges in range(min(RANGES, predicted.size // ROWS), 1, -1):
         borders = np.quantile(training, np.arange(1, ranges) / ranges)
         rows = np.bincount(np.searchsorted(borders, predicted, side="right"), minlength=ranges)
@@ -135,11 +145,14 @@ def _borders(predicted: Values, training: Values) -> Values:
 def coverage(
     calibration: Calibration, prediction: Values, truth: Values, levels: tuple[float, ...]
 ) -> Iterator[tuple[float, float, Values]]:
-    """Count how many intervals hold the truth.
+    """Compute the share of intervals that contain the true value.
 
     Yields
     ------
-    level, share of the rows inside, (n,) half widths
+    level, share : float
+        Wanted coverage, and share of the rows inside their interval.
+    half_width : ndarray, shape (n,)
+        Half widths of the intervals.
     """
     for level in levels:
         half = calibration.half_width(prediction, level)

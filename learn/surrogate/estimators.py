@@ -1,8 +1,8 @@
-"""Fitted pipelines as numbers, and back: of each kind what its predictions need, and no more.
+"""Fitted pipelines as numbers, and back: only the numbers that predictions need.
 
-A model that is loaded is fitted here, to nothing, by the installed version of its library, and then
-gets the file's numbers, which have been checked. So nothing in a file decides what is built, and a
-file outlives versions of the libraries.
+To load a model, an estimator of the installed version of its library is fitted to two rows of
+zeros, and its numbers are then replaced by those of the file, after a check. The content of a file
+therefore never decides which objects are built, and a file outlives versions of the libraries.
 """
 
 import warnings
@@ -37,12 +37,14 @@ HIGHEST_DEGREE = 100
 
 
 def taken_apart(model: str, fitted: Any) -> dict[str, Any]:
-    """Numbers of a fitted pipeline.
+    """Return the numbers of a fitted pipeline.
 
     Parameters
     ----------
-    model : its name in `learn.models.MODELS`
-    fitted : scaling and estimator
+    model : str
+        Name of the model in `learn.models.MODELS`.
+    fitted : object
+        Scaling and estimator.
 
     Raises
     ------
@@ -54,13 +56,16 @@ def taken_apart(model: str, fitted: Any) -> dict[str, Any]:
 
 
 def put_together(model: str, normalisation: str, part: Part, width: int) -> Any:
-    """A fitted pipeline.
+    """Return a fitted pipeline.
 
     Parameters
     ----------
-    model, normalisation : names; they decide what is built
-    part : from `taken_apart`, or a stranger's
-    width : number of features
+    model, normalisation : str
+        Names of the model and of the scaling.
+    part : mapping
+        Part of a file: from `taken_apart`, or forged.
+    width : int
+        Number of features.
 
     Raises
     ------
@@ -77,12 +82,12 @@ def put_together(model: str, normalisation: str, part: Part, width: int) -> Any:
 
 
 def _nothing(width: int) -> tuple[Values, Values]:
-    """Two rows that a model is fitted to before it gets its numbers."""
+    """Return two rows that a model is fitted to before its numbers are set."""
     return np.zeros((2, width)), np.zeros(2)
 
 
 def _with(estimator: Any, width: int, **fitted: Any) -> Any:
-    """Fit to nothing, then set what a fit finds."""
+    """Fit an estimator to two rows of zeros, then set its fitted attributes."""
     estimator.fit(*_nothing(width))
     for name, value in fitted.items():
         setattr(estimator, name, value)
@@ -96,7 +101,7 @@ def _scaling_apart(scaling: Any) -> dict[str, Any]:
 
 
 def _scaling_together(scaling: Any, part: Part, width: int) -> Any:
-    """A fitted scaling of the kind that is wanted."""
+    """Return a fitted scaling."""
     if scaling == "passthrough":
         return scaling
     scaling.fit(np.zeros((2, width)))
@@ -116,7 +121,7 @@ def _scaling_together(scaling: Any, part: Part, width: int) -> Any:
 
 
 def _trees_apart(estimators: Iterable[Any]) -> dict[str, Any]:
-    """Trees of scikit-learn."""
+    """Return the trees of an ensemble of scikit-learn."""
     return forest.packed((_tree_apart(each.tree_) for each in estimators), DOUBLE)
 
 
@@ -128,7 +133,7 @@ def _tree_apart(tree: Any) -> Tree:
 
 
 def _trees_together(part: Part, name: str, width: int) -> list[Any]:
-    """Trees of scikit-learn, each an estimator of its own."""
+    """Return trees of scikit-learn, each an estimator."""
     from sklearn.tree import DecisionTreeRegressor
 
     pattern = DecisionTreeRegressor().fit(*_nothing(width))
@@ -162,7 +167,7 @@ def _random_forest(part: Part, width: int) -> Any:
 
 
 def _renamed(model: Any, trees: list[Any], **fitted: Any) -> Any:
-    """Set the number of trees and what a fit finds."""
+    """Set the number of trees and the attributes that a fit sets."""
     model.set_params(n_estimators=len(trees))
     for name, value in fitted.items():
         setattr(model, name, value)
@@ -250,7 +255,7 @@ def _vectors(part: Part, width: int) -> Any:
 
 
 def _kernel_apart(kernel: Any) -> dict[str, Any]:
-    """Lengths of a radial basis function, its amplitude and its noise where it has them.
+    """Return the lengths of a radial basis function, its amplitude and its noise if it has them.
 
     Raises
     ------
@@ -271,7 +276,7 @@ def _kernel_apart(kernel: Any) -> dict[str, Any]:
 
 
 def _kernel_together(part: Part, width: int) -> Any:
-    """A kernel; one length is for all features."""
+    """Return a kernel; a single length is that of all features."""
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
     lengths = numbers(part, "lengths", None)
@@ -295,7 +300,7 @@ def _process_apart(model: Any) -> dict[str, Any]:
 
 
 def _process(part: Part, width: int) -> Any:
-    """A Gaussian process without the Cholesky factor, which `learn.surrogate.learnt` makes."""
+    """Return a Gaussian process without the Cholesky factor, which `learnt` computes if needed."""
     rows, kernel = numbers(part, "rows", None, width), _kernel_together(part, width)
     model = MODELS["gaussian-process"].estimator(0)
     model.set_params(kernel=kernel, alpha=positive(part, "noise"), optimizer=None)
@@ -358,12 +363,14 @@ def _perceptron(part: Part, width: int) -> Any:
 
 @dataclass(frozen=True)
 class Kind:
-    """How a kind of model becomes numbers, and comes back.
+    """Conversion of a kind of model to numbers and back.
 
     Attributes
     ----------
-    apart : a fitted estimator to its part
-    together : its part and the number of features to a fitted estimator
+    apart : callable
+        Converts a fitted estimator to a part of the file.
+    together : callable
+        Converts a part and the number of features to a fitted estimator.
     """
 
     apart: Callable[[Any], dict[str, Any]]

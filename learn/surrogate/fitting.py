@@ -26,14 +26,18 @@ NOT_CALIBRATED = Calibration(np.empty(0), (np.empty(0),))
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """One target's model, and how it came about.
+    """The fitted model of one target, with times and warnings of the fit.
 
     Attributes
     ----------
-    learnt : model and intervals
-    settings : of the model
-    choosing, fitting : processor times of the search for settings and of the fit [s]
-    remarks : warnings of the fit
+    learnt : Learnt
+        Model and intervals.
+    settings : Settings
+        Settings of the model.
+    choosing, fitting : float
+        Processor times of the choice of settings and of the fit [s].
+    remarks : tuple of str
+        Warnings of the fit.
     """
 
     learnt: Learnt
@@ -52,15 +56,20 @@ def fit_target(
     folder: Folder | None = None,
     settings: Settings | None = None,
 ) -> Fit:
-    """Choose settings unless they are given, fit, calibrate.
+    """Fit and calibrate the model of one target, after a choice of settings if none are given.
 
     Parameters
     ----------
-    request : with one model; its database does not count
-    train, calibration : rows with one target, perhaps of several databases
-    folds : (training rows,) fold 0 validates the candidates of the search
-    folder : comparison whose tuned settings are taken, None for none
-    settings : of an earlier fit, None to choose them here
+    request : Request
+        Request with one model; its database is not used.
+    train, calibration : Dataset
+        Rows with one target, perhaps of several databases.
+    folds : ndarray of int, shape (training rows,)
+        Fold of each training row; fold 0 validates the candidates of the search.
+    folder : Folder, optional
+        Comparison whose tuned settings are used.
+    settings : Settings, optional
+        Settings of an earlier fit.
 
     Raises
     ------
@@ -87,7 +96,7 @@ def fit_target(
 def _fitted(
     request: Request, settings: Settings, inputs: Values, target: Values
 ) -> tuple[Any, tuple[str, ...]]:
-    """A fitted pipeline, and what its fit warned of."""
+    """Return a fitted pipeline and the warnings of its fit."""
     (name,) = request.models
     unfitted = pipeline(
         MODELS[name],

@@ -1,7 +1,8 @@
-"""Binary trees as arrays, checked: what a walk from the root can meet is a node of its tree.
+"""Binary trees as arrays, checked so that a walk from the root only meets nodes of its tree.
 
-All trees of a model stand one after the other. A split sends a row to the left if its feature is
-at most (scikit-learn) or below (XGBoost) the split's number; a leaf's number is what it predicts.
+The arrays hold all trees of a model one after the other. A split sends a row to the left if its
+feature is at most (scikit-learn) or below (XGBoost) the number of the split; the number of a leaf
+is its prediction.
 """
 
 from collections.abc import Iterable, Iterator
@@ -22,14 +23,18 @@ DEEPEST = 4096
 
 
 class Tree(NamedTuple):
-    """One tree of n nodes, the root first.
+    """A tree of n nodes, the root first.
 
     Attributes
     ----------
-    left, right : (n,) number of each node's children, larger than its own; `LEAF` for leaves
-    feature : (n,) number of the feature that a split asks for, 0 for leaves
-    number : (n,) where it splits, or what a leaf predicts
-    depth : splits from the root to the deepest leaf
+    left, right : ndarray of int, shape (n,)
+        Number of each node's children, larger than its own; `LEAF` for leaves.
+    feature : ndarray of int, shape (n,)
+        Index of the feature of a split, 0 for leaves.
+    number : ndarray, shape (n,)
+        Threshold of a split, or prediction of a leaf.
+    depth : int
+        Splits from the root to the deepest leaf.
     """
 
     left: Whole
@@ -40,12 +45,14 @@ class Tree(NamedTuple):
 
 
 def packed(trees: Iterable[Tree], kind: str) -> dict[str, Any]:
-    """Put trees one after the other.
+    """Concatenate the arrays of trees.
 
     Parameters
     ----------
-    trees : of one model
-    kind : type of their numbers, f8 or f4
+    trees : iterable of Tree
+        Trees of one model.
+    kind : str
+        Type of their numbers, f8 or f4.
     """
     found = list(trees)
     parts = {
@@ -61,19 +68,22 @@ def packed(trees: Iterable[Tree], kind: str) -> dict[str, Any]:
 
 
 def unpacked(part: Part, kind: str, width: int) -> Iterator[Tree]:
-    """Take the trees of a file apart, all of them checked before the first is given.
+    """Return the trees of a file, after a check of all of them.
 
     Parameters
     ----------
-    part : from `packed`, or a stranger's
-    kind : see `packed`
-    width : number of features
+    part : mapping
+        Part of a file: from `packed`, or forged.
+    kind : str
+        See `packed`.
+    width : int
+        Number of features.
 
     Raises
     ------
     ValueError
-        Unless every tree is one: each node but the root is the child of one node before it, every
-        feature exists, every number is finite.
+        If an array is no tree: in a tree each node but the root is the child of one node before it,
+        every feature exists, and every number is finite.
     """
     nodes = whole(part, "nodes", None)
     size = int(nodes.sum(dtype=np.int64))
@@ -106,7 +116,7 @@ def unpacked(part: Part, kind: str, width: int) -> Iterator[Tree]:
 def _depths(
     left: Whole, right: Whole, starts: NDArray[np.int64], owner: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Depth of every tree, level by level."""
+    """Compute the depth of every tree, level by level."""
     depths = np.zeros(starts.size, dtype=np.int64)
     level = starts
     for depth in range(1, DEEPEST + 2):

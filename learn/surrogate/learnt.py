@@ -1,4 +1,4 @@
-"""One target's model: scaling, estimator, intervals; fast where scikit-learn is slow."""
+"""The model of one target: scaling, estimator and intervals, with a fast kernel ridge."""
 
 import warnings
 from dataclasses import dataclass
@@ -16,20 +16,25 @@ from learn.surrogate.conformal import Calibration
 Values = NDArray[np.float64]
 
 PART = 2000
-"""Rows that are predicted together: kernels need memory for rows times training rows."""
+"""Rows that are predicted together: a kernel needs memory for rows times training rows."""
 
 
 @dataclass(frozen=True, eq=False)
 class Learnt:
-    """One target's model.
+    """The fitted model of one target.
 
     Attributes
     ----------
-    column : the target's column in `gen.schema`
-    unit : its unit
-    pipeline : scaling and estimator, fitted to (target / scale - mean) / deviation
-    mean, deviation : of the target over its scale
-    calibration : of the target over its scale
+    column : str
+        Column of the target in `gen.schema`.
+    unit : str
+        Unit of the target.
+    pipeline : object
+        Scaling and estimator, fitted to (target / scale - mean) / deviation.
+    mean, deviation : float
+        Mean and deviation of the target over its scale.
+    calibration : Calibration
+        Intervals of the target over its scale.
     """
 
     column: str
@@ -60,7 +65,7 @@ class Learnt:
 
     @cached_property
     def _expansion(self) -> tuple[Values, Values, float, Values] | None:
-        """Centres, their squares, gamma and weights of kernel ridge with radial functions."""
+        """Centres, their squares, gamma and weights of kernel ridge with radial basis functions."""
         ridge = self.pipeline.named_steps[STEP]
         if getattr(ridge, "kernel", None) != "rbf" or not hasattr(ridge, "X_fit_"):
             return None
@@ -70,7 +75,7 @@ class Learnt:
         return centres, np.einsum("ij,ij->i", centres, centres), gamma, weights
 
     def spread(self, inputs: Values) -> Values | None:
-        """Standard deviation of a Gaussian process, over the scale; None of other models."""
+        """Return the deviation of a Gaussian process, over the scale; None for other models."""
         process = self.pipeline.named_steps[STEP]
         if not hasattr(process, "log_marginal_likelihood"):
             return None
@@ -83,12 +88,12 @@ class Learnt:
 
 
 def _factor(process: Any) -> Values:
-    """Cholesky factor of a Gaussian process's kernel matrix, as its fit makes it.
+    """Compute the Cholesky factor of a Gaussian process's kernel matrix, as its fit does.
 
     Raises
     ------
     InputError
-        If it takes more memory than this machine has, or the matrix has none.
+        If it needs more memory than this machine has, or the matrix is not positive definite.
     """
     from scipy.linalg import LinAlgError, cholesky
 
@@ -108,5 +113,5 @@ def _factor(process: Any) -> Values:
 
 
 def _parts(inputs: Values) -> list[Values]:
-    """Cut rows into parts, one at least."""
+    """Cut rows into one or more parts."""
     return [inputs[start : start + PART] for start in range(0, max(len(inputs), 1), PART)]

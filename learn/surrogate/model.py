@@ -1,4 +1,4 @@
-"""A surrogate: what was learnt, and what it says about a surface."""
+"""A surrogate, and its predictions for a surface."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -27,13 +27,16 @@ CEILING = {"area_percent": 100.0}
 
 @dataclass(frozen=True, eq=False)
 class Surrogate:
-    """Fitted models of one or more targets, with all that their use needs.
+    """Fitted models of one or more targets, with their card and their training ranges.
 
     Attributes
     ----------
-    card : what it was made of and how good it is (`learn.surrogate.card`)
-    learnt : models by the short name of their target
-    low, high : (d,) training ranges of the features
+    card : dict of str to object
+        Data, settings and scores (`learn.surrogate.card`).
+    learnt : mapping of str to Learnt
+        Models by the short names of their targets.
+    low, high : ndarray, shape (d,)
+        Training ranges of the features.
     """
 
     card: dict[str, Any]
@@ -43,12 +46,12 @@ class Surrogate:
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
-        """Read a surrogate's file; nothing in it is run, and nothing is used unchecked.
+        """Read a surrogate's file; nothing in it is executed, and every part of it is checked.
 
         Raises
         ------
         InputError
-            If it is no surrogate, damaged, or not one that `learn fit` can have made.
+            If the file is no surrogate, is damaged, or cannot come from `learn fit`.
         """
         card, parts = storage.load(Path(path))
         try:
@@ -60,7 +63,7 @@ class Surrogate:
         return cls(card, learnt, low, high)
 
     def save(self, path: Path | str) -> None:
-        """Write the one file that `load` reads; an older one is replaced by a whole one.
+        """Write the file that `load` reads, whole or not at all.
 
         Raises
         ------
@@ -95,11 +98,16 @@ class Surrogate:
 
         Parameters
         ----------
-        surface : (nx, ny) heights [um]
-        side : scan length, one or one per axis [um]
-        delta : one or more far-field displacements [um]
-        e_star : E* that forces and pressures are for; that of the training unless given [MPa]
-        level : coverage of the intervals, None for none
+        surface : ArrayLike
+            Heights, shape (nx, ny) [um].
+        side : float or tuple of float
+            Scan length; one number, or one for each axis [um].
+        delta : ArrayLike
+            One or more far-field displacements [um].
+        e_star : float, optional
+            E* of forces and pressures; that of the training by default [MPa].
+        level : float or None
+            Coverage of the intervals; None for no intervals.
 
         Returns
         -------
@@ -108,19 +116,21 @@ class Surrogate:
         Raises
         ------
         InputError
-            For heights, lengths or displacements that no contact has.
+            If heights, lengths or displacements are impossible.
         """
         return self.for_surface(surface, side).predict(delta, e_star=e_star, level=level)
 
     def for_surface(
         self, surface: ArrayLike, side: float | tuple[float, float], name: str = "the surface"
     ) -> "OnSurface":
-        """Compute what is the same for all displacements, once.
+        """Apply the surrogate to a surface; its statistics are computed once.
 
         Parameters
         ----------
-        surface, side : see `predict`
-        name : what messages call it
+        surface, side : ArrayLike
+            See `predict`.
+        name : str
+            Name of the surface in messages.
         """
         heights = np.asarray(surface, dtype=np.float64)
         sides = (float(side[0]), float(side[1])) if isinstance(side, tuple) else (float(side),) * 2
@@ -133,19 +143,23 @@ class Surrogate:
     def of_statistics(
         self, statistics: Values, delta: Values, length: Values | float, notes: tuple[str, ...] = ()
     ) -> Rows:
-        """Rows of statistics, ready for `predict_rows`.
+        """Turn rows of statistics into features, for `predict_rows`.
 
         Parameters
         ----------
-        statistics : (n, 22) in the order and units of Table 1
-        delta : (n,) far-field displacement [um]
-        length : scan length L, one or (n,) [um]
-        notes : what is odd about all rows, or about each
+        statistics : ndarray, shape (n, 22)
+            Statistics in the order and units of Table 1.
+        delta : ndarray, shape (n,)
+            Far-field displacement [um].
+        length : ndarray or float
+            Scan length L; one for all rows, or shape (n,) [um].
+        notes : tuple of str
+            Notes on grids that differ from the training's: one for all rows, or n.
 
         Raises
         ------
         InputError
-            If the surrogate needs the surface itself, or a row is not finite.
+            If the surrogate needs the heights of the surface, or a row is not finite.
         """
         if self.features.needs_surface:
             raise InputError(
@@ -170,15 +184,19 @@ class Surrogate:
         std: bool = False,
         reasons: bool = True,
     ) -> Prediction:
-        """Predict rows whose features are there.
+        """Predict rows of features.
 
         Parameters
         ----------
-        rows : from `of_statistics` or `OnSurface.rows`
-        e_star, level : see `predict`
-        std : True for the standard deviations of Gaussian processes
-        reasons : False to leave out what lies outside the training ranges; a prediction that is not
-            finite always has a reason
+        rows : Rows
+            Rows from `of_statistics` or `OnSurface.rows`.
+        e_star, level : float, optional
+            See `predict`.
+        std : bool
+            True to add the standard deviations of Gaussian processes.
+        reasons : bool
+            False to skip the check of training ranges; a prediction that is not finite has a reason
+            all the same.
         """
         if e_star is not None and not 0 < e_star < np.inf:
             raise InputError(f"E* {e_star:g}: give a modulus above 0 MPa")
@@ -205,29 +223,31 @@ class Surrogate:
         return replace(found, reasons=said)
 
     def reasons(self, rows: Rows) -> tuple[str, ...]:
-        """Say for each row what lies outside the training, "" if nothing does."""
+        """Return for each row the features outside their training ranges; "" if there is none."""
         return ranges.reasons(self.features.columns, self.low, self.high, rows)
 
     def note(self, shape: tuple[int, int], sides: tuple[float, float]) -> str:
-        """Say how a grid differs from the training's, "" if it does not."""
+        """Return how a grid differs from the training's; "" if it does not."""
         return ranges.grid_note(self.card, self.features, shape, sides)
 
 
 @dataclass(frozen=True, eq=False)
 class OnSurface:
-    """A surrogate on one surface: what does not depend on Delta is computed once.
+    """A surrogate applied to one surface, whose statistics are computed once.
 
     Attributes
     ----------
-    surrogate : what is asked
-    surface : about which surface
+    surrogate : Surrogate
+        The surrogate.
+    surface : SurfaceFeatures
+        The surface.
     """
 
     surrogate: Surrogate
     surface: SurfaceFeatures
 
     def rows(self, delta: ArrayLike) -> Rows:
-        """Features at one or more displacements [um]."""
+        """Compute the features at one or more displacements [um]."""
         surface, surrogate = self.surface, self.surrogate
         deltas = np.atleast_1d(np.asarray(delta, dtype=np.float64))
         inputs = surface.features(surrogate.features, deltas)
@@ -249,8 +269,10 @@ class OnSurface:
 
         Parameters
         ----------
-        delta : above 0, one or (n,) [um]
-        e_star, level, std, reasons : see `Surrogate.predict_rows`
+        delta : ArrayLike
+            One displacement above 0, or n of them [um].
+        e_star, level, std, reasons : float, optional
+            See `Surrogate.predict_rows`.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""A surrogate as what its file holds: a card and numbers; all of them checked on return."""
+"""Conversion of a surrogate to the content of its file and back, with checks on the way back."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -18,7 +18,7 @@ Values = NDArray[np.float64]
 def packed(
     card: Mapping[str, Any], learnt: Mapping[str, Learnt], low: Values, high: Values
 ) -> dict[str, Any]:
-    """Take a surrogate's models apart.
+    """Convert the models of a surrogate to numbers.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def packed(
 
 
 def unpacked(card: dict[str, Any], parts: Part) -> tuple[dict[str, Learnt], Values, Values]:
-    """Put a surrogate's parts together: models, lowest and highest features.
+    """Convert the parts of a file to models and the training ranges of the features.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def unpacked(card: dict[str, Any], parts: Part) -> tuple[dict[str, Learnt], Valu
 
 
 def _learnt(card: Mapping[str, Any], name: str, part: Part, width: int) -> Learnt:
-    """One target's model."""
+    """Return the model of one target."""
     about = card["targets"][name]
     borders = numbers(part, "borders", None)
     scores = [

@@ -1,6 +1,7 @@
-"""Parts of a surrogate's file, each refused unless it is what it has to be.
+"""Checked access to the parts of a surrogate's file.
 
-Nothing reaches a library before it went through here: compiled code trusts sizes and indices.
+Every part passes through these functions before a library uses it, because compiled code trusts
+sizes and indices.
 """
 
 import math
@@ -16,24 +17,28 @@ Whole = NDArray[np.int32]
 
 
 def _of(part: Any, name: str) -> Any:
-    """What a part holds by this name, None if it is no part at all."""
+    """Return the entry of a part by its name, None if there is none."""
     return part.get(name) if isinstance(part, dict) else None
 
 
 def array(part: Part, name: str, kind: str, *shape: int | None) -> NDArray[Any]:
-    """An array of a type and shape, finite.
+    """Return an array of finite numbers of a given type and shape.
 
     Parameters
     ----------
-    part : with the array
-    name : its name
-    kind : its type, as numpy writes it
-    shape : its sizes, None for any
+    part : mapping
+        Part that holds the array.
+    name : str
+        Name of the array.
+    kind : str
+        Type of the numbers, as numpy writes it.
+    *shape : int or None
+        Size of each axis, None for any.
 
     Raises
     ------
     ValueError
-        If it is missing or another; it names the array.
+        If the array is missing or differs; the message names it.
     """
     found = _of(part, name)
     if not isinstance(found, np.ndarray) or found.dtype != np.dtype(kind):
@@ -47,22 +52,22 @@ def array(part: Part, name: str, kind: str, *shape: int | None) -> NDArray[Any]:
 
 
 def numbers(part: Part, name: str, *shape: int | None) -> Values:
-    """An array of finite numbers of double precision; see `array`."""
+    """Return an array of finite numbers of double precision; see `array`."""
     return array(part, name, "f8", *shape)
 
 
 def whole(part: Part, name: str, *shape: int | None) -> Whole:
-    """An array of whole numbers; see `array`."""
+    """Return an array of whole numbers; see `array`."""
     return array(part, name, "i4", *shape)
 
 
 def number(part: Part, name: str, low: float = -math.inf, high: float = math.inf) -> float:
-    """A finite number within bounds.
+    """Return a finite number within bounds.
 
     Raises
     ------
     ValueError
-        If it is missing or another.
+        If the entry is missing or differs.
     """
     found = _of(part, name)
     if type(found) not in {int, float} or not math.isfinite(found) or not low <= found <= high:
@@ -71,7 +76,7 @@ def number(part: Part, name: str, low: float = -math.inf, high: float = math.inf
 
 
 def count(part: Part, name: str, low: int = 0, high: int = 2**53) -> int:
-    """A whole number within bounds; see `number`."""
+    """Return a whole number within bounds; see `number`."""
     found = number(part, name, low, high)
     if type(part[name]) is not int:
         raise ValueError(f"{name} is {found}")
@@ -79,7 +84,7 @@ def count(part: Part, name: str, low: int = 0, high: int = 2**53) -> int:
 
 
 def positive(part: Part, name: str) -> float:
-    """A finite number above 0; see `number`."""
+    """Return a finite number above 0; see `number`."""
     found = number(part, name, 0.0)
     if not found:
         raise ValueError(f"{name} is 0")
@@ -87,12 +92,12 @@ def positive(part: Part, name: str) -> float:
 
 
 def text(part: Part, name: str, allowed: Collection[str] | None = None) -> str:
-    """A text, one of those that are allowed.
+    """Return a text, one of the allowed ones if these are given.
 
     Raises
     ------
     ValueError
-        If it is missing or another.
+        If the entry is missing or differs.
     """
     found = _of(part, name)
     if not isinstance(found, str) or (allowed is not None and found not in allowed):
@@ -101,12 +106,12 @@ def text(part: Part, name: str, allowed: Collection[str] | None = None) -> str:
 
 
 def mapping(part: Part, name: str) -> Part:
-    """A dictionary.
+    """Return a dictionary.
 
     Raises
     ------
     ValueError
-        If it is missing or no dictionary.
+        If the entry is missing or no dictionary.
     """
     found = _of(part, name)
     if isinstance(found, dict):
@@ -115,12 +120,12 @@ def mapping(part: Part, name: str) -> Part:
 
 
 def sequence(part: Part, name: str, size: int | None = None) -> list[Any]:
-    """A list, perhaps of a size.
+    """Return a list, of a given size if there is one.
 
     Raises
     ------
     ValueError
-        If it is missing, no list, or of another size.
+        If the entry is missing, no list, or of another size.
     """
     found = _of(part, name)
     if not isinstance(found, list) or size not in {None, len(found)}:

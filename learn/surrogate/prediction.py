@@ -1,4 +1,4 @@
-"""What a surrogate is asked and what it answers: rows of features, and values with intervals."""
+"""Input and output of a surrogate: rows of features, and predictions with intervals."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -10,15 +10,20 @@ Values = NDArray[np.float64]
 
 
 class Rows(NamedTuple):
-    """Rows to predict, ready for the models.
+    """Rows of features that the models can predict.
 
     Attributes
     ----------
-    inputs : (n, d) features
-    statistics : (n, 22)
-    delta : (n,) [um]
-    length : scan length L, one or (n,) [um]
-    notes : what is odd about all rows, or about each
+    inputs : ndarray, shape (n, d)
+        Features.
+    statistics : ndarray, shape (n, 22)
+        Statistics in the order of Table 1.
+    delta : ndarray, shape (n,)
+        Far-field displacement [um].
+    length : ndarray or float
+        Scan length L; one for all rows, or shape (n,) [um].
+    notes : tuple of str
+        Notes on grids that differ from the training's: one for all rows, or n.
     """
 
     inputs: Values
@@ -30,16 +35,21 @@ class Rows(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What a surrogate says about n rows.
+    """Predictions for n rows.
 
     Attributes
     ----------
-    delta : (n,) far-field displacement [um]
-    values : (n,) predictions by target: "area" [%], "force" [uN], "mean_gap" [um] ...
-    low, high : (n,) ends of the intervals by target; empty if none were asked for. They hold where
-        a row is inside the training only: tables leave them out elsewhere
-    std : (n,) standard deviations by target, of Gaussian processes, if asked for
-    reasons : n texts: what lies outside the training, "" if nothing does
+    delta : ndarray, shape (n,)
+        Far-field displacement [um].
+    values : dict of str to ndarray, shape (n,)
+        Predictions by target: "area" [%], "force" [uN], "mean_gap" [um] ...
+    low, high : dict of str to ndarray, shape (n,)
+        Ends of the intervals by target; empty if no level was given. They only hold for rows
+        inside the training; tables leave them out for the other rows.
+    std : dict of str to ndarray, shape (n,)
+        Standard deviations by target, of Gaussian processes, on request.
+    reasons : tuple of str
+        For each row, the features outside the training; "" if there is none.
     """
 
     delta: Values
@@ -51,15 +61,15 @@ class Prediction:
 
     @property
     def area(self) -> Values:
-        """(n,) effective contact area [%]."""
+        """Effective contact area, (n,) [%]."""
         return self.values["area"]
 
     @property
     def force(self) -> Values:
-        """(n,) normal force [uN]."""
+        """Normal force, (n,) [uN]."""
         return self.values["force"]
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """(n,) whether a row lies inside the training ranges."""
+        """True for rows inside the training ranges, (n,)."""
         return np.array([not reason for reason in self.reasons], dtype=np.bool_)

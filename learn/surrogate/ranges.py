@@ -1,4 +1,4 @@
-"""What lies outside a surrogate's training: features beyond their ranges, other grids and sides."""
+"""Flags of rows outside a surrogate's training: features beyond their ranges, other grids."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,13 +13,16 @@ Values = NDArray[np.float64]
 
 
 def reasons(columns: tuple[str, ...], low: Values, high: Values, rows: Rows) -> tuple[str, ...]:
-    """Say for each row what lies outside the training, "" if nothing does.
+    """Return for each row the features outside their training ranges; "" if there is none.
 
     Parameters
     ----------
-    columns : names of the d features
-    low, high : (d,) training ranges
-    rows : with their own notes, which come first
+    columns : tuple of str
+        Names of the d features.
+    low, high : ndarray, shape (d,)
+        Training ranges.
+    rows : Rows
+        Rows, with notes that stand first among the reasons.
     """
     outside = (rows.inputs < low) | (rows.inputs > high)
     notes = rows.notes if len(rows.notes) == len(rows.delta) else rows.notes * len(rows.delta)
@@ -38,19 +41,22 @@ def reasons(columns: tuple[str, ...], low: Values, high: Values, rows: Rows) -> 
 
 
 def finite(raw: Values, scale: Values) -> Values:
-    """Predictions over their scale, NaN where they or their product with it are not finite."""
+    """Replace predictions over their scale by NaN where they or their products are not finite."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.where(np.isfinite(raw * scale), raw, np.nan)
 
 
 def with_undefined(reasons: tuple[str, ...], target: str, raw: Values) -> tuple[str, ...]:
-    """Add to the reasons of rows whose prediction is not finite that it is none.
+    """Add to the reasons of rows that their prediction is not finite.
 
     Parameters
     ----------
-    reasons : n texts
-    target : its name
-    raw : (n,) predictions, from `finite`
+    reasons : tuple of str
+        Reasons of the n rows.
+    target : str
+        Name of the target.
+    raw : ndarray, shape (n,)
+        Predictions over their scale, from `finite`.
     """
     undefined = np.isnan(raw)
     if not undefined.any():
@@ -68,14 +74,18 @@ def grid_note(
     shape: tuple[int, int],
     sides: tuple[float, float],
 ) -> str:
-    """Say how a grid differs from the training's, "" if it does not.
+    """Return how a grid differs from the training's; "" if it does not.
 
     Parameters
     ----------
-    card : of the surrogate
-    features : whose units, if they have any, bind it to its side and spacing
-    shape : nodes
-    sides : scan lengths [um]
+    card : mapping of str to object
+        Card of the surrogate.
+    features : FeatureSet
+        Feature set; one with units binds the surrogate to its side and spacing.
+    shape : tuple of int
+        Nodes along both axes.
+    sides : tuple of float
+        Scan lengths [um].
     """
     nodes, side = int(card["nodes"]), float(card["side"])
     said = []
@@ -93,6 +103,6 @@ def grid_note(
 
 
 def brief(reasons: str) -> str:
-    """The first reason, and how many there are besides: for a narrow column."""
+    """Shorten reasons to the first one and the number of the others, for a narrow column."""
     first, _, others = reasons.partition("; ")
     return f"{first}; and {others.count('; ') + 1} more" if others else first

@@ -1,9 +1,9 @@
 """Settings of a surrogate's model: a tuned winner's, the paper's optimum, or a small search's.
 
-The paper's optima belong to its own features and scaling. For features without units, kernel
-methods are searched on a validation fold, with few enough rows to take seconds, and the kernel of
-the Gaussian process, one length an input, by maximum likelihood on a thousand rows; the trees' and
-the perceptron's settings do not depend on units as much, and are the paper's where they can be.
+The paper's optima belong to its own features and scaling. For features without units, the settings
+of kernel methods are searched on a validation fold, with so few rows that it takes seconds; the
+kernel of the Gaussian process, with one length per input, maximises the likelihood on a thousand
+rows. The settings of trees and perceptron depend less on units, and are the paper's where possible.
 """
 
 import warnings
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
 from learn.comparison.folder import Folder
-from learn.comparison.search.spaces import OPTIMA
+from learn.comparison.spaces import OPTIMA
 from learn.comparison.winner import settings_of
 from learn.models import MODELS, NORMALISATIONS, STEP, pipeline
 from learn.request import Request
@@ -22,7 +22,7 @@ from learn.request import Request
 Values = NDArray[np.float64]
 
 SEARCH_ROWS = 3000
-"""Training rows of the small searches at most."""
+"""Largest number of training rows of the small searches."""
 
 LIKELIHOOD_ROWS = 800
 """Rows for the likelihood of a kernel with a length for every input."""
@@ -39,17 +39,20 @@ NETWORK: dict[str, Any] = {
     "max_iter": 3000,
     "max_fun": 6000,
 }
-"""The perceptron for features without units: two layers are enough for them."""
+"""The perceptron for features without units, for which two layers suffice."""
 
 
 class Settings(NamedTuple):
-    """Settings of an estimator, and where they come from.
+    """Settings of an estimator, and their origin.
 
     Attributes
     ----------
-    values : on top of the model's baseline
-    tuned : True where they are on top of what all candidates of a search share
-    origin : in words
+    values : dict of str to object
+        Settings that differ from the model's baseline.
+    tuned : bool
+        True if the baseline includes the settings that all candidates of a search share.
+    origin : str
+        Origin, in words.
     """
 
     values: dict[str, Any]
@@ -60,15 +63,20 @@ class Settings(NamedTuple):
 def choose(
     request: Request, folder: Folder | None, inputs: Values, target: Values, folds: NDArray[np.int8]
 ) -> Settings:
-    """Find the settings of a fit.
+    """Choose the settings of a fit.
 
     Parameters
     ----------
-    request : model, features, seed
-    folder : comparison that has tuned the model, None for none
-    inputs : (n, d) of the training rows
-    target : (n,) of mean 0 and deviation 1 unless the features are the paper's
-    folds : (n,) of the training rows; fold 0 is the validation
+    request : Request
+        Request with one model, features and seed.
+    folder : Folder or None
+        Comparison that has tuned the model.
+    inputs : ndarray, shape (n, d)
+        Inputs of the training rows.
+    target : ndarray, shape (n,)
+        Target, of mean 0 and deviation 1 except for the paper's features.
+    folds : ndarray of int, shape (n,)
+        Fold of each training row; fold 0 validates.
     """
     (name,) = request.models
     if folder is not None:
@@ -85,12 +93,12 @@ def choose(
 
 
 def tuned_conditions(folder: Folder, model: str) -> dict[str, Any]:
-    """What a tuned winner rests on.
+    """Return the features, rows and seed that a tuned winner rests on.
 
     Raises
     ------
     InputError
-        If the folder has none of this model.
+        If the folder has no tuned model of this name.
     """
     conditions: dict[str, Any] = folder.record()["conditions"]
     _tuned(folder, model)
@@ -120,7 +128,7 @@ def _candidates(name: str) -> list[dict[str, Any]]:
 def _searched(
     request: Request, inputs: Values, target: Values, folds: NDArray[np.int8]
 ) -> Settings:
-    """The candidate with the smallest error on fold 0, fitted to some of the others."""
+    """Return the candidate with the smallest error on fold 0, fitted to rows of other folds."""
     (name,) = request.models
     inside = np.flatnonzero(folds != 0)[:SEARCH_ROWS]
     outside = folds == 0
@@ -141,7 +149,7 @@ def _searched(
 
 
 def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
-    """A radial basis function with one length an input and noise, of the largest likelihood."""
+    """Return the most likely radial basis function with a length per input, and noise."""
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
     lengths = np.full(inputs.shape[1], 10.0)
@@ -167,12 +175,12 @@ def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
 
 
 def normalisation_of(features_default: str, given: str) -> str:
-    """The scaling that was asked for, or the features' own.
+    """Return the given scaling, or the default of the features.
 
     Raises
     ------
     InputError
-        If there is no such scaling.
+        If no scaling has this name.
     """
     if given and given not in NORMALISATIONS:
         raise InputError(f"--normalise {given!r}: give one of {', '.join(NORMALISATIONS)}")

@@ -1,4 +1,4 @@
-"""What a surrogate is asked about: surfaces from files and folders, statistics from tables."""
+"""Input of predictions: surfaces from files and folders, statistics from tables."""
 
 import csv
 from collections.abc import Iterator, Sequence
@@ -23,7 +23,7 @@ INSTRUMENTS = {
     *(".spm", ".mi", ".zon", ".zag", ".top", ".frt", ".os3d", ".sdf", ".bcrf", ".bcr", ".h5"),
     *(".mat", ".xyz", ".vk4", ".vk6", ".vk7", ".jpk", ".gsf", ".nid", ".ezd", ".mnt", ".stp"),
 }
-"""Endings that are taken for surfaces where a whole folder is given."""
+"""Suffixes of files in a folder that are read as surfaces."""
 
 DELTA_NAMES = ("delta_um", "delta")
 SIDE_NAMES = ("side_x_um", "side_y_um")
@@ -36,11 +36,16 @@ class Table:
 
     Attributes
     ----------
-    name : of the file
-    statistics : (n, 22)
-    delta : (n,) [um], None if the file has none
-    sides : (n, 2) [um], NaN where the file has none
-    nodes : (n, 2), 0 where the file has none
+    name : str
+        Name of the file.
+    statistics : ndarray, shape (n, 22)
+        Statistics in the order of Table 1.
+    delta : ndarray, shape (n,) or None
+        Far-field displacements, None if the file has none [um].
+    sides : ndarray, shape (n, 2)
+        Scan lengths, NaN where the file has none [um].
+    nodes : ndarray of int, shape (n, 2)
+        Nodes along both axes, 0 where the file has none.
     """
 
     name: str
@@ -51,12 +56,12 @@ class Table:
 
 
 def deltas_from(text: str) -> Values:
-    """Displacements from "2", "1,2,5" or "5:45:9" [um].
+    """Parse displacements, as "2", "1,2,5" or "5:45:9" [um].
 
     Raises
     ------
     InputError
-        If they are no numbers above 0.
+        If the text is not made of numbers above 0.
     """
     values = numbers_from(text, "--delta", "give numbers above 0 um, as 2, 1,2,5 or 5:45:9")
     if not all(map(magnitude, values)):
@@ -65,12 +70,12 @@ def deltas_from(text: str) -> Values:
 
 
 def pressures_from(text: str) -> Values:
-    """Nominal pressures from "1:100:20" [MPa].
+    """Parse nominal pressures, as "1:100:20" [MPa].
 
     Raises
     ------
     InputError
-        If they are no numbers of 0 or more, or all 0.
+        If the text is not made of numbers of 0 or more, or all are 0.
     """
     advice = "give pressures of 0 MPa or more, not all 0, as 0:100:20"
     values = numbers_from(text, "--pressure", advice)
@@ -80,12 +85,12 @@ def pressures_from(text: str) -> Values:
 
 
 def numbers_from(text: str, option: str, advice: str) -> Values:
-    """Finite numbers from "2", "1,2,5" or "5:45:9".
+    """Parse finite numbers, as "2", "1,2,5" or "5:45:9".
 
     Raises
     ------
     InputError
-        If they are none, or too many; with the option and the advice.
+        If there are none or too many; the message has the option and the advice.
     """
     values = np.array(values_from(text, option, advice))
     if not np.isfinite(values).all():
@@ -94,12 +99,12 @@ def numbers_from(text: str, option: str, advice: str) -> Values:
 
 
 def files_in(paths: Sequence[Path]) -> tuple[list[Path], int]:
-    """Files, and those of folders that can hold surfaces; and how many others were left out.
+    """Return the files, with those of folders that can hold surfaces, and the number left out.
 
     Raises
     ------
     InputError
-        If there is none.
+        If there is no file.
     """
     found: list[Path] = []
     others = 0
@@ -133,7 +138,7 @@ def _is_database(path: Path) -> bool:
 
 
 def is_table(path: Path) -> bool:
-    """Whether a file has rows of statistics, by the names in its first line."""
+    """Return True if a file has rows of statistics, by the names in its first line."""
     if path.suffix.lower() not in {".csv", ".txt"}:
         return False
     try:
@@ -145,7 +150,7 @@ def is_table(path: Path) -> bool:
 
 
 def read_surface(path: Path, reading: Reading) -> tuple[Topography, list[str]]:
-    """A surface as it is to be pressed, and what to know before trusting its contact."""
+    """Read and prepare a surface; return it with the warnings about it."""
     try:
         measured = read(
             path,
@@ -170,18 +175,20 @@ def read_surface(path: Path, reading: Reading) -> tuple[Topography, list[str]]:
 
 
 def read_table(path: Path, side: str = "") -> Table:
-    """Rows of statistics, as `python -m gen describe --csv` writes them.
+    """Read rows of statistics, as `python -m gen describe --csv` writes them.
 
     Parameters
     ----------
-    path : CSV with a header that names the 22 statistics; `delta_um` or `delta`, sides and nodes
-        are taken where they are there, other columns are ignored
-    side : scan length for rows that have none, or two [um]
+    path : Path
+        CSV with a header that names the 22 statistics; `delta_um` or `delta`, sides and nodes are
+        optional, and other columns are ignored.
+    side : str
+        Scan length, or two with a comma, for rows without lengths [um].
 
     Raises
     ------
     InputError
-        If a column is missing, or a value is no number; it names row and column.
+        If a column is missing, or a value is no number; the message names row and column.
     """
     try:
         with require_file(path).open(encoding="utf-8-sig", newline="") as file:
@@ -222,7 +229,7 @@ def read_table(path: Path, side: str = "") -> Table:
 
 
 def _columns(path: Path, rows: list[dict[str, str]], names: Sequence[str]) -> Values:
-    """(n, k) finite numbers of some columns."""
+    """Return the finite numbers of some columns, (n, k)."""
     return np.array([list(_numbers(path, number, row, names)) for number, row in enumerate(rows)])
 
 

@@ -1,4 +1,4 @@
-"""One file per surrogate: a checksum, one text, and numbers; nothing in it names code or types.
+"""The file of a surrogate: a checksum, one text, and numbers; it names neither code nor types.
 
     asperity surrogate
     format 3
@@ -7,9 +7,8 @@
     text: JSON with the card, the parts of the models, type and shape of every array
     arrays, in their order, each from a multiple of 8 bytes on
 
-The checksum finds damage. It is no protection against somebody who writes such a file on purpose:
-what the parts are is checked by `learn.surrogate.packing`. No part is larger in memory than in the
-file.
+The checksum detects damage. Against forged files the parts are checked by
+`learn.surrogate.packing`. No part is larger in memory than in the file.
 """
 
 import hashlib
@@ -30,19 +29,19 @@ from gen.runtime.terminal import printable
 FORMAT = 3
 HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")
 OLDER = b"PK"
-"""How the files of formats 1 and 2 begin: zip archives."""
+"""First bytes of formats 1 and 2, which were zip archives."""
 
 KINDS = ("<f8", "<f4", "<i4")
-"""Types of the arrays: double and single precision, whole numbers."""
+"""Types of the arrays: double precision, single precision, whole numbers."""
 
 STEP = 8
 """Arrays begin at multiples of this many bytes."""
 
 LONGEST_TEXT = 2**24
-"""Bytes of the text at most: a card has some thousands."""
+"""Largest length of the text [bytes]; a card has some thousands."""
 
 ARRAY = "array"
-"""Key of what stands in the text for an array: its number."""
+"""Key in the text that stands for an array; its value is the number of the array."""
 
 
 def save(path: Path, card: dict[str, Any], parts: dict[str, Any]) -> None:
@@ -50,9 +49,12 @@ def save(path: Path, card: dict[str, Any], parts: dict[str, Any]) -> None:
 
     Parameters
     ----------
-    path : an older file is replaced by a whole one
-    card : texts, numbers, lists and dictionaries
-    parts : the same, and arrays of the types of `KINDS`
+    path : Path
+        File to write; an older one is replaced only by a whole one.
+    card : dict of str to object
+        Texts, numbers, lists and dictionaries.
+    parts : dict of str to object
+        Numbers, lists and dictionaries, and arrays of the types of `KINDS`.
 
     Raises
     ------
@@ -91,12 +93,12 @@ def _without_arrays(part: Any, arrays: list[NDArray[Any]]) -> Any:
 
 
 def load(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Read a surrogate's card and parts; what they hold is not looked at.
+    """Read a surrogate's card and parts, without a check of their content.
 
     Raises
     ------
     InputError
-        If it is no surrogate, of another format, or damaged.
+        If the file is no surrogate, of another format, or damaged.
     """
     try:
         data = require_file(path).read_bytes()
@@ -119,7 +121,7 @@ def load(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _stranger(path: Path, data: bytes, head: re.Match[bytes] | None) -> str:
-    """Say what a file is that is no surrogate of this format."""
+    """Describe a file that is no surrogate of this format."""
     from gen.database import is_database
 
     if head is not None:
@@ -132,7 +134,7 @@ def _stranger(path: Path, data: bytes, head: re.Match[bytes] | None) -> str:
 
 
 def _read(body: memoryview) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Take what follows the checksum apart; anything may be raised where it is not whole."""
+    """Parse the content behind the checksum; any exception may be raised if it is not whole."""
     length = int.from_bytes(body[:8], "little")
     if length > min(LONGEST_TEXT, len(body) - 8):
         raise ValueError(f"a text of {length} bytes")
@@ -156,7 +158,7 @@ def _read(body: memoryview) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _with_arrays(part: Any, arrays: list[NDArray[Any]]) -> Any:
-    """Put the arrays of a part back to their places."""
+    """Put the arrays of a part back into their places."""
     if isinstance(part, dict):
         if part.keys() == {ARRAY}:
             return arrays[part[ARRAY]]

@@ -1,4 +1,4 @@
-"""Fit surrogates: read, split in three by surface, choose settings, fit, calibrate, judge."""
+"""Fit surrogates: read, split by surface into three sets, choose settings, fit, calibrate."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
+from gen.runtime.farm import World
 from learn import dataset, memory, split
 from learn.arrays import Indices, Values
 from learn.comparison.folder import Folder
 from learn.dataset import Dataset
-from learn.executor import Executor
 from learn.models import chosen as chosen_models
 from learn.request import Request, pressed_for
 from learn.surrogate import card
@@ -23,48 +23,48 @@ from learn.surrogate.model import Surrogate
 from learn.surrogate.settings import tuned_conditions
 
 CALIBRATION_SHARE = 0.1
-"""Share of the training rows that calibrates the intervals instead."""
+"""Share of the training rows that are used to calibrate the intervals instead."""
 
 SMALLEST_CALIBRATION = 20
-"""Rows that calibrate at least, if there are five times as many: for intervals of 95 %."""
+"""Smallest number of calibration rows, for intervals of 95 %, if there are five times as many."""
 
 
 def fit(
     request: Request,
-    executor: Executor,
+    world: World,
     say: Callable[[str], None],
     *,
     source: Path | None = None,
     stopping: Callable[[], bool] = lambda: False,
 ) -> Surrogate | None:
-    """Fit a surrogate to a database.
+    """Fit a surrogate to a database; every process has to call it.
 
     Parameters
     ----------
     request : Request
-        Database, targets, features and one model; its folder does not count.
-    executor : Executor
-        Generates surfaces anew for hybrid features.
+        Request with one model; its folder is not used.
+    world : World
+        Processes that generate the surfaces for hybrid features.
     say : callable
-        Called with lines for the user.
+        Called on the master with lines for the user.
     source : Path, optional
-        Comparison folder whose tuned settings are taken.
+        Comparison folder whose tuned settings are used.
     stopping : callable
-        Asked between surfaces; True ends the work.
+        Called on the master between surfaces; True ends the work.
 
     Returns
     -------
     Surrogate or None
-        None if the work was stopped.
+        The surrogate on the master; None on the workers, and after a stop.
 
     Raises
     ------
     InputError
-        For input that cannot be used, too little memory, or too few rows.
+        If the input cannot be used, or there are too few rows or too little memory.
     """
     (model,) = chosen_models(list(request.models))
-    pressed = pressed_for(request, executor, stopping)
-    if stopping():
+    pressed = pressed_for(request, world, stopping)
+    if not world.is_master or stopping():
         return None
     sets = _read(request, pressed)
     parts = split.draw(sets[0], request.seed, request.train_rows)
@@ -94,10 +94,11 @@ def fit(
 
 
 def _read(request: Request, pressed: Values | None) -> list[Dataset]:
-    """One dataset per target, of the rows that all of them have."""
-    sets = dataset.read_targets(
-        request.database, request.targets, request.area_max, request.features, pressed
-    )
+    """Return one dataset per target, of the rows that all targets have."""
+    sets = [
+        dataset.read(request.database, target, request.area_max, request.features, pressed)
+        for target in request.targets
+    ]
     common = sets[0].rows
     for each in sets[1:]:
         common = np.intersect1d(common, each.rows)
@@ -105,16 +106,19 @@ def _read(request: Request, pressed: Values | None) -> list[Dataset]:
 
 
 def without_calibration(rows: Dataset, train: Indices) -> tuple[Indices, Indices]:
-    """Cut the last rows, whole surfaces, off the training: they are in random order already.
+    """Split the last rows, by whole surfaces, off the training rows, which are in random order.
 
     Parameters
     ----------
-    rows : the usable rows
-    train : positions of the training rows, from `learn.split.draw`
+    rows : Dataset
+        The usable rows.
+    train : ndarray of int
+        Positions of the training rows, from `learn.split.draw`.
 
     Returns
     -------
-    Positions of the rows that train, and of those that calibrate
+    train, calibration : ndarray of int
+        Positions of the rows that train, and of those that calibrate.
 
     Raises
     ------
@@ -145,7 +149,7 @@ def _fit_target(
     folder: Folder | None,
     say: Callable[[str], None],
 ) -> tuple[Learnt, dict[str, Any]]:
-    """Choose, fit, calibrate and judge one target's model."""
+    """Choose settings for the model of one target, fit, calibrate and score it."""
     train, calibration, test = parts
     fit = fit_target(request, rows.at(train), rows.at(calibration), folds, folder=folder)
     judged = card.judge(fit.learnt, rows, test) | {
@@ -165,18 +169,21 @@ def _fit_target(
 
 
 def request_from(request: Request, source: Path, given: dict[str, Any]) -> Request:
-    """Take from a comparison folder what its winner rests on; what was given must agree.
+    """Take features, scaling, rows and seed from a comparison; given options must agree.
 
     Parameters
     ----------
-    request : with one model and its targets
-    source : the comparison folder
-    given : options that the user gave: "features", "normalisation", "area_max", "seed"
+    request : Request
+        Request with one model and its targets.
+    source : Path
+        Comparison folder.
+    given : dict of str to object
+        Options of the user, of "features", "normalisation", "area_max" and "seed".
 
     Raises
     ------
     InputError
-        If the folder lacks the model, or rests on something else than was given.
+        If the folder lacks the model, or contradicts an option.
     """
     column = dataset.TARGETS.get(request.targets[0], request.targets[0])
     folder = Folder(source / dataset.short_name(column))

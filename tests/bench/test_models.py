@@ -1,12 +1,12 @@
 """Errors of models against their times: read from a comparison, the front marked."""
 
-import csv
 from pathlib import Path
 
 import pytest
 
 from bench.__main__ import main
-from bench.surrogates.models import Cost, costs, front, write_report
+from bench.surrogates.models import Cost, costs, front, report
+from bench.table import read_table
 from gen.runtime.errors import InputError
 
 
@@ -52,15 +52,14 @@ def test_errors_and_times_are_those_of_the_comparison(comparison: Path) -> None:
 
 def test_command_writes_table_and_picture(comparison: Path, tmp_path: Path) -> None:
     assert main(["models", str(comparison), "-o", str(tmp_path / "out")]) == 0
-    with (tmp_path / "out" / "models.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    _, rows = read_table(tmp_path / "out" / "models.csv")
     assert [row["model"] for row in rows] == ["decision-tree", "kernel-ridge", "kernel-ridge"]
     assert rows[0]["search_s"] == ""
     assert (tmp_path / "out" / "models.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_without_a_search_there_is_no_panel_for_it(tmp_path: Path) -> None:
-    assert len(write_report(tmp_path, [cost("svm", 10, 1)])) == 2
+    assert len(report([cost("svm", 10, 1)]).write(tmp_path)) == 2
 
 
 def test_what_is_no_comparison_is_refused(

@@ -13,7 +13,7 @@ from bench.page.content import Absent, Figure, Table, Words
 from bench.paper import deviations, facts, fine, models, predictions, report, surfaces
 from bench.paper.contents import ORDER, RECORD, contents, files_of, keep, record, whole
 from bench.surrogates import databases
-from bench.surrogates.costs import PAPER_BREAK_EVEN, break_even
+from bench.surrogates.break_even import PAPER_BREAK_EVEN, break_even
 from bench.table import write_table
 from gen.database import Reader
 from gen.runtime.errors import InputError

@@ -1,6 +1,5 @@
 """Reports on surrogates: the same functions as the commands', on a few rows of the paper preset."""
 
-import csv
 import dataclasses
 import json
 import math
@@ -11,18 +10,16 @@ import pytest
 
 import gen.cli
 from bench import __main__ as bench
-from bench.surrogates import cases, clock, databases
+from bench.surrogates import cases, clock, cost_report, databases, generalisation_report
+from bench.surrogates.break_even import PAPER_BREAK_EVEN, PAPER_SOLVE, break_even, of_the_paper
 from bench.surrogates.cases import CASES, FINE, HOME, HURST, resampled, scan_length, unseen_hurst
 from bench.surrogates.cost import cost, tuning_seconds
-from bench.surrogates.cost_report import write_report as write_costs
-from bench.surrogates.costs import PAPER_BREAK_EVEN, PAPER_SOLVE, break_even, of_the_paper
 from bench.surrogates.fitting import fit, parted, read, request_for
 from bench.surrogates.generalisation import Row, generalisation
-from bench.surrogates.generalisation_report import show
-from bench.surrogates.generalisation_report import write_report as write_generalisation
 from bench.surrogates.learning import sizes
 from bench.surrogates.throughput import Speed, loaded, markdown_table, throughput
 from bench.surrogates.verdict import covers, state_of, verdict
+from bench.table import read_table
 from gen.database import Counts, Reader
 from gen.generation.plan import parameters
 from gen.generation.run import RunResult
@@ -194,7 +191,7 @@ def test_other_features_are_a_cure_if_they_are_better():
     assert not covers(ROW)
 
 
-def test_generalisation_end_to_end(paper, tmp_path, monkeypatch, capsys):
+def test_generalisation_end_to_end(paper, tmp_path, monkeypatch):
     few = tuple(case for case in CASES if case.name in {FINE, "L = 0.3 um, scaled"})
     monkeypatch.setattr(cases, "CASES", few)
     found = generalisation(tmp_path, 200, given=paper, area_max=60.0)
@@ -211,11 +208,10 @@ def test_generalisation_end_to_end(paper, tmp_path, monkeypatch, capsys):
     assert rows[scaled, "paper"].flagged == 1
     assert rows[scaled, "paper"].nmae > 5 * rows[scaled, "dimensionless"].nmae
     assert rows[FINE, "paper"].grid_nmae > 10
-    show(found)
-    assert HURST in capsys.readouterr().out
-    table, picture = write_generalisation(tmp_path / "report", found)
-    with table.open(encoding="utf-8") as file:
-        written = list(csv.DictReader(file))
+    report = generalisation_report.report(found)
+    assert HURST in report.text
+    table, picture = report.write(tmp_path / "report")
+    _, written = read_table(table)
     assert len(written) == 12
     assert written[0]["verdict"].startswith("the measure for the others")
     assert picture.name == "generalisation-kernel-ridge.png"
@@ -225,15 +221,19 @@ def test_generalisation_end_to_end(paper, tmp_path, monkeypatch, capsys):
 def test_costs_end_to_end(paper, tmp_path, monkeypatch):
     monkeypatch.setattr(clock, "ENOUGH", 0.01)
     costs = cost(tmp_path, 200, given=paper, area_max=60.0, surfaces=3)
-    paths, text = write_costs(tmp_path / "report", costs)
+    report = cost_report.report(costs)
+    paths, text = report.write(tmp_path / "report"), report.text
     names = ["cost.csv", "learning.csv", "cost.txt", "cost.png"]
     assert [path.name for path in paths] == names
     assert all(path.stat().st_size > 300 for path in paths)
+    columns, written = read_table(paths[0])
+    assert columns[3:] == ["rows", "database", "tuning", "fit", "solve", "query", "break_even"]
+    assert [float(row["break_even"]) for row in written] == [q.break_even for q in costs.questions]
     ours = [each for each in costs.questions if each.solver == "ours"]
     for each in ours:
-        build = each.database + each.tuning + each.fit
+        build = each.build.database + each.build.tuning + each.build.fit
         assert each.break_even == break_even(build, each.solve, each.query)
-        assert each.database >= 200 * 0.9 * costs.solver.solve
+        assert each.build.database >= 200 * 0.9 * costs.solver.solve
     assert len(ours) == 3 + 3 + 2
     assert [point.trained for point in costs.points[:2]] == sizes(costs.points[1].trained)
     assert "Do not use a surrogate for fewer than" in text

@@ -1,6 +1,5 @@
 """What the solver's tolerance does to a surrogate: the study on few rows, and what it advises."""
 
-import csv
 import dataclasses
 import signal
 
@@ -12,8 +11,9 @@ from bench import __main__ as bench
 from bench.page.content import Absent, Figure, Table, Words
 from bench.surrogates import tolerance_labels as labels
 from bench.surrogates.tolerance import Row, tolerance
-from bench.surrogates.tolerance_labels import DEFAULT, TIGHT, Solved, scene_of, solve_all
-from bench.surrogates.tolerance_report import choice, contents, lines, write_report
+from bench.surrogates.tolerance_labels import DEFAULT, TIGHT, Labels, scene_of, solve_all
+from bench.surrogates.tolerance_report import choice, contents, lines, report
+from bench.table import read_table
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 
@@ -57,30 +57,28 @@ def small(tmp_path_factory):
 
 def test_labels_are_the_solvers_answers(small):
     folder, _ = small
-    solved = Solved(folder / "databases" / "tolerances.npz", (0.1, DEFAULT), 100)
-    assert not solved.missing()
-    assert (solved.seconds > 0).all()
+    loose, default = (Labels(folder / "databases", each, 100) for each in (0.1, DEFAULT))
+    assert (loose.seconds > 0).all()
+    assert (default.seconds > 0).all()
     scene = scene_of(0.1)
     plan = parameters(scene, 0, 100)
     for row in (0, 57):
         heights, delta = surface_of(scene, plan, row), float(plan.delta[row])
         contact = bem.solve(heights, scene.surface.side, delta, rtol=0.1)
         expected = contact.area_percent, contact.force, contact.contact_nodes
-        assert solved.values[0, row].tolist() == [*expected]
+        assert loose.values[row].tolist() == [*expected]
 
 
-def test_other_rows_and_tolerances_are_kept(small, tmp_path):
-    path = tmp_path / "tolerances.npz"
-    path.write_bytes((small[0] / "databases" / "tolerances.npz").read_bytes())
-    fewer = Solved(path, (DEFAULT, 0.5), 20)
-    assert fewer.missing() == [(0, 20)]
+def test_other_rows_are_kept(small, tmp_path):
+    name = "rtol-0.1.npz"
+    (tmp_path / name).write_bytes((small[0] / "databases" / name).read_bytes())
+    before, fewer = (Labels(folder, 0.1, 20) for folder in (small[0] / "databases", tmp_path))
     fewer.values[1], fewer.seconds[1] = 7.0, 1.0
     fewer.save()
-    before = Solved(small[0] / "databases" / "tolerances.npz", (0.1, DEFAULT), 100)
-    after = Solved(path, (0.1, DEFAULT), 100)
-    assert not after.missing()
-    assert (after.values == before.values).all()
-    assert (Solved(path, (0.5,), 20).values == 7).all()
+    after = Labels(tmp_path, 0.1, 120)
+    assert (after.values[1] == 7).all()
+    assert (after.values[2:100] == before.values[2:]).all()
+    assert np.isnan(after.seconds[100:]).all()
 
 
 def test_looser_areas_are_worse_and_tight_ones_teach_as_well_as_exact_ones(small):
@@ -114,26 +112,26 @@ def test_what_is_solved_is_not_solved_again(small, monkeypatch):
 
 
 def test_a_signal_ends_it_after_a_block_and_the_rest_is_done_later(tmp_path, monkeypatch):
-    (tmp_path / "databases").mkdir()
-    path = tmp_path / "databases" / "tolerances.npz"
-    solve, done = Solved.solve, []
+    solve, done = Labels.solve, []
 
     def interrupted(self, start, stop):
         solve(self, start, stop)
         done.append(start)
-        signal.raise_signal(signal.SIGTERM)
+        if len(done) % 2:  # a second signal would end the process at once
+            signal.raise_signal(signal.SIGTERM)
 
     monkeypatch.setattr(labels, "BLOCK", 2)
-    monkeypatch.setattr(Solved, "solve", interrupted)
-    for left in (3, 2):
-        solved = Solved(path, (0.1, 0.01), 6)
-        assert len(solved.missing()) == left
+    monkeypatch.setattr(Labels, "solve", interrupted)
+    for solved in (2, 4):
         with pytest.raises(KeyboardInterrupt):
-            solve_all(solved, lambda line: None)
-    assert done == [0, 2]
-    assert len(Solved(path, (0.1, 0.01), 8).missing()) == 2, "more rows keep those there are"
-    path.write_bytes(b"broken")
-    assert len(Solved(path, (0.1,), 6).missing()) == 3
+            solve_all(tmp_path, (0.1, 0.01), 6, lambda line: None)
+        for each in (0.1, 0.01):
+            known = Labels(tmp_path, each, 8).seconds  # more rows keep those there are
+            assert (known[:solved] > 0).all()
+            assert np.isnan(known[solved:]).all()
+    assert done == [0, 0, 2, 2]
+    (tmp_path / "rtol-0.1.npz").write_bytes(b"broken")
+    assert np.isnan(Labels(tmp_path, 0.1, 6).seconds).all()
 
 
 @pytest.mark.parametrize(
@@ -154,14 +152,14 @@ def test_the_report(small, tmp_path):
     folder = tmp_path / "report"
     (absent,) = contents(folder)
     assert absent == Absent(absent.what, "python -m bench tolerance -o DIR")
-    paths, text = write_report(folder, small[1])
+    made = report(small[1])
+    paths, text = made.write(folder), made.text
     assert [path.name for path in paths] == ["tolerance.csv", "tolerance.txt", "tolerance.png"]
     figure, *words, table = contents(folder)
     assert isinstance(figure, Figure)
     assert isinstance(table, Table)
     assert words == [Words(line) for line in text.splitlines()]
-    with table.data.open(encoding="utf-8") as file:
-        written = list(csv.DictReader(file))
+    _, written = read_table(table.data)
     assert len(written) == 6
     assert set(table.columns) <= written[0].keys()
     assert figure.picture.stat().st_size > 10_000

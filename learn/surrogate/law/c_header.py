@@ -31,7 +31,7 @@ SHORT = {
     "delta_um": "delta",
 }
 ARGUMENTS = {"delta_um": ("delta", ""), "pressure_MPa": ("pressure", "_at_pressure")}
-"""Name of the argument, and what a function's name ends with, for each table."""
+"""Name of the argument, and end of the functions' names, for each table."""
 
 PER_LINE = 5
 WIDTH = 96
@@ -65,7 +65,7 @@ static inline double NAME_slope(const double *x, const double *y, int n, double 
 
 
 def write(path: Path, law: Law) -> None:
-    """Write the header; one that is there is replaced by a whole one.
+    """Write the header, whole or not at all.
 
     Raises
     ------
@@ -76,13 +76,13 @@ def write(path: Path, law: Law) -> None:
 
 
 def _name(path: Path) -> str:
-    """What all names begin with: steel-2.h makes asperity_steel_2."""
+    """Return the beginning of all names: asperity_steel_2 for steel-2.h."""
     own = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_")
     return f"asperity_{own or 'law'}"
 
 
 def _lines(law: Law, name: str) -> Iterator[str]:
-    """The whole header; a second law of the same name in one program is an error, not ignored."""
+    """Yield the whole header; a second law of the same name in a program is made an error."""
     body = list(_body(law, name))
     checksum = f"0x{zlib.crc32(chr(10).join(body).encode()):08x}u"
     guard = f"{name.upper()}_H"
@@ -107,7 +107,7 @@ def _lines(law: Law, name: str) -> Iterator[str]:
 
 
 def _description(law: Law, name: str) -> Iterator[str]:
-    """What a reader of the header has to know, a paragraph each."""
+    """Yield the paragraphs of the comment at the top."""
     version = versions(["asperity"]).get("asperity", "")
     commit = git_commit()[:12]
     yield f"Contact law of rough surfaces, E* = {law.e_star:.17g} MPa."
@@ -131,7 +131,7 @@ def _description(law: Law, name: str) -> Iterator[str]:
 
 
 def _body(law: Law, name: str) -> Iterator[str]:
-    """Tables and functions."""
+    """Yield tables and functions."""
     yield "#include <math.h>"
     yield FUNCTIONS.replace("NAME", name)
     for curves in (law.over_delta, law.over_pressure):
@@ -150,13 +150,16 @@ def _body(law: Law, name: str) -> Iterator[str]:
 def _columns(
     curves: Curves, suffix: str, gap: Curve
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
-    """Arguments of a table and its columns by the name of their function, from first touch on.
+    """Return arguments and columns of a table from first touch on, by names of functions.
 
     Parameters
     ----------
-    curves : the table
-    suffix : what the functions' names have behind the quantity
-    gap : the mean gap against Delta, which begins at first touch [um]
+    curves : Curves
+        The table.
+    suffix : str
+        End of the functions' names, behind the quantity.
+    gap : Curve
+        The mean gap against Delta, which begins at first touch [um].
     """
     missing = curves.at[:1] > 0  # first touch, where pressures were given
     columns = {}
@@ -179,7 +182,7 @@ def _array(name: str, size: str, values: NDArray[np.float64]) -> Iterator[str]:
 
 
 def _number(value: float) -> str:
-    """A constant of C99."""
+    """Return a constant of C99."""
     if np.isnan(value):
         return "NAN"
     return f"{value:.17g}" if np.isfinite(value) else "HUGE_VAL"
@@ -195,9 +198,9 @@ def _functions(
 
 
 def _comment(text: str) -> str:
-    """Keep what can neither end a comment, nor splice lines, nor make a compiler warn.
+    """Replace characters that end a comment, splice lines or make a compiler warn.
 
-    Names of files and folders are anybody's: backslashes, question marks (of trigraphs), asterisks
-    beside a slash and all that is not printable ASCII become underscores.
+    Names of files and folders may hold any character: backslashes, question marks (of trigraphs),
+    asterisks beside a slash and everything but printable ASCII become underscores.
     """
     return re.sub(r"[^ -~]|[\\?]|\*(?=/)|(?<=/)\*", "_", text)

@@ -1,12 +1,13 @@
 """Contact laws: area, force and mean gap against Delta and nominal pressure, monotone, with slopes.
 
-What a finite-element code needs at a Gauss point. Laws come from the surrogate, or contact by
-contact from the solver, at the loads that were asked for; of one surface, or of a population as
-mean and quantiles over its surfaces, at given Delta and at given pressure.
+A finite-element code needs them at an integration point. A law comes from a surrogate, or from the
+solver, contact by contact at the given loads. It is that of one surface, or the mean and quantiles
+over the surfaces of a population, at given Delta and at given pressure.
 
-The mean gap follows from the force where no surrogate was trained on it: it is (z_max - mean z)
-- Delta plus the mean displacement, which is exactly linear in the pressures and, for a given patch,
-nearly F / (E* L) times a number that says where the load sits: the coarse contact solve's.
+Where no surrogate was trained on the mean gap, it follows from the force: it is (z_max - mean z) -
+Delta plus the mean displacement. The latter is linear in the pressures and, for a given patch,
+nearly F / (E* L) times a number that depends on the place of the load, and that comes from the
+coarse contact solve.
 """
 
 from collections.abc import Callable
@@ -26,24 +27,33 @@ from learn.surrogate.sources import deltas_from, pressures_from
 Values = NDArray[np.float64]
 
 STEPS = 40
-"""Displacements of a law unless loads are given, over the training's or the scene's range."""
+"""Number of displacements over the range of the training or the scene, where no load is given."""
 
 
 @dataclass(frozen=True)
 class Order:
-    """What law is wanted.
+    """A request for a law.
 
     Attributes
     ----------
-    inputs : surfaces, folders of them, databases or scenes
-    delta : displacements as text, "" for the training's range, or those of the pressures
-    pressure : nominal pressures as text, "" for those at the displacements
-    solver : True to solve instead of predicting
-    surfaces : of the population of a database or scene
-    level : coverage of the band
-    e_star : E*, None for the training's, the scene's, or 1 MPa [MPa]
-    reading : how files are read
-    command : as it was typed, for the record
+    inputs : tuple of str
+        Surfaces, folders of them, databases or scenes.
+    delta : str
+        Far-field displacements as text; "" for the range of the training, or at the pressures.
+    pressure : str
+        Nominal pressures as text; "" for those at the displacements.
+    solver : bool
+        True to solve instead of predicting.
+    surfaces : int
+        Number of surfaces of a database's or scene's population.
+    level : float
+        Coverage of the band.
+    e_star : float, optional
+        E*; by default that of the training or the scene, else 1 MPa [MPa].
+    reading : Reading
+        Options that say how files are read.
+    command : str
+        Command line, for the record.
     """
 
     inputs: tuple[str, ...]
@@ -63,13 +73,20 @@ class Law:
 
     Attributes
     ----------
-    order : what was asked for
-    over_delta : table against the far-field displacement, from 0 on [um]
-    over_pressure : table against the nominal pressure; Delta among its curves [MPa]
-    e_star : E* [MPa]
-    band : what the band is, in words
-    origins : what surfaces the law is of, a line each
-    notes : how it was made, a line each
+    order : Order
+        The request.
+    over_delta : Curves
+        Table against the far-field displacement, which begins at 0 [um].
+    over_pressure : Curves
+        Table against the nominal pressure, with Delta among its curves [MPa].
+    e_star : float
+        E* [MPa].
+    band : str
+        Description of the band.
+    origins : tuple of str
+        Surfaces of the law, one line for each input.
+    notes : tuple of str
+        Remarks about the making of the law, one line each.
     """
 
     order: Order
@@ -86,10 +103,13 @@ def make(surrogate: Surrogate | None, order: Order, say: Callable[[str], None]) 
 
     Parameters
     ----------
-    surrogate : what predicts; where the contacts are solved, only its E* and its range of Delta
-        are taken, unless given, and it may be None
-    order : what is wanted
-    say : called with what was done to each file
+    surrogate : Surrogate or None
+        Surrogate that predicts. Where contacts are solved it may be None, and only its E* and its
+        range of Delta are used, unless they are given.
+    order : Order
+        The request.
+    say : callable
+        Called with a line for the user about each file.
 
     Raises
     ------
@@ -136,7 +156,7 @@ def _check_surrogate(surrogate: Surrogate | None) -> None:
 
 
 def _modulus(surrogate: Surrogate | None, order: Order, subjects: Subjects) -> float:
-    """E* from the options, the surrogate's training, the scenes; else 1 MPa."""
+    """Return E* of the options, of the surrogate's training, or of the scenes; else 1 MPa."""
     if order.e_star is not None:
         return order.e_star
     if surrogate is not None:
@@ -145,7 +165,7 @@ def _modulus(surrogate: Surrogate | None, order: Order, subjects: Subjects) -> f
 
 
 def _usual_deltas(surrogate: Surrogate | None, subjects: Subjects) -> Values:
-    """Displacements over the range of the training or of the scenes [um]."""
+    """Return displacements over the range of the training or of the scenes [um]."""
     limits = subjects.displacements() if surrogate is None else surrogate.card["delta"]
     if limits is None:
         raise InputError("give --delta or --pressure: without a surrogate nothing says a range")
@@ -157,7 +177,7 @@ def _usual_deltas(surrogate: Surrogate | None, subjects: Subjects) -> Values:
 
 
 def _band(order: Order, surfaces: int) -> str:
-    """What the band is, in words."""
+    """Describe the band."""
     share = f"{100 * order.level:g} %"
     if surfaces > 1:
         return f"quantiles of {surfaces} surfaces, {share} between them"

@@ -25,8 +25,9 @@ class Curve:
 
     Attributes
     ----------
-    value, low, high, slope : (k,) in the quantity's unit, slope over the argument's unit; low and
-        high are NaN where there is no band
+    value, low, high, slope : ndarray, shape (k,)
+        Values in the unit of the quantity; the slope is per unit of the argument. `low` and `high`
+        are NaN where there is no band.
     """
 
     value: Values
@@ -36,7 +37,7 @@ class Curve:
 
     @property
     def banded(self) -> NDArray[np.bool_]:
-        """(k,) where there is a band."""
+        """True where there is a band, (k,)."""
         return ~(np.isnan(self.low) | np.isnan(self.high))
 
 
@@ -46,11 +47,16 @@ class Curves:
 
     Attributes
     ----------
-    against : "delta_um" or "pressure_MPa"
-    at : (k,) ascending arguments [um or MPa]
-    curves : by name of the quantity
-    outside : (k,) share of the surfaces that are unknown ground to the surrogate there
-    reasons : k texts: what is unknown ground, or why there is no band there; "" where all is known
+    against : str
+        "delta_um" or "pressure_MPa".
+    at : ndarray, shape (k,)
+        Ascending arguments [um or MPa].
+    curves : dict of str to Curve
+        Curves by the name of the quantity.
+    outside : ndarray, shape (k,)
+        Share of the surfaces that lie outside the surrogate's training at each argument.
+    reasons : tuple of str
+        For each argument, what lies outside the training, or why there is no band; "" if neither.
     """
 
     against: str
@@ -65,7 +71,7 @@ class Curves:
         return any(bool(curve.banded.any()) for curve in self.curves.values())
 
     def withheld(self, place: int) -> bool:
-        """True if there is no band at an argument because the ground is unknown."""
+        """Return True if there is no band at an argument because it lies outside the training."""
         known = any(bool(curve.banded[place]) for curve in self.curves.values())
         return bool(self.reasons[place]) and not known
 
@@ -73,22 +79,26 @@ class Curves:
 def tabulated(against: str, at: Values, parts: Sequence[Points], level: float) -> Curves:
     """Put the points of one surface or many into one table.
 
-    Of one surface, values and intervals are the points' own. Of a population they are mean and
-    quantiles over the surfaces' values at the same argument. Where the surrogate does not know the
-    ground there is no band: for one surface where the point has a reason, for a population where
-    more surfaces are outside than the band leaves out on each side, (1 - level) / 2 of them.
+    The values and intervals of one surface are those of its points. Those of a population are mean
+    and quantiles over the surfaces at the same argument. There is no band outside the surrogate's
+    training: for one surface at points with a reason, for a population where more surfaces are
+    outside than the band leaves out on each side, (1 - level) / 2 of them.
 
     Parameters
     ----------
-    against : "delta_um" or "pressure_MPa"
-    at : (k,) ascending arguments, the same for all surfaces [um or MPa]
-    parts : of each surface, at these arguments
-    level : coverage of the band
+    against : str
+        "delta_um" or "pressure_MPa".
+    at : ndarray, shape (k,)
+        Ascending arguments, the same for all surfaces [um or MPa].
+    parts : sequence of Points
+        Points of each surface at these arguments.
+    level : float
+        Coverage of the band.
 
     Raises
     ------
     InputError
-        If a value is not finite, as those of a surrogate that somebody has made up.
+        If a value is not finite, as that of a forged surrogate may be.
     """
     unknown = np.array([[bool(reason) for reason in part.reasons] for part in parts])
     outside = unknown.mean(axis=0)
@@ -110,7 +120,7 @@ def tabulated(against: str, at: Values, parts: Sequence[Points], level: float) -
 
 
 def _band(name: str, parts: Sequence[Points], level: float) -> tuple[Values, Values, Values]:
-    """(k,) value, low and high of one quantity; NaN where a surface has no interval."""
+    """Return value, low and high of one quantity, each (k,); NaN where there is no interval."""
     if len(parts) > 1:
         whole = np.stack([part.values[name] for part in parts])
         low, high = np.quantile(whole, [(1 - level) / 2, (1 + level) / 2], axis=0)
@@ -122,7 +132,7 @@ def _band(name: str, parts: Sequence[Points], level: float) -> tuple[Values, Val
 
 
 def _summary(reasons: Sequence[str]) -> str:
-    """Why surfaces are outside: the reason of one, or of how many and the first of them."""
+    """Summarise why surfaces are outside: how many are, and the reason of the first."""
     given = [reason for reason in reasons if reason]
     if not given or len(reasons) == 1:
         return "; ".join(given)
@@ -133,8 +143,8 @@ def _summary(reasons: Sequence[str]) -> str:
 def monotone(points: Points) -> tuple[Points, Points]:
     """Make the curves of one surface monotone, by least squares; return the corrections too.
 
-    Area, force and pressure rise with Delta, the mean gap falls. The corrections are the changes
-    of the values.
+    Area, force and pressure rise with Delta, and the mean gap falls. The corrections are the
+    changes of the values.
     """
     from scipy.optimize import isotonic_regression
 
@@ -157,22 +167,22 @@ def monotone(points: Points) -> tuple[Points, Points]:
 
 
 def held(points: Points) -> Points:
-    """Hold values at the last ones where they would turn back.
+    """Replace values that turn back by the extreme value before them.
 
-    Solved contacts do so within the solver's tolerance only; all others stay what was solved.
+    Solved contacts turn back only within the tolerance of the solver.
     """
     return replace(points, values=_held(points.values))
 
 
 def continued(points: Points, further: Points) -> Points:
-    """Append points at larger Delta, held at the last values where they would turn back."""
+    """Append points at larger Delta, without turning back."""
     joined = points.joined(further)
     low, high = _held(joined.low), _held(joined.high)
     return replace(joined, values=_held(joined.values), low=low, high=high)
 
 
 def _held(part: dict[str, Values]) -> dict[str, Values]:
-    """Largest values so far, of the mean gap the smallest."""
+    """Return running maxima, and the running minimum of the mean gap."""
     return {
         name: (np.minimum if name == "mean_gap_um" else np.maximum).accumulate(values)
         for name, values in part.items()
@@ -180,7 +190,7 @@ def _held(part: dict[str, Values]) -> dict[str, Values]:
 
 
 def _slope(arguments: Values, values: Values) -> Values:
-    """Slopes of the monotone cubic through the values."""
+    """Return the slopes of the monotone cubic through the values."""
     from scipy.interpolate import PchipInterpolator
 
     return np.asarray(PchipInterpolator(arguments, values).derivative()(arguments))

@@ -1,14 +1,14 @@
-"""A predicted law at given pressures: the curves over Delta, read the other way round.
+"""A predicted law at given pressures: the curves over Delta, inverted.
 
-The surrogate answers at given Delta. At a given pressure p, Delta is where the pressure's curve
-reaches p, and area and mean gap are their curves' values at that Delta.
+The surrogate predicts at given Delta. At a given pressure p, Delta is the point at which the curve
+of the pressure reaches p; area and mean gap are the values of their curves at that Delta.
 
-The interval follows by inverting the ends of the pressure's interval: Delta is at least where the
-upper end reaches p, and at most where the lower end does. Area and mean gap lie between the ends of
-their own intervals at these two Deltas. That holds whenever both intervals do, at whichever Delta
-the contact really is; it is wider than an interval made for given pressures would be, because the
-errors of area and force go together. A population needs none of this: each surface's own curves
-are inverted, and the band is that of the results.
+The interval follows by inversion of the ends of the pressure's interval: Delta is at least the
+point at which the upper end reaches p, and at most the point at which the lower end does. Area and
+mean gap lie between the ends of their own intervals at these two Deltas. This holds whenever both
+intervals do; it is wider than an interval made for given pressures, because the errors of area and
+force are correlated. For a population the curves of each surface are inverted, and the band is that
+of the results.
 """
 
 from collections.abc import Callable
@@ -24,26 +24,29 @@ FINE = 20
 """Steps into which an interval of Delta is divided to invert the cubic in it."""
 
 ROUNDING = 1e-12
-"""By how much a pressure may be beyond the last one and still be taken for it."""
+"""Relative distance beyond the last pressure within which a pressure is taken for it."""
 
 
 def reached(points: Points) -> float:
-    """The largest pressure of a law over Delta [MPa]."""
+    """Return the largest pressure of a law over Delta [MPa]."""
     return float(points.values["pressure_MPa"].max())
 
 
 def at_pressures(points: Points, pressures: Values) -> Points:
-    """Read one surface's law at given pressures.
+    """Evaluate the law of one surface at given pressures.
 
     Parameters
     ----------
-    points : monotone, from first touch on
-    pressures : (m,) ascending, at most what the law reaches [MPa]
+    points : Points
+        Monotone points, from first touch on.
+    pressures : ndarray, shape (m,)
+        Ascending pressures that the law reaches [MPa].
 
     Returns
     -------
-    Points at these pressures; where an end of an interval lies beyond the law or on unknown
-    ground, the interval is NaN and the reason says so
+    Points
+        Points at these pressures. Where an end of an interval lies beyond the law or outside the
+        training, the interval is NaN and the reason says so.
     """
     deltas = points.values["delta_um"]
     at = _inverse(deltas, points.values["pressure_MPa"], pressures, first=True)
@@ -70,7 +73,7 @@ def at_pressures(points: Points, pressures: Values) -> Points:
 
 
 def _ends_of_delta(points: Points, pressures: Values, at: Values) -> tuple[Values, Values]:
-    """(m,) least and most Delta at given pressures; NaN where the law does not say [um]."""
+    """Return the least and most Delta at given pressures, each (m,); NaN beyond the law [um]."""
     deltas = points.values["delta_um"]
     low, high = points.low["pressure_MPa"], points.high["pressure_MPa"]
     nowhere = np.full_like(at, np.nan)
@@ -83,13 +86,16 @@ def _ends_of_delta(points: Points, pressures: Values, at: Values) -> tuple[Value
 
 
 def _inverse(deltas: Values, reach: Values, pressures: Values, *, first: bool) -> Values:
-    """(m,) Delta at which a rising pressure reaches others; NaN beyond its end.
+    """Return the Delta at which a rising pressure reaches given ones, (m,); NaN beyond its end.
 
     Parameters
     ----------
-    deltas, reach : (k,) the curve [um], [MPa]
-    pressures : (m,) to be reached; 0 is at first touch [MPa]
-    first : on a level stretch take its beginning, else its end
+    deltas, reach : ndarray, shape (k,)
+        Curve of the pressure against Delta [um, MPa].
+    pressures : ndarray, shape (m,)
+        Pressures to reach; 0 is at first touch [MPa].
+    first : bool
+        True for the beginning of a level stretch, False for its end.
     """
     shares = np.arange(FINE) / FINE
     fine = np.append((deltas[:-1, None] + np.diff(deltas)[:, None] * shares).ravel(), deltas[-1])
@@ -103,7 +109,7 @@ def _inverse(deltas: Values, reach: Values, pressures: Values, *, first: bool) -
 
 
 def _read(deltas: Values, values: Values, at: Values) -> Values:
-    """(m,) values between points; NaN at NaN, and next to an interval without an end."""
+    """Interpolate between points, (m,); NaN at NaN, and next to an interval without an end."""
     if np.isfinite(values).all():
         return _cubic(deltas, values)(at)
     with np.errstate(invalid="ignore"):
@@ -111,7 +117,7 @@ def _read(deltas: Values, values: Values, at: Values) -> Values:
 
 
 def _cubic(arguments: Values, values: Values) -> Callable[[Values], Values]:
-    """The monotone cubic through the points."""
+    """Return the monotone cubic through the points."""
     from scipy.interpolate import PchipInterpolator
 
     interpolation: Callable[[Values], Values] = PchipInterpolator(arguments, values)
@@ -119,7 +125,7 @@ def _cubic(arguments: Values, values: Values) -> Callable[[Values], Values]:
 
 
 def _reasons(points: Points, at: Values) -> tuple[str, ...]:
-    """Why Deltas between the points are unknown ground: because a neighbour is."""
+    """Return why Deltas between points lie outside the training: because a neighbour does."""
     deltas = points.values["delta_um"]
     above = np.searchsorted(deltas, at).clip(0, deltas.size - 1)
     below = np.where(deltas[above] == at, above, (above - 1).clip(0))

@@ -1,4 +1,4 @@
-"""Points of one surface's contact law: predicted, or solved at the loads that were asked for."""
+"""Points of one surface's contact law: predicted, or solved at the given loads."""
 
 from __future__ import annotations
 
@@ -27,11 +27,16 @@ class Points:
 
     Attributes
     ----------
-    values : (k,) by name: delta_um, area_percent, force_uN, mean_gap_um, pressure_MPa
-    low, high : (k,) ends of the intervals by name; a name without intervals is left out
-    reasons : k texts: why a load is unknown ground, "" where it is not
-    endless : k texts: why a load on known ground has no interval, "" where it has one; or no texts
-    warnings : what to know before trusting solved contacts of this surface
+    values : dict of str to ndarray, shape (k,)
+        Values by name: delta_um, area_percent, force_uN, mean_gap_um, pressure_MPa.
+    low, high : dict of str to ndarray, shape (k,)
+        Ends of the intervals by name; quantities without intervals are left out.
+    reasons : tuple of str
+        For each load, why it lies outside the training; "" if it does not.
+    endless : tuple of str
+        For each load inside the training, why it has no interval; "" if it has one. May be empty.
+    warnings : tuple of str
+        Warnings about the solved contacts of this surface.
     """
 
     values: dict[str, Values]
@@ -42,7 +47,7 @@ class Points:
     warnings: tuple[str, ...] = ()
 
     def chosen(self, places: NDArray[np.bool_] | NDArray[np.int64]) -> Points:
-        """Some of the loads."""
+        """Return the points of some of the loads."""
 
         def some(part: dict[str, Values]) -> dict[str, Values]:
             return {name: each[places] for name, each in part.items()}
@@ -51,7 +56,7 @@ class Points:
         return Points(some(self.values), some(self.low), some(self.high), reasons)
 
     def joined(self, more: Points) -> Points:
-        """These loads, then others."""
+        """Append the points of further loads."""
 
         def both(one: dict[str, Values], other: dict[str, Values]) -> dict[str, Values]:
             return {name: np.concatenate([each, other[name]]) for name, each in one.items()}
@@ -64,7 +69,7 @@ class Points:
         )
 
     def from_rest(self, subject: Subject) -> Points:
-        """First touch at Delta = 0, where all is known, then these loads."""
+        """Put first touch at Delta = 0, where no value is uncertain, before these loads."""
         rest = {name: np.zeros(1) for name in self.values}
         rest["mean_gap_um"] = np.array([subject.gap_at_rest])
         ends = {name: rest[name] for name in self.low}
@@ -74,15 +79,20 @@ class Points:
 def predicted(
     pressed: OnSurface, subject: Subject, deltas: Values, level: float, e_star: float
 ) -> Points:
-    """One surface's law from the surrogate.
+    """Predict the law of one surface.
 
     Parameters
     ----------
-    pressed : the surrogate on the surface
-    subject : the surface
-    deltas : (k,) ascending, above 0 [um]
-    level : coverage of the intervals
-    e_star : E* [MPa]
+    pressed : OnSurface
+        The surrogate on the surface.
+    subject : Subject
+        The surface.
+    deltas : ndarray, shape (k,)
+        Ascending displacements above 0 [um].
+    level : float
+        Coverage of the intervals.
+    e_star : float
+        E* [MPa].
 
     Raises
     ------
@@ -117,20 +127,25 @@ def predicted(
 def solved(
     subject: Subject, load: str, loads: Sequence[float], e_star: float, *, material: bool
 ) -> Points:
-    """One surface's law from the solver, at the loads themselves; without intervals.
+    """Solve the law of one surface at the given loads; there are no intervals.
 
     Parameters
     ----------
-    subject : the surface
-    load : "delta" [um] or "pressure" [MPa]
-    loads : ascending, 0 or more
-    e_star : E* [MPa]
-    material : whether that is a material's, so that pressures mean something
+    subject : Subject
+        The surface.
+    load : str
+        Kind of load: "delta" [um] or "pressure" [MPa].
+    loads : sequence of float
+        Ascending loads, 0 or more.
+    e_star : float
+        E* [MPa].
+    material : bool
+        True if E* is that of a material, so that warnings about pressures apply.
 
     Raises
     ------
     InputError
-        If a load has no solution, or the solver does not arrive at one.
+        If a load has no solution, or the solver does not converge.
     """
     topography = Topography(subject.name, subject.heights, subject.sides)
     settings = {"modulus": e_star, **subject.settings}
@@ -150,7 +165,7 @@ def solved(
 
 
 def _mean_gap(pressed: OnSurface, deltas: Values, force: Values) -> Values:
-    """(k,) mean gap from forces over E* [um]."""
+    """Return the mean gap from forces over E*, (k,) [um]."""
     surface = pressed.surface
     heights = surface.heights
     rest = float(heights.max()) - float(heights.mean())

@@ -1,4 +1,4 @@
-"""Laws from a surrogate: predicted over Delta, and read the other way round at given pressures."""
+"""Laws from a surrogate: predicted over Delta, and inverted at given pressures."""
 
 from collections.abc import Sequence
 
@@ -16,10 +16,10 @@ from learn.surrogate.model import OnSurface, Surrogate
 Values = NDArray[np.float64]
 
 BEYOND = (1.15, 1.4, 2.0, 3.0)
-"""Deltas over the last one asked for that are predicted too: surfaces reach a pressure late."""
+"""Further Deltas to predict, over the last one: some surfaces reach a pressure late."""
 
 CORRECTED = 0.01
-"""Correction for monotone curves that is worth a warning, over the largest value."""
+"""Correction for monotone curves, over the largest value, above which there is a warning."""
 
 
 def tables(
@@ -34,16 +34,25 @@ def tables(
 
     Parameters
     ----------
-    surrogate : of area and force
-    surfaces : one or more
-    deltas : (k,) ascending, above 0 [um]
-    pressures : (m,) ascending, 0 or more; None for those at the displacements [MPa]
-    level : coverage of the band
-    e_star : E* [MPa]
+    surrogate : Surrogate
+        Surrogate of area and force.
+    surfaces : sequence of Subject
+        One surface or more.
+    deltas : ndarray, shape (k,)
+        Ascending displacements above 0 [um].
+    pressures : ndarray, shape (m,) or None
+        Ascending pressures of 0 or more; None for those at the displacements [MPa].
+    level : float
+        Coverage of the band.
+    e_star : float
+        E* [MPa].
 
     Returns
     -------
-    Both tables, and what to beware of, a line each
+    over_delta, over_pressure : Curves
+        Tables against Delta and against pressure.
+    warnings : list of str
+        Warnings, one line each.
 
     Raises
     ------
@@ -70,7 +79,7 @@ def tables(
 def _extended(
     points: Points, pressed: OnSurface, surface: Subject, level: float, e_star: float
 ) -> Points:
-    """The same law, and some larger displacements, where they can be predicted."""
+    """Extend the law to larger displacements, where they can be predicted."""
     further = points.values["delta_um"][-1] * np.array(BEYOND)
     try:
         return continued(points, predicted(pressed, surface, further, level, e_star))
@@ -79,7 +88,7 @@ def _extended(
 
 
 def _unknown(over_delta: Curves) -> list[str]:
-    """Say how much of the law is unknown ground."""
+    """Warn of displacements outside the training."""
     beyond = sum(share > 0 for share in over_delta.outside)
     if not beyond:
         return []
@@ -88,7 +97,7 @@ def _unknown(over_delta: Curves) -> list[str]:
 
 
 def _corrected(over_delta: Curves, corrections: Sequence[Points]) -> list[str]:
-    """Say by how much curves were not monotone."""
+    """Warn of curves that were far from monotone."""
     worst = 0.0
     for name, curve in over_delta.curves.items():
         change = np.mean([each.values[name] for each in corrections], axis=0)
@@ -101,7 +110,7 @@ def _corrected(over_delta: Curves, corrections: Sequence[Points]) -> list[str]:
 def _pressures(
     over_delta: Curves, whole: Sequence[Points], asked: Values | None
 ) -> tuple[Values, list[str]]:
-    """The pressures to tabulate, and a note where the usual ones end early [MPa]."""
+    """Return the pressures to tabulate [MPa], and a note where the default ones end early."""
     mean = over_delta.curves["pressure_MPa"].value
     last = f"Delta = {over_delta.at[-1]:.4g} um"
     if not mean[-1] > 0:

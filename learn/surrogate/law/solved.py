@@ -1,4 +1,4 @@
-"""Laws from the solver: every value is that of a contact solved under the load asked for."""
+"""Laws from the solver: every value is that of a contact solved under the given load."""
 
 from collections.abc import Iterable, Sequence
 from typing import Literal
@@ -26,29 +26,38 @@ def tables(
     *,
     material: bool,
 ) -> tuple[Curves, Curves, list[str]]:
-    """Solve all surfaces under the loads asked for; tabulate against Delta and against pressure.
+    """Solve all surfaces under the given loads; tabulate against Delta and against pressure.
 
-    Where one kind of load was asked for, the other table of one surface has the same contacts. That
-    of a population has contacts solved for it, at the means over the surfaces of what the first
-    kind of load led to.
+    If one kind of load is given, the other table of one surface has the same contacts. For a
+    population further contacts are solved for it: a given Delta leads to a pressure on each
+    surface, and the second table is at the means of these pressures; likewise the other way round.
 
     Parameters
     ----------
-    surfaces : one or more
-    deltas : (k,) ascending, above 0, or None [um]
-    pressures : (m,) ascending, 0 or more, or None; not both are None [MPa]
-    level : coverage of a population's band
-    e_star : E* [MPa]
-    material : whether that is a material's, so that pressures mean something
+    surfaces : sequence of Subject
+        One surface or more.
+    deltas : ndarray, shape (k,) or None
+        Ascending displacements above 0, or None [um].
+    pressures : ndarray, shape (m,) or None
+        Ascending pressures of 0 or more, or None; one of both has to be given [MPa].
+    level : float
+        Coverage of a population's band.
+    e_star : float
+        E* [MPa].
+    material : bool
+        True if E* is that of a material, so that warnings about pressures apply.
 
     Returns
     -------
-    Both tables, and what to beware of, a line each
+    over_delta, over_pressure : Curves
+        Tables against Delta and against pressure.
+    warnings : list of str
+        Warnings, one line each.
 
     Raises
     ------
     InputError
-        If a load has no solution, or the solver does not arrive at one.
+        If a load has no solution, or the solver does not converge.
     """
     asked: dict[Load, Values | None] = {"delta": deltas, "pressure": pressures}
 
@@ -75,7 +84,7 @@ def tables(
 
 
 def _warnings(solutions: Iterable[Sequence[Points]]) -> list[str]:
-    """What to beware of: of one surface all, of many how many there are and the first one's."""
+    """Return the warnings: all of one surface, or the number of surfaces and those of the first."""
     lines: dict[str, None] = {}
     for parts in solutions:
         warned = [part for part in parts if part.warnings]
@@ -98,12 +107,12 @@ def _each(
 
 
 def _means(parts: Sequence[Points], argument: str) -> Values:
-    """(k,) means over the surfaces of what loads led to, above 0 and ascending."""
+    """Return the ascending means over the surfaces of one quantity, where they are above 0."""
     means = np.unique(np.mean([part.values[argument] for part in parts], axis=0))
     return means[means > 0]
 
 
 def _ascending(part: Points, argument: str) -> Points:
-    """The contacts under load, with the argument ascending."""
+    """Return the contacts under load, with the argument ascending."""
     values, places = np.unique(part.values[argument], return_index=True)
     return part.chosen(places[values > 0])

@@ -1,4 +1,4 @@
-"""Surfaces that a contact law is about: from files and folders, or a scene's population."""
+"""The surfaces of a contact law: from files and folders, or the population of a scene."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,15 +21,20 @@ Sides = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A surface to be pressed.
+    """A surface of a law.
 
     Attributes
     ----------
-    name : what messages call it
-    heights : (nx, ny) [um]
-    sides : scan lengths along x and y [um]
-    spacing : of the nodes along x and y [um]
-    settings : of the solver where a scene states them: kernel, far_field, rtol, max_iterations
+    name : str
+        Name of the surface in messages.
+    heights : ndarray, shape (nx, ny)
+        Heights [um].
+    sides : tuple of float
+        Scan lengths along x and y [um].
+    spacing : tuple of float
+        Spacing of the nodes along x and y [um].
+    settings : mapping of str to object
+        Settings of the solver that a scene states: kernel, far_field, rtol, max_iterations.
     """
 
     name: str
@@ -49,7 +54,7 @@ class Subject:
         return float(self.heights.max()) - float(self.heights.mean())
 
     def features(self) -> SurfaceFeatures:
-        """The same surface, ready to be asked for features."""
+        """Return the surface as one whose features can be computed."""
         return SurfaceFeatures(self.heights, self.sides, self.spacing, self.name)
 
 
@@ -59,9 +64,12 @@ class Subjects:
 
     Attributes
     ----------
-    surfaces : one or more
-    scenes : those that surfaces were generated from
-    origins : what the surfaces are, a line for each input
+    surfaces : sequence of Subject
+        One surface or more.
+    scenes : sequence of Scene
+        Scenes that surfaces were generated from.
+    origins : sequence of str
+        Descriptions of the surfaces, one line for each input.
     """
 
     surfaces: Sequence[Subject]
@@ -74,12 +82,12 @@ class Subjects:
         return len(self.scenes) == len(self.origins)
 
     def modulus(self) -> float | None:
-        """E* that all scenes agree on, None if a surface comes from a file [MPa].
+        """Return the E* of all scenes [MPa], or None if a surface comes from a file.
 
         Raises
         ------
         InputError
-            If the scenes have different ones.
+            If the scenes have different E*.
         """
         found = {modulus(scene) for scene in self.scenes}
         if not self.only_scenes or not found:
@@ -90,7 +98,7 @@ class Subjects:
         return found.pop()
 
     def displacements(self) -> Sides | None:
-        """Range of Delta of all scenes, None if a surface comes from a file [um]."""
+        """Return the range of Delta of all scenes [um], or None if a surface comes from a file."""
         if not self.only_scenes:
             return None
         ranges = [piece.range for scene in self.scenes for piece in scene.delta.pieces]
@@ -104,10 +112,14 @@ def found_in(
 
     Parameters
     ----------
-    inputs : surfaces, folders of them, databases, scenes
-    surfaces : number of each scene's or database's population
-    reading : how files are read
-    say : called with what was done to each file, and what to know about it
+    inputs : sequence of str
+        Surfaces, folders of them, databases, scenes.
+    surfaces : int
+        Number of surfaces of each scene or database.
+    reading : Reading
+        Options that say how files are read.
+    say : callable
+        Called with a line for the user about each file.
 
     Raises
     ------
@@ -136,7 +148,7 @@ def found_in(
 def _from_file(
     file: Path, reading: Reading, say: Callable[[str], None]
 ) -> tuple[Subject, Sequence[str]]:
-    """Read one surface, and what is doubtful about its scale or its holes."""
+    """Read one surface; return it with the warnings about its scale and its holes."""
     if is_table(file):
         raise InputError(f"{file}: a law needs surfaces, not their statistics")
     topography, warnings = read_surface(file, reading)
@@ -148,7 +160,7 @@ def _from_file(
 
 
 def _scene(text: str) -> Scene:
-    """The scene of that name or file, or of a database."""
+    """Return the scene of a name, of a file, or of a database."""
     from gen.scene import load
 
     if not text.lower().endswith(".h5"):
@@ -160,7 +172,7 @@ def _scene(text: str) -> Scene:
 
 
 def _population(scene: Scene, text: str, number: int) -> Iterator[Subject]:
-    """The first surfaces of a scene, generated anew, and how it solves their contacts."""
+    """Yield the first surfaces of a scene, with the solver's settings of the scene."""
     from gen.generation.plan import parameters
     from gen.generation.sample import surface_of
 

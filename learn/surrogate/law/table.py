@@ -34,7 +34,7 @@ def write(law: Law, table: Path | None, header: Path | None) -> list[Path]:
 
 
 def show(law: Law) -> None:
-    """Print the law against what was asked for: Delta, nominal pressure, or both."""
+    """Print the law against the given kind of load: Delta, nominal pressure, or both."""
     console = wide_console(140)
     for note in law.notes:
         console.print(note, highlight=False, markup=False, soft_wrap=True)
@@ -46,7 +46,7 @@ def show(law: Law) -> None:
 
 
 def _printed(curves: Curves, title: str) -> Table:
-    """One table; dim without a band, and with the reason, where the ground is unknown."""
+    """Return one table; rows outside the training are dim and have a reason instead of a band."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -66,7 +66,7 @@ def _printed(curves: Curves, title: str) -> Table:
 
 
 def _shown(curve: Curve, place: int, curves: Curves) -> str:
-    """A value with its band, with `-` in place of one that is withheld, or alone."""
+    """Return a value with its band, with `-` for a band that is withheld, or alone."""
     value, low, high = curve.value[place], curve.low[place], curve.high[place]
     if low < high:
         return f"{value:.4g} ({low:.4g} to {high:.4g})"
@@ -74,7 +74,7 @@ def _shown(curve: Curve, place: int, curves: Curves) -> str:
 
 
 def _rows(law: Law) -> Iterator[Row]:
-    """Rows of the CSV: the table against Delta, then the one against pressure."""
+    """Yield the rows of the CSV: the table against Delta, then the one against pressure."""
     names = "delta_um", *COLUMNS["delta_um"]
     for curves in (law.over_delta, law.over_pressure):
         for place, argument in enumerate(curves.at):
@@ -89,7 +89,7 @@ def _rows(law: Law) -> Iterator[Row]:
 
 
 def _cells(name: str, curve: Curve, place: int) -> Row:
-    """Value, band and slope; a band that is not there leaves its cells empty."""
+    """Return the cells of a value, its band and its slope; those of a missing band are empty."""
     parts = curve.value, curve.low, curve.high, curve.slope
     found = zip(ENDS, (float(part[place]) for part in parts), strict=True)
     return {f"{name}{end}": "" if np.isnan(number) else number for end, number in found}

@@ -1,0 +1,142 @@
+"""Finished fits on disk: what has been computed is never computed again, whatever happens.
+
+One file of lines (JSON) a model and target. The master appends a line when a fit has come back and
+hands it to the system; a line that a kill has cut short is dropped when the file is opened again.
+"""
+
+import json
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Self
+
+from gen.runtime import documents
+from gen.runtime.errors import InputError
+from gen.runtime.lock import lock
+from learn.comparison import records
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One candidate on one fold.
+
+    Attributes
+    ----------
+    candidate : its canonical settings, as `learn.comparison.pruning.key` writes them
+    fold : the fold that was left out of the training
+    rows : training rows; all of them, but for a search with a budget
+    r2 : coefficient of determination on the fold, None if the fit failed or is not finite
+    failure : why there is no score
+    remark : warnings of the fit
+    seconds : of the fit and the scoring, shared evenly by the candidates of one fit [s]
+    """
+
+    candidate: str
+    fold: int
+    rows: int
+    r2: float | None
+    failure: str = ""
+    remark: str = ""
+    seconds: float = 0.0
+
+    @property
+    def place(self) -> tuple[str, int, int]:
+        """What identifies it."""
+        return self.candidate, self.fold, self.rows
+
+
+class Trials:
+    """The finished trials of one model and target; a context manager that holds the lock.
+
+    Parameters
+    ----------
+    path : the file, made with its folder if missing
+    conditions : what all trials have in common: data, split, versions, seeds; a file of other
+        conditions is refused
+
+    Attributes
+    ----------
+    finished : by `Trial.place`
+
+    Raises
+    ------
+    InputError
+        If another process writes the file, it holds other conditions, or cannot be written.
+    """
+
+    def __init__(self, path: Path, conditions: dict[str, object]) -> None:
+        self.path = path
+        self.finished: dict[tuple[str, int, int], Trial] = {}
+        with ExitStack() as stack:
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise InputError(f"{path.parent} cannot be made: {error.strerror}") from None
+            stack.enter_context(lock(path))
+            self._file = stack.enter_context(self._opened(conditions))
+            self._stack = stack.pop_all()
+
+    def __enter__(self) -> Self:
+        """Return the open trials."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the file and give the lock back."""
+        self._stack.close()
+
+    def add(self, trials: list[Trial]) -> None:
+        """Keep what one fit has given, whatever happens to this process afterwards.
+
+        Raises
+        ------
+        InputError
+            If the disk is full.
+        """
+        text = "".join(json.dumps(asdict(trial), allow_nan=False) + "\n" for trial in trials)
+        try:
+            self._file.write(text.encode())
+            self._file.flush()
+        except OSError as error:
+            raise InputError(f"{self.path} cannot be written: {error.strerror}") from None
+        self.finished.update((trial.place, trial) for trial in trials)
+
+    def _opened(self, conditions: dict[str, object]) -> IO[bytes]:
+        """Read what is there, cut off a line that is not whole, and open for appending."""
+        try:
+            content = documents.read_bytes(self.path) if self.path.exists() else b""
+            whole = content[: content.rfind(b"\n") + 1]
+            self._read(whole, conditions)
+            file = self.path.open("r+b" if content else "wb")
+        except OSError as error:
+            raise InputError(f"{self.path} cannot be written: {error.strerror}") from None
+        file.truncate(len(whole))
+        file.seek(len(whole))
+        if not whole:
+            file.write(json.dumps(conditions, sort_keys=True).encode() + b"\n")
+        return file
+
+    def _read(self, content: bytes, conditions: dict[str, object]) -> None:
+        first, *lines = content.split(b"\n")[:-1] or [b""]
+        if first:
+            _compare(self.path, documents.checked(self.path, first, documents.Document), conditions)
+        for number, line in enumerate(lines, start=2):
+            found = documents.checked(f"{self.path}, line {number}", line, records.Trial)
+            trial = Trial(**found)
+            self.finished[trial.place] = trial
+
+
+def _compare(path: Path, found: dict[str, object], wanted: dict[str, object]) -> None:
+    """Refuse trials that were made under other conditions, naming the first that differs."""
+    expected = json.loads(json.dumps(wanted))
+    for name in sorted(expected.keys() | found.keys()):
+        if found.get(name) != expected.get(name):
+            raise InputError(
+                f"{path} holds trials with {name} {found.get(name)!r}, not {expected.get(name)!r}:"
+                " give another folder, or the same options, data and versions"
+            )

@@ -1,0 +1,283 @@
+"""Laws at the given loads, their bands, and no band outside the training."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from laws import LOADS, STEEL, column, rows_of, run
+
+import bem
+from gen import cli as gen_cli
+from gen.generation.plan import parameters
+from gen.generation.sample import solve_contact, surface_of
+from gen.scene import Scene
+from learn import Surrogate
+
+COLUMNS = ("delta_um", "area_percent", "mean_gap_um")
+
+
+def solved_by_gen(surface, *load):
+    arguments = ["contact", surface, "--side", "1000", *load, *STEEL, "--csv", "gen.csv"]
+    assert gen_cli.main(arguments) == 0
+    return rows_of("gen.csv")
+
+
+def test_the_solver_solves_at_the_pressures_asked_for(work, capsys):
+    """Not on a grid of Delta, between which it would interpolate; a surrogate is not needed."""
+    contacts = solved_by_gen("many/s0.npy", *LOADS)
+    ask = ["many/s0.npy", "--side", "1000", "--solver", *LOADS, *STEEL, "--csv", "law.csv"]
+    for before in ([], ["hybrid.surrogate"], ["dimensionless.surrogate"]):
+        capsys.readouterr()
+        run("law", *before, *ask)
+        said = " ".join(capsys.readouterr().out.split())
+        assert "solved contact by contact" in said
+        assert "band: none, one surface was solved" in said
+        found = rows_of("law.csv", "pressure_MPa")
+        assert column(found, "pressure_MPa").tolist() == [100 + i * 1900 / 3 for i in range(4)]
+        for name in COLUMNS:
+            np.testing.assert_allclose(column(found, name), column(contacts, name), rtol=1e-6)
+            assert {row[f"{name}_low"] + row[f"{name}_high"] for row in found} == {""}
+        over_delta = rows_of("law.csv", "delta_um")[1:]
+        np.testing.assert_allclose(
+            column(over_delta, "force_uN"), column(contacts, "force_uN"), rtol=1e-6
+        )
+        assert f"{float(found[1]['delta_um']):.4g}" in said, "the pressures asked for are printed"
+        assert "warning: from Delta" in said
+        assert "where most materials yield" in said
+
+
+def test_a_solved_population_has_bands_at_given_delta_and_pressure(work):
+    files = [f"many/s{seed}.npy" for seed in range(3)]
+    run("law", "many", "--side", "1000", "--solver", *LOADS, *STEEL, "--csv", "law.csv")
+    contacts = [solved_by_gen(file, *LOADS) for file in files]
+    found = rows_of("law.csv", "pressure_MPa")
+    for name in COLUMNS:
+        every = np.array([column(each, name) for each in contacts])
+        np.testing.assert_allclose(column(found, name), every.mean(axis=0), rtol=1e-6)
+        for end, share in (("low", 0.05), ("high", 0.95)):
+            ends = column(found, f"{name}_{end}")
+            np.testing.assert_allclose(ends, np.quantile(every, share, axis=0), rtol=1e-6)
+        assert (column(found, f"{name}_low") < column(found, f"{name}_high")).all()
+    over_delta = rows_of("law.csv", "delta_um")[1:]
+    np.testing.assert_allclose(column(over_delta, "delta_um"), column(found, "delta_um"))
+    deltas = ",".join(row["delta_um"] for row in over_delta)
+    contacts = [solved_by_gen(file, "--delta", deltas) for file in files]
+    for name in ("area_percent", "force_uN", "mean_gap_um", "pressure_MPa"):
+        every = np.array([column(each, name) for each in contacts])
+        np.testing.assert_allclose(column(over_delta, name), every.mean(axis=0), rtol=1e-6)
+        ends = column(over_delta, f"{name}_high")
+        np.testing.assert_allclose(ends, np.quantile(every, 0.95, axis=0), rtol=1e-6)
+
+
+SCENE = """
+samples = 9
+[surface]
+nodes = 17
+[contact]
+kernel = "concentrated-force"
+far_field = "compliant"
+spacing = "side/n"
+modulus = 100.0
+poisson = 0.3
+"""
+
+
+def test_a_scene_is_solved_as_it_says(work, capsys):
+    """Its kernel, far field, spacing and modulus; and over its range of Delta unless told."""
+    Path("mirco.toml").write_text(SCENE)
+    scene = Scene.parse(SCENE, "mirco.toml")
+    run("law", "mirco.toml", "--solver", "--surfaces", "2", "--delta", "2,5", "--csv", "law.csv")
+    assert f"E* = {100 / 0.91:g} MPa" in capsys.readouterr().out
+    found = rows_of("law.csv", "delta_um")[1:]
+    plan = parameters(scene, 0, 2)
+    for row in found:
+        contacts = [
+            solve_contact(scene, surface_of(scene, plan, surface), float(row["delta_um"]))
+            for surface in range(2)
+        ]
+        assert float(row["force_uN"]) == pytest.approx(np.mean([each.force for each in contacts]))
+        pressure = np.mean([each.force for each in contacts]) / (17 * scene.spacing) ** 2
+        assert float(row["pressure_MPa"]) == pytest.approx(pressure)
+    run(
+        "law", "hybrid.surrogate", "mirco.toml", "--surfaces", "2", "--delta", "5", "--csv", "p.csv"
+    )
+    (predicted,) = rows_of("p.csv", "delta_um")[1:]
+    cells = float(predicted["force_uN"]) / float(predicted["pressure_MPa"])
+    assert cells == pytest.approx((17 * scene.spacing) ** 2)
+    Path("rigid.toml").write_text(SCENE.replace('far_field = "compliant"', ""))
+    run("law", "rigid.toml", "--solver", "--surfaces", "2", "--csv", "law.csv")
+    deltas = column(rows_of("law.csv", "delta_um"), "delta_um")
+    np.testing.assert_allclose(deltas, [0, *np.linspace(5, 45, 40)])
+
+
+def test_a_predicted_population_has_bands_at_given_pressure(work):
+    ask = ["--side", "1000", "--delta", "4:40:13", "--pressure", "0.002:0.02:4", "--csv"]
+    run("law", "hybrid.surrogate", "many", *ask, "predicted.csv")
+    run("law", "hybrid.surrogate", "many", *ask, "solved.csv", "--solver")
+    for against in ("delta_um", "pressure_MPa"):
+        predicted, solved = (rows_of(f"{name}.csv", against) for name in ("predicted", "solved"))
+        predicted, solved = zip(
+            *[
+                (one, other)
+                for one, other in zip(predicted, solved, strict=True)
+                if one["area_percent_low"] and float(one[against])
+            ],
+            strict=True,
+        )
+        assert len(predicted) >= 3
+        names = set(COLUMNS) - {against}
+        for name in names:
+            low, high = (column(predicted, f"{name}_{end}") for end in ("low", "high"))
+            assert (low < column(predicted, name)).all()
+            assert (column(predicted, name) < high).all()
+            for end in ("", "_low", "_high"):
+                np.testing.assert_allclose(
+                    column(predicted, f"{name}{end}"), column(solved, f"{name}{end}"), rtol=0.1
+                )
+
+
+ONE = ["hybrid.surrogate", "many/s0.npy", "--side", "1000"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["many/s0.npy", "--side", "1000"], "give a surrogate and then surfaces, or surfaces and"),
+        (["many/s0.npy", "many/s1.npy", "--side", "1000"], "many/s0.npy: is no surrogate"),
+        (["hybrid.surrogate", "--solver"], "give a surrogate and then surfaces, or surfaces and"),
+        (["many/s0.npy", "--side", "1000", "--solver"], "give --delta or --pressure"),
+        (["many/s0.npy", "--solver", "--delta", "1"], "--side"),
+        (["a.toml", "b.toml", "--solver", "--surfaces", "2"], "E* = 1 and 2 MPa: give one with"),
+        ([*ONE, "--solver", "--pressure", "0"], "--pressure '0': give pressures of 0 MPa or more"),
+        ([], "Missing argument '[SURROGATE] INPUT...'"),
+        ([*ONE, "--delta", "5,9", "--pressure", "9"], "give a larger --delta"),
+    ],
+)
+def test_a_law_that_cannot_be_is_refused(work, capsys, arguments, word):
+    for name, modulus in (("a", 1.0), ("b", 2.0)):
+        text = f"samples = 2\n[surface]\nnodes = 9\n[contact]\nmodulus = {modulus}\n"
+        Path(f"{name}.toml").write_text(text)
+    run("law", *arguments, ends=2)
+    assert word in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_no_interval_is_given_on_unknown_ground(work, capsys, monkeypatch):
+    """Neither in print nor in the CSV; the number stays, dim, with its reason."""
+    monkeypatch.setenv("COLUMNS", "160")
+    ask = ["many/s0.npy", "--side", "1000", "--delta", "0.5,20"]
+    for command, option in (("predict", "-o"), ("law", "--csv")):
+        monkeypatch.delenv("FORCE_COLOR", raising=False)
+        run(command, "hybrid.surrogate", *ask, option, "out.csv")
+        plain = capsys.readouterr().out
+        monkeypatch.setenv("FORCE_COLOR", "1")
+        run(command, "hybrid.surrogate", *ask, option, "out.csv")
+        coloured = capsys.readouterr().out
+        rows = [row for row in rows_of("out.csv") if row.get("against") != "pressure_MPa"]
+        unknown, known = rows[-2:]
+        for name in ("area_percent", "force_uN"):
+            assert unknown[f"{name}_low"] == unknown[f"{name}_high"] == ""
+            assert float(known[f"{name}_low"]) < float(known[f"{name}_high"])
+            value = f"{float(unknown[name]):.4g} (-)"
+            assert value in plain
+            (line,) = [each for each in coloured.splitlines() if value in each]
+            assert "\x1b[2m" in line
+            assert f"{float(known[name]):.4g} ({float(known[f'{name}_low']):.4g} to" in plain
+        assert unknown["reason"].startswith("delta/h")
+        assert known["reason"] == ""
+        assert "delta/h" in plain
+
+
+def test_a_file_name_is_no_markup(work, capsys):
+    shutil.copy("many/s0.npy", "a[red]b.npy")
+    run("predict", "hybrid.surrogate", "a[red]b.npy", "--side", "1000", "--delta", "20")
+    assert "a[red]b.npy" in capsys.readouterr().out
+
+
+def test_the_surrogates_own_answers_keep_their_intervals(made):
+    """What is withheld is what is shown; in Python, `reasons` tells where they do not hold."""
+    surrogate = Surrogate.load(made / "hybrid.surrogate")
+    answer = surrogate.predict(np.load(made / "many/s0.npy"), 1000.0, [0.5])
+    assert answer.reasons[0]
+    assert answer.low["area"].shape == (1,)
+
+
+@pytest.mark.parametrize("how", [["--solver"], []])
+@pytest.mark.parametrize("inputs", [["many/s0.npy", "--side", 1000], ["many", "--side", 1000]])
+def test_a_law_is_monotone_and_consistent(work, how, inputs):
+    ask = ["law", "hybrid.surrogate", *inputs, "--delta", "2:40:12", "--csv", "law.csv", *how]
+    run(*ask, "--header", "law.h", "--young", "210e3", "--poisson", "0.3")
+    rows = rows_of("law.csv")
+    by_delta = [row for row in rows if row["against"] == "delta_um"]
+    by_pressure = [row for row in rows if row["against"] == "pressure_MPa"]
+    assert len(by_delta) == 13
+    delta = column(by_delta, "delta_um")
+    for name, sign in (("area_percent", 1), ("force_uN", 1), ("mean_gap_um", -1)):
+        value = column(by_delta, name)
+        assert (sign * np.diff(value) >= 0).all()
+        assert (sign * column(by_delta, f"{name}_slope") >= 0).all()
+        banded = [row for row in by_delta if row[f"{name}_low"]]
+        value = column(banded, name)
+        assert (column(banded, f"{name}_low") <= value).all()
+        assert (value <= column(banded, f"{name}_high")).all()
+        alone = "--solver" in how and inputs[0] != "many"
+        inside = sum(not alone and not row["reason"] for row in by_delta)
+        assert inside <= len(banded) <= (0 if alone else 13)
+        assert all(row["reason"] for row in by_delta if row not in banded) or alone
+    pressure = column(by_delta, "pressure_MPa")
+    cells = (1000 / 32 * 33) ** 2
+    np.testing.assert_allclose(pressure, column(by_delta, "force_uN") / cells, rtol=1e-9)
+    back = np.interp(delta, column(by_pressure, "delta_um"), column(by_pressure, "pressure_MPa"))
+    np.testing.assert_allclose(back, pressure, atol=0.02 * pressure[-1])
+    assert (np.diff(column(by_pressure, "area_percent")) >= 0).all()
+    assert (np.diff(column(by_pressure, "mean_gap_um")) <= 0).all()
+
+
+def test_a_solved_law_is_the_solvers_and_the_predicted_one_near_it(work):
+    ask = ["law", "hybrid.surrogate", "many/s1.npy", "--side", 1000, "--delta", "5:40:8", "--csv"]
+    run(*ask, "solved.csv", "--solver")
+    run(*ask, "predicted.csv")
+    heights = np.load("many/s1.npy")
+    solved, predicted = (
+        [row for row in rows_of(name) if row["against"] == "delta_um"][1:]
+        for name in ("solved.csv", "predicted.csv")
+    )
+    for one, two in zip(solved, predicted, strict=True):
+        contact = bem.solve(heights, 1000.0, float(one["delta_um"]))
+        for name, value in (
+            ("area_percent", contact.area_percent),
+            ("force_uN", contact.force),
+            ("mean_gap_um", contact.mean_gap),
+        ):
+            assert float(one[name]) == pytest.approx(value, rel=1e-5)
+        assert float(two["force_uN"]) == pytest.approx(contact.force, rel=0.2)
+        assert float(two["mean_gap_um"]) == pytest.approx(contact.mean_gap, abs=0.5)
+
+
+def test_a_law_says_where_it_is_outside(work):
+    ask = ["law", "hybrid.surrogate", "many", "--side", 1000, "--delta", "10,400", "--csv"]
+    run(*ask, "law.csv")
+    rows = [row for row in rows_of("law.csv") if row["against"] == "delta_um"]
+    own = Surrogate.load("hybrid.surrogate")
+    surfaces = [np.load(f"many/s{seed}.npy") for seed in range(3)]
+    inside = [own.for_surface(each, 1000.0).predict([10.0, 400.0]).inside for each in surfaces]
+    expected = [0.0, *(1 - np.mean(inside, axis=0))]
+    np.testing.assert_allclose([float(row["outside"]) for row in rows], expected)
+    assert expected[2] == 1
+    assert [bool(row["reason"]) for row in rows] == [share > 0 for share in expected]
+    others = [row for row in rows_of("law.csv") if row["against"] != "delta_um"]
+    assert float(others[0]["outside"]) == 0
+    assert float(others[-1]["outside"]) == 1
+
+
+def test_laws_of_scenes_databases_and_given_pressures(work, capsys):
+    for text in ("database.h5", "scene.toml"):
+        (work / "scene.toml").write_text("samples = 9\n[surface]\nnodes = 33\n")
+        ask = ["law", "hybrid.surrogate", text, "--surfaces", 3, "--delta", "5:40:5"]
+        run(*ask, "--pressure", "0:0.005:6", "--csv", f"{text}.csv")
+        assert "quantiles of 3 surfaces" in " ".join(capsys.readouterr().out.split())
+    assert (work / "database.h5.csv").read_text() == (work / "scene.toml.csv").read_text()
+    rows = [row for row in rows_of("scene.toml.csv") if row["against"] == "pressure_MPa"]
+    np.testing.assert_allclose(column(rows, "pressure_MPa"), np.linspace(0, 0.005, 6))
+    run(*ask, "--pressure", "9", ends=2)
+    assert "give a larger --delta" in capsys.readouterr().err

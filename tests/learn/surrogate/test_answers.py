@@ -1,0 +1,140 @@
+"""Predictions for files, folders and tables."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bem
+from learn import Surrogate, cli
+
+DELTAS = "6,20,40"
+
+
+def run(*arguments):
+    return cli.main([str(argument) for argument in arguments])
+
+
+def table(path):
+    with Path(path).open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_folder_is_predicted_and_written(work, capsys):
+    arguments = ["predict", "hybrid.surrogate", "many", "--side", 1000, "--delta", DELTAS]
+    assert run(*arguments, "-o", "p.csv") == 0
+    said = capsys.readouterr()
+    assert "left out 1 files" in said.err
+    rows = table("p.csv")
+    assert [row["input"] for row in rows[::3]] == [f"many/s{seed}.npy" for seed in range(3)]
+    surrogate = Surrogate.load("hybrid.surrogate")
+    for row in rows:
+        own = surrogate.predict(np.load(row["input"]), 1000.0, float(row["delta_um"]))
+        for key, value in (
+            ("area_percent", own.area),
+            ("force_uN", own.force),
+            ("area_percent_low", own.low["area"]),
+            ("force_uN_high", own.high["force"]),
+        ):
+            if own.reasons[0] and key.endswith(("_low", "_high")):
+                assert row[key] == "", "no interval holds on unknown ground"
+            else:
+                assert float(row[key]) == pytest.approx(float(value[0]), rel=1e-9)
+        assert row["reason"] == own.reasons[0]
+        assert row["flag"] == ("outside" if own.reasons[0] else "inside")
+        solved = bem.solve(np.load(row["input"]), 1000.0, float(row["delta_um"]))
+        assert float(row["force_uN"]) == pytest.approx(solved.force, rel=0.15)
+
+
+def test_single_precision_and_oblong_surfaces_are_taken_and_named(work):
+    assert run(*PREDICT, "oblong.npy") == 2  # one length fits no grid that is not square
+    for name in ("many/s0.npy", "single.npy", "oblong.npy"):
+        sides = ["--side", "1000,593.75"] if name == "oblong.npy" else []
+        assert run(*PREDICT, *sides, name, "-o", "p.csv") == 0
+        (row,) = table("p.csv")
+        if name == "many/s0.npy":
+            first = row
+        elif name == "single.npy":
+            assert float(row["area_percent"]) == pytest.approx(float(first["area_percent"]), 1e-2)
+            assert row["flag"] == first["flag"]
+        else:
+            assert "33 x 20 nodes, trained on 33 x 33" in row["reason"]
+
+
+def test_statistics_give_what_the_surface_gives(work):
+    for features in ("dimensionless", "paper"):
+        ask = ["predict", f"{features}.surrogate"]
+        assert run(*ask, "table.csv", "--delta", DELTAS, "-o", "a.csv") == 0
+        assert run(*ask, "many/s0.npy", "--side", 1000, "--delta", DELTAS, "-o", "b.csv") == 0
+        for one, two in zip(table("a.csv"), table("b.csv"), strict=True):
+            for key in ("area_percent", "force_uN_low", "area_percent_high"):
+                assert bool(one[key]) == bool(two[key])
+                assert float(one[key] or 0) == pytest.approx(float(two[key] or 0), rel=1e-6)
+            assert one["reason"] == two["reason"]
+
+
+def test_a_table_may_have_its_own_delta(work):
+    (row,) = table("table.csv")
+    with Path("own.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, [*row, "delta_um"])
+        writer.writeheader()
+        writer.writerows([{**row, "delta_um": delta} for delta in (6, 20)])
+    assert run("predict", "dimensionless.surrogate", "own.csv", "-o", "p.csv") == 0
+    assert [float(each["delta_um"]) for each in table("p.csv")] == [6.0, 20.0]
+
+
+def test_force_follows_the_modulus_and_area_does_not(work):
+    ask = ["predict", "hybrid.surrogate", "many/s0.npy", "--side", 1000, "--delta", "9"]
+    assert run(*ask, "-o", "a.csv") == 0
+    assert run(*ask, "--young", "210e3", "--poisson", "0.3", "-o", "b.csv") == 0
+    (soft,), (steel,) = table("a.csv"), table("b.csv")
+    assert soft["area_percent"] == steel["area_percent"]
+    for key in ("force_uN", "force_uN_low", "force_uN_high"):
+        assert float(steel[key]) == pytest.approx(float(soft[key]) * 210e3 / (1 - 0.09))
+
+
+def test_a_process_writes_its_standard_deviation(work):
+    arguments = ["database.h5", "--model", "gaussian-process", "--target", "area"]
+    assert run("fit", *arguments, "-o", "gp.surrogate") == 0
+    ask = ["predict", "gp.surrogate", "table.csv", "--delta", "9", "-o", "p.csv"]
+    assert run(*ask) == 0
+    (row,) = table("p.csv")
+    assert 0 < float(row["area_percent_std"]) < 10
+
+
+def test_a_prediction_names_modulus_and_reasons(work, capsys):
+    ask = ["predict", "dimensionless.surrogate", "many", "--side", 1000, "--delta", "10,400"]
+    assert run(*ask, "--young", "210e3", "--poisson", "0.3", "-o", "p.csv") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "E* = 230769 MPa" in said
+    reasons = [row["reason"] for row in table("p.csv")]
+    outside = sum("delta/h" in reason for reason in reasons)
+    assert f"{outside} of 6: delta/h" in said
+    assert run(*ask) == 0
+    assert "E* = 1 MPa" in " ".join(capsys.readouterr().out.split())
+
+
+PREDICT = ["predict", "hybrid.surrogate", "--side", "1000", "--delta", "5"]
+
+
+def test_an_overruled_scale_is_told_beside_the_predictions(work, capsys):
+    heights = np.load("many/s0.npy")
+    header = "Channel: Topo\nWidth: 1 m\nHeight: 1 m\nValue units: um"
+    np.savetxt("scan.txt", heights, header=header)
+    ask = ["predict", "dimensionless.surrogate", "scan.txt", "--delta", "9", "-o", "p.csv"]
+    assert run(*ask, "--side", 1000) == 2
+    assert "--override-scale" in capsys.readouterr().err
+    assert run(*ask, "--side", 1000, "--override-scale", "--channel", "Topo") == 0
+    said = capsys.readouterr()
+    assert "OVERRULED" in said.err
+    assert "warning: the file's own scale is overruled" in said.err
+    (row,) = table("p.csv")
+    assert "taken as 1000 x 1000 um" in row["warnings"]
+    law = ["law", "scan.txt", "--solver", "--side", 1000, "--override-scale", "--delta", "9"]
+    assert run(*law, "--header", "law.h") == 0
+    told = "the file's own scale is overruled"
+    assert told in capsys.readouterr().out
+    assert told in Path("law.h").read_text()
+    assert run(*ask, "--channel", "Phase") == 2
+    assert "holds 0 'Topo'" in capsys.readouterr().err

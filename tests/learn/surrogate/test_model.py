@@ -1,0 +1,187 @@
+"""Surrogates of every model: fitted, stored, asked."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import learn
+from gen.runtime.errors import InputError
+from gen.runtime.farm import World
+from gen.surface import generate
+from learn import Surrogate, split
+from learn.comparison.spaces import OPTIMA
+from learn.models import MODELS
+from learn.reading import Reading
+from learn.request import Request
+from learn.surrogate import law, settings, training
+from learn.surrogate.law import Order
+
+
+def say(line):
+    """Hear nothing."""
+
+
+def fitted(path, model="kernel-ridge", features="dimensionless", **options):
+    targets = options.pop("targets", ("area", "force"))
+    scaling = "l2" if features == "paper" else "standard"
+    request = Request(path, path, targets, (model,), None, scaling, features, **options)
+    return training.fit(request, World(), say)
+
+
+@pytest.fixture(scope="module")
+def ridge(solved):
+    return fitted(solved)
+
+
+@pytest.fixture(scope="module")
+def heights():
+    return generate("diamond-square", 33, 0.7, 12.0, np.random.default_rng(5))
+
+
+@pytest.mark.parametrize("model", list(MODELS))
+def test_every_model_fits_saves_loads_and_predicts_the_same(
+    solved, tmp_path, heights, model, monkeypatch
+):
+    if "n_estimators" in OPTIMA[model]:
+        monkeypatch.setitem(OPTIMA[model], "n_estimators", 30)
+    monkeypatch.setitem(settings.NETWORK, "max_iter", 200)
+    surrogate = fitted(solved, model, "hybrid")
+    deltas = np.array([6.0, 20.0, 44.0])
+    std = model == "gaussian-process"
+    first = surrogate.for_surface(heights, 1000.0).predict(deltas, std=std)
+    surrogate.save(tmp_path / "x.surrogate")
+    loaded = Surrogate.load(tmp_path / "x.surrogate")
+    again = loaded.for_surface(heights, 1000.0).predict(deltas, std=std)
+    for target in ("area", "force"):
+        np.testing.assert_array_equal(again.values[target], first.values[target])
+        np.testing.assert_array_equal(again.low[target], first.low[target])
+        np.testing.assert_array_equal(again.high[target], first.high[target])
+        assert (first.low[target] <= first.values[target]).all()
+        if std:
+            np.testing.assert_allclose(again.std[target], first.std[target], rtol=1e-9)
+            assert (again.std[target] > 0).all()
+    assert bool(first.std) == std
+    assert loaded.card == surrogate.card
+    scores = surrogate.card["targets"]["area"]["scores"]
+    assert scores["r2"] > (60 if model == "decision-tree" else 80)  # 58 rows trained it
+
+
+@pytest.mark.parametrize("features", ["paper", "dimensionless"])
+def test_what_it_predicts_are_the_rows_of_its_test(solved, features):
+    from gen.database import Reader
+    from gen.generation.plan import parameters
+    from gen.generation.sample import surface_of
+    from learn import dataset, metrics
+
+    surrogate = fitted(solved, features=features)
+    rows = dataset.read(solved, "force")
+    test = split.draw(rows).test
+    with Reader(solved) as reader:
+        scene = reader.scene
+    plan = parameters(scene, 0, 90)
+    predicted = np.array(
+        [
+            surrogate.predict(surface_of(scene, plan, row), 1000.0, plan.delta[row]).force[0]
+            for row in rows.rows[test]
+        ]
+    )
+    again = vars(metrics.scores(rows.target[test], predicted))
+    assert surrogate.card["targets"]["force"]["scores"] == pytest.approx(again)
+
+
+def test_area_knows_no_units_and_force_scales_with_them(ridge, heights):
+    micro = ridge.predict(heights, 1000.0, [5.0, 30.0])
+    nano = ridge.predict(heights * 3e-4, 0.3, [5.0 * 3e-4, 30.0 * 3e-4], e_star=2e5)
+    np.testing.assert_allclose(nano.area, micro.area, rtol=1e-7)
+    np.testing.assert_allclose(nano.force, micro.force * 2e5 * 3e-4 * 0.3 / 1000, rtol=1e-7)
+
+
+def test_a_surface_costs_its_features_once_and_batches_are_the_single_calls(ridge, heights):
+    pressed = ridge.for_surface(heights, 1000.0)
+    deltas = np.linspace(5.0, 44.0, 7)
+    batch = pressed.predict(deltas)
+    single = [pressed.predict(delta, level=None, reasons=False) for delta in deltas]
+    np.testing.assert_allclose(batch.area, [each.area[0] for each in single], rtol=1e-9)
+    assert not single[0].low
+    assert "statistics" in vars(pressed.surface)
+
+
+@pytest.mark.parametrize("features", ["paper", "dimensionless"])
+def test_kernel_ridge_is_scikit_learns(solved, features):
+    learnt = fitted(solved, features=features, targets=("area",)).learnt["area"]
+    ridge = learnt.pipeline.named_steps["model"]
+    inputs = learnt.pipeline.steps[0][1].transform(
+        np.abs(np.random.default_rng(0).normal(size=(5000, 23)))
+    )
+    assert learnt._expansion is not None
+    learnt.pipeline.steps[0] = ("scaling", "passthrough")
+    theirs = learnt.mean + learnt.deviation * ridge.predict(inputs)
+    np.testing.assert_allclose(learnt.raw(inputs), theirs, rtol=1e-6, atol=1e-9)
+
+
+def test_what_is_unknown_ground_is_said(ridge, heights):
+    assert ridge.predict(heights, 1000.0, 1e-3).reasons[0].startswith("delta/h")
+    other = generate("diamond-square", 65, 0.7, 12.0, np.random.default_rng(5))
+    assert "65 x 65 nodes, trained on 33 x 33" in ridge.predict(other, 1000.0, 9.0).reasons[0]
+    oblong = ridge.predict(heights, (1000.0, 500.0), 9.0).reasons[0]
+    assert "1000 x 500 um, trained on square patches" in oblong
+    inside = [ridge.predict(heights, 1000.0, delta).inside[0] for delta in (5.0, 10.0, 20.0, 30.0)]
+    assert sum(inside) >= 2
+
+
+def test_the_papers_features_are_bound_to_their_length(solved, heights):
+    paper = fitted(solved, features="paper")
+    reason = paper.predict(heights, 300.0, 9.0).reasons[0]
+    assert "side 300 um, trained on 1000 um" in reason
+    assert "spacing 9.375 um, trained on 31.25 um" in reason
+
+
+def test_answers_stay_within_what_is_possible(ridge, heights):
+    for delta in (1e-6, 0.01, 1e3, 1e6):
+        answer = ridge.predict(heights, 1000.0, delta, level=0.5)
+        for target, ceiling in (("area", 100.0), ("force", np.inf)):
+            ends = answer.low[target][0], answer.values[target][0], answer.high[target][0]
+            assert 0 <= ends[0] <= ends[1] <= ends[2] <= ceiling
+
+
+@pytest.mark.parametrize(
+    ("call", "word"),
+    [
+        (lambda s, z: s.predict(z, 1000.0, 0.0), "above 0"),
+        (lambda s, z: s.predict(z, -1.0, 5.0), "side"),
+        (lambda s, z: s.predict(z[0], 1.0, 5.0), "2-D"),
+        (lambda s, z: s.predict(z * np.nan, 1.0, 5.0), "finite"),
+        (lambda s, z: s.predict(z, 1.0, 5.0, e_star=0.0), "modulus"),
+        (lambda s, z: s.predict(z, 1.0, 5.0, level=1.0), "between 0 and 1"),
+    ],
+)
+def test_wrong_questions_are_refused(ridge, heights, call, word):
+    with pytest.raises(InputError, match=word):
+        call(ridge, heights)
+
+
+def test_a_prediction_that_is_not_finite_is_never_inside(ridge, heights, tmp_path):
+    np.save(tmp_path / "h.npy", heights)
+    order = Order((str(tmp_path / "h.npy"),), delta="5:20:3", reading=Reading(side="1000"))
+    rows = ridge.for_surface(heights, 1000.0).rows([10.0, 20.0])
+    assert ridge.predict_rows(rows).inside.any()
+    for deviation in (np.nan, np.inf):
+        learnt = {name: replace(each, deviation=deviation) for name, each in ridge.learnt.items()}
+        spoilt = replace(ridge, learnt=learnt)
+        for reasons in (True, False):
+            answer = spoilt.predict_rows(rows, reasons=reasons)
+            assert not answer.inside.any()
+            assert "the surrogate has no finite area" in answer.reasons[0]
+            assert np.isnan(answer.area).all()
+            assert np.isnan(answer.high["force"]).all()
+        with pytest.raises(
+            InputError, match=r"h\.npy: the surrogate has no finite .* at Delta = 5"
+        ):
+            law.make(spoilt, order, say)
+
+
+def test_the_package_offers_the_class_and_nothing_else():
+    assert learn.Surrogate is Surrogate
+    with pytest.raises(AttributeError, match="Oracle"):
+        _ = learn.Oracle
