@@ -112,6 +112,6 @@ def stability(
     with their features: prints a table each and writes DIR/stability.csv, loads.csv, surfaces.csv
     and models.csv if asked to. Exit code 0 if all cases passed, 1 otherwise.
     """
-    from bench.stability.report import report
+    from bench.stability.tables import report
 
     return 0 if report(output, full=full, of=of or ()) else 1

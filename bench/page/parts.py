@@ -52,7 +52,7 @@ PARTS = (
         "Generators, statistics, solver, models",
         quick="-m bench stability -o {folder}",
         full="-m bench stability --full -o {folder}",
-        show=contents_of("bench.stability.contents:contents"),
+        show=contents_of("bench.stability.tables:contents"),
         judges=True,
     ),
     Part(

@@ -1,5 +1,5 @@
 """Stiff and extreme cases of the solver, of surfaces and of models, each judged independently.
 
-`solver`, `surfaces` (generators and statistics) and `models` hold a table each, made of cases with
-`finding`s; `sheet` says how a table is run and shown, `report` is the command, `contents` the page.
+`case` says what a case is and runs it, `tables` lists the tables, prints and writes them. The cases
+themselves stand in `solver`, `loads`, `surfaces` (generators and statistics) and `models`.
 """

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.stability.case import Answer, Case
-from bench.stability.finding import Finding
+from bench.stability.case import Answer, Case, Finding
 from bench.stability.models.fit_checks import (
     Check,
     constant,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.stability.finding import Finding
+from bench.stability.case import Finding
 from bench.stability.models.fitted import Asked, fitted, loaded, rows_of, unlike
 from bench.stability.models.samples import ordinary, scene
 from gen.runtime.errors import InputError

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.stability.finding import Finding
+from bench.stability.case import Finding
 from bench.stability.models.fitted import Asked
 
 Long = NDArray[np.longdouble]

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.stability.case import Answer, Case, refused
-from bench.stability.finding import Finding, Refusal
+from bench.stability.case import Answer, Case, Finding, Refusal, refused
 from bench.stability.models.samples import Values, ordinary
 from gen.runtime.errors import InputError
 from gen.surface import generate

@@ -1,173 +1,150 @@
-"""A case of the table as data, and what comes out of running it."""
+"""Contacts as cases: a problem is solved, and its answer judged."""
 
 import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 import bem
-from bench.stability.finding import Finding, Refusal
+from bench.stability.case import Answer, Case, Finding, Refusal, one_line
 from bench.stability.solver.checks import Check, complementarity, honesty
-from bench.stability.solver.setup import Setup
-from bench.stability.solver.topographies import cropped_paper
+from bench.stability.solver.setup import DELTA, Setup
+from bench.stability.solver.topographies import Field, cropped_paper
 
 MOST_TIMES_ORDINARY = 3.0
 """Iterations over those of the ordinary contact on the same grid that need no reason."""
 
-
-@dataclass(frozen=True)
-class Case:
-    """A row of the table.
-
-    Attributes
-    ----------
-    family : what kind of extreme it is
-    name : of the case, unique
-    setup : makes what is asked of the solver
-    checks : of the answer, besides the complementarity that every answer has to have
-    refusal : how it has to be refused, for input that has no answer
-    reason : why it may take more than `MOST_TIMES_ORDINARY` times the ordinary iterations
-    slow : whether only the full table has it
-    ordinary : whether this is the ordinary contact itself that iterations are compared with
-    """
-
-    family: str
-    name: str
-    setup: Callable[[], Setup]
-    checks: tuple[Check, ...] = ()
-    refusal: Refusal | None = None
-    reason: str = ""
-    slow: bool = False
-    ordinary: bool = False
+NUMBERS = (
+    *("area_percent", "force_uN", "residual"),
+    *("iterations", "ordinary_iterations", "times_ordinary"),
+)
+"""Columns of the solver's table."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """What came out of a case.
-
-    Attributes
-    ----------
-    case : what was run
-    asked : its input, in one line
-    message : of the error that was raised; empty where there was an answer
-    area_percent, force, residual, iterations : of the answer, or of the best that was reached when
-        iterations ran out [%, uN, Delta, 1]; nan or 0 without any
-    ordinary_iterations : of the paper's surface at Delta = 25 um on the same grid; 0 without answer
-    findings : is the answer right, or was it refused as it should?
-    conduct : did the solver say what it did: warnings, iterations, the numbers that it states?
-    """
-
-    case: Case
-    asked: str
-    message: str
-    area_percent: float = math.nan
-    force: float = math.nan
-    residual: float = math.nan
-    iterations: int = 0
-    ordinary_iterations: int = 0
-    findings: tuple[Finding, ...] = field(default=())
-    conduct: tuple[Finding, ...] = field(default=())
-
-    @property
-    def passed(self) -> bool:
-        """Whether all that was found is within its bounds, and anything was looked for."""
-        return bool(self.findings) and all(
-            finding.passed for finding in (*self.findings, *self.conduct)
-        )
-
-    @property
-    def answered(self) -> bool:
-        """Whether there are numbers, be it of an answer that was not finished."""
-        return self.ordinary_iterations > 0
-
-    @property
-    def times_ordinary(self) -> float:
-        """Iterations over the ordinary ones [1]."""
-        return self.iterations / max(self.ordinary_iterations, 1)
-
-    @property
-    def reason(self) -> str:
-        """Why it took so many iterations; empty where it did not."""
-        return self.case.reason if self.times_ordinary > MOST_TIMES_ORDINARY else ""
-
-
-def run(cases: Iterable[Case]) -> list[Result]:
-    """Run one case after the other; what goes wrong is a result too."""
-    return [run_case(case) for case in cases]
-
-
-def run_case(case: Case) -> Result:
-    """Solve and judge."""
-    asked = case.setup()
-    contact, raised = None, None
-    with warnings.catch_warnings(record=True) as warned:
-        warnings.simplefilter("always")
-        try:
-            contact = asked.solve()
-        except Exception as error:  # whatever it is, the table is to show it
-            raised = error
-    texts = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))
-    return judge(
-        case, asked, contact, raised, [Finding(f"warnings {texts}".rstrip(), len(warned), 0)]
-    )
-
-
-def judge(
-    case: Case,
-    asked: Setup,
-    contact: bem.Contact | None,
-    raised: Exception | None = None,
-    conduct: Iterable[Finding] = (),
-) -> Result:
-    """The result of a case from what the solver returned or raised.
+def contact_case(
+    family: str,
+    name: str,
+    surface: ArrayLike | Callable[[], ArrayLike],
+    delta: float | Callable[[Field], float] = DELTA,
+    *,
+    checks: tuple[Check, ...] = (),
+    reason: str = "",
+    ordinary: bool = False,
+    refusal: Refusal | None = None,
+    slow: bool = False,
+    **arguments: Any,
+) -> Case:
+    """Make a case that solves a contact; surfaces are made when the case is run.
 
     Parameters
     ----------
-    case, asked : what was run
-    contact : the answer, None if there was none
-    raised : the error, None if there was none
-    conduct : what is already known of how the solver behaved
+    family, name, refusal, slow
+        See `bench.stability.case.Case`.
+    surface : array_like or callable
+        Heights, or a function that makes them [um].
+    delta : float or callable
+        Displacement of the far field, or a function of the heights that computes it [um].
+    checks : tuple of Check
+        Checks of the answer besides complementarity, which every answer has to fulfil.
+    reason : str
+        Why it may take more than `MOST_TIMES_ORDINARY` times the ordinary iterations.
+    ordinary : bool
+        Whether this is the ordinary contact itself, which iterations are compared with.
+    **arguments
+        Other fields of `Setup`.
     """
-    findings: list[Finding] = []
-    if case.refusal is not None:
-        findings += case.refusal.judge(raised)
-    elif raised is not None:
-        findings.append(Finding(f"{type(raised).__name__} instead of an answer", 1, 0))
-    if contact is not None:
-        for check in (*case.checks, complementarity):
-            findings += check(asked, contact)
-    elif isinstance(raised, bem.NotConverged):
-        contact = raised.contact
-        findings.append(Finding("rtol over residual", asked.rtol / contact.residual, 1))
-    message = " ".join(str(raised).split()) if raised else ""
-    if contact is None:
-        return Result(case, asked.describe(), message, findings=(*findings,), conduct=(*conduct,))
-    ordinary = max(contact.iterations, 1)
-    if not case.ordinary:
-        ordinary = ordinary_iterations(contact.pressure.shape)
-    return Result(
-        case=case,
-        asked=asked.describe(),
-        message=message,
-        area_percent=contact.area_percent,
-        force=contact.force,
-        residual=contact.residual,
-        iterations=contact.iterations,
-        ordinary_iterations=ordinary,
-        findings=(*findings,),
-        conduct=(*conduct, *_effort(case, asked, contact, ordinary), *honesty(asked, contact)),
-    )
+
+    def setup() -> Setup:
+        heights = surface() if callable(surface) else surface
+        wanted = delta(np.asarray(heights, np.float64)) if callable(delta) else delta
+        return Setup(heights, wanted, **arguments)
+
+    examination = Examination(setup, checks, reason, ordinary)
+    return Case(family, name, "", examination, refusal, slow)
 
 
-def _effort(case: Case, asked: Setup, contact: bem.Contact, ordinary: int) -> Iterator[Finding]:
-    """The bound on iterations was kept, and many have their reason."""
-    allowed = math.inf if case.reason else MOST_TIMES_ORDINARY
-    yield Finding("iterations", contact.iterations, asked.max_iterations)
-    yield Finding("times ordinary", contact.iterations / ordinary, allowed)
+@dataclass(frozen=True)
+class Examination:
+    """Solves a problem and judges the answer; the attributes are those of `contact_case`."""
+
+    setup: Callable[[], Setup]
+    checks: tuple[Check, ...] = ()
+    reason: str = ""
+    ordinary: bool = False
+
+    def __call__(self) -> Answer:
+        """Solve and judge."""
+        asked = self.setup()
+        contact, raised = None, None
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            try:
+                contact = asked.solve()
+            except Exception as error:  # whatever it is, the table is to show it
+                raised = error
+        texts = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))
+        conduct = Finding(f"warnings {texts}".rstrip(), len(warned), 0)
+        return self.judge(asked, contact, raised, [conduct])
+
+    def judge(
+        self,
+        asked: Setup,
+        contact: bem.Contact | None,
+        raised: Exception | None = None,
+        conduct: Iterable[Finding] = (),
+    ) -> Answer:
+        """Judge the contact that the solver returned, or the error that it raised.
+
+        Parameters
+        ----------
+        asked : Setup
+            The problem.
+        contact : bem.Contact or None
+            The answer, None if there was none.
+        raised : Exception or None
+            The error, None if there was none.
+        conduct : iterable of Finding
+            Findings on how the solver behaved, besides its effort and the numbers that it states.
+        """
+        findings: list[Finding] = []
+        if contact is not None:
+            for check in (*self.checks, complementarity):
+                findings += check(asked, contact)
+        elif isinstance(raised, bem.NotConverged):
+            contact = raised.contact
+            findings.append(Finding("rtol over residual", asked.rtol / contact.residual, 1))
+        findings += conduct
+        answer = partial(Answer, asked=asked.describe(), raised=raised)
+        if contact is None:
+            return answer(one_line(raised), findings, numbers=dict.fromkeys(NUMBERS, ""))
+        ordinary = max(contact.iterations, 1)
+        if not self.ordinary:
+            ordinary = ordinary_iterations(contact.pressure.shape)
+        times = contact.iterations / ordinary
+        findings += [*self._effort(asked, contact, times), *honesty(asked, contact)]
+        values = contact.area_percent, contact.force, contact.residual, contact.iterations
+        numbers: dict[str, object] = dict(zip(NUMBERS, (*values, ordinary, times), strict=True))
+        numbers["reason"] = self.reason if times > MOST_TIMES_ORDINARY else ""
+        return answer(one_line(raised) if raised else _in_words(contact), findings, numbers=numbers)
+
+    def _effort(self, asked: Setup, contact: bem.Contact, times: float) -> Iterator[Finding]:
+        """The bound on iterations was kept, and there is a reason for many iterations."""
+        allowed = math.inf if self.reason else MOST_TIMES_ORDINARY
+        yield Finding("iterations", contact.iterations, asked.max_iterations)
+        yield Finding("times ordinary", times, allowed)
+
+
+def _in_words(contact: bem.Contact) -> str:
+    numbers = f"{contact.area_percent:.4g} %, {contact.force:.6g} µN"
+    return f"{numbers}, residual {contact.residual:.1e}, {contact.iterations} iterations"
 
 
 @lru_cache(maxsize=64)
 def ordinary_iterations(shape: tuple[int, int]) -> int:
-    """Iterations for the paper's surface, cropped to this grid, at Delta = 25 um; at least 1."""
+    """Count iterations for the paper's surface, cropped to this grid, at Delta = 25 um."""
     return max(Setup(cropped_paper(shape), spacing=1.0).solve().iterations, 1)

@@ -15,8 +15,8 @@ import bem
 from bem.influence import Kernel
 from bench.references import dense
 from bench.references.half_space import displacement, flat_punch, influence_coefficients
-from bench.stability.finding import Finding
-from bench.stability.solver.setup import Setup, pressed
+from bench.stability.case import Finding
+from bench.stability.solver.setup import DELTA, Setup
 from bench.stability.solver.topographies import Field, paper
 
 ROUNDING = 1e-9
@@ -129,7 +129,7 @@ def one_cell_force(delta: float, spacing: float, kernel: Kernel = "uniform-press
 
 @lru_cache(maxsize=1)
 def _ordinary_contact() -> bem.Contact:
-    return pressed(paper)().solve()
+    return Setup(paper(), DELTA).solve()
 
 
 def scales(force: float, allowed: float = FOUR_ULP) -> Check:

@@ -1,9 +1,7 @@
 """What a case asks of the solver, and the numbers that its checks derive from that alone."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -96,28 +94,6 @@ class Setup:
 
 
 DEFAULT_CHOICES = Setup.kernel, Setup.far_field
-
-
-def pressed(
-    surface: Callable[[], ArrayLike],
-    delta: float | Callable[[Field], float] = DELTA,
-    **arguments: Any,
-) -> Callable[[], Setup]:
-    """What makes a `Setup` when a case is run, and no surface before.
-
-    Parameters
-    ----------
-    surface : makes the heights [um]
-    delta : displacement, or what computes it from the heights [um]
-    arguments : other fields of `Setup`
-    """
-
-    def setup() -> Setup:
-        heights = surface()
-        wanted = delta(np.asarray(heights, np.float64)) if callable(delta) else delta
-        return Setup(heights, wanted, **arguments)
-
-    return setup
 
 
 def _pair(lengths: Lengths) -> tuple[float, float]:

@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bench.stability.case import Answer
-from bench.stability.finding import Finding
+from bench.stability.case import Answer, Finding
 from bench.stability.surfaces import exact
 from gen.statistics import NAMES, Description, describe
 

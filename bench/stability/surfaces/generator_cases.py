@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.stability.case import Answer, Case, refused
-from bench.stability.finding import Finding, Refusal
+from bench.stability.case import Answer, Case, Finding, Refusal, refused
 from bench.stability.surfaces import exact
 from gen.runtime.errors import InputError
 from gen.surface import GENERATORS, generate

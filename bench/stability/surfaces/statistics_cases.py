@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bench.stability.case import Answer, Case, refused
-from bench.stability.finding import Refusal
+from bench.stability.case import Answer, Case, Refusal, refused
 from bench.stability.surfaces.checks import EXACT, G, described, says, unchanged
 from gen.runtime.errors import InputError
 from gen.statistics import describe

@@ -1,43 +1,24 @@
-"""The table of models, and proof that its checks can fail."""
+"""Proof that the checks of models can fail."""
 
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from stability import assert_in_order, assert_passes, title
 
-from bench.stability.case import Case
 from bench.stability.models import fit_cases, fit_checks, part_cases
 from bench.stability.models.fitted import Asked, fitted
 from bench.stability.models.optimality import optimal
 from bench.stability.models.samples import ordinary
-from bench.stability.models.sheet import SHEET
+from bench.stability.tables import cases_of
 from learn.models import MODELS
-
-QUICK = ("Decision Tree", "SVM Regressor", "Kernel Ridge", "GP Regressor")
-FAST = [
-    case
-    for case in SHEET.cases
-    if not case.family.startswith("models: ")
-    or case.name in QUICK
-    or case.family == "models: few rows"
-]
-
-
-@pytest.mark.parametrize("case", FAST, ids=title)
-def test_case(case: Case) -> None:
-    assert_passes(case)
-
-
-def test_names_are_unique_and_families_stand_together() -> None:
-    assert_in_order(SHEET)
 
 
 def test_all_models_are_asked() -> None:
     families = {kind.family for kind in fit_cases.KINDS if len(kind.models) == len(MODELS)}
+    cases = cases_of("models")
     for family in families:
-        titles = {case.name for case in SHEET.cases if case.family == f"models: {family}"}
+        titles = {case.name for case in cases if case.family == f"models: {family}"}
         assert titles == {model.title for model in MODELS.values()}
     assert {"constant target", "constant column", "collinear columns", "a row of zeros"} <= families
     assert {"duplicated rows", "few rows", "far outside", "single precision"} <= families

@@ -9,8 +9,7 @@ import numpy as np
 import bem
 from bem.problem import RTOL
 from bench.references.half_space import displacement
-from bench.stability.case import Answer, Case, sheet
-from bench.stability.finding import Finding
+from bench.stability.case import Answer, Case, Finding
 from bench.stability.loads.problems import LoadProblem, problem
 from gen.runtime.overtime import Overtime, at_most
 
@@ -101,7 +100,8 @@ def _examine(rtol: float, first: int, last: int) -> Answer:
     return Answer(out, tally.findings())
 
 
-def _cases() -> Iterator[Case]:
+def cases() -> Iterator[Case]:
+    """One case a tolerance, each in two parts."""
     asked = "forces and mean pressures, 2 to 40 nodes a side, cells of 1:1 to 1:1,000"
     for slow in (False, True):
         family = "the other solves" if slow else "one solve of ten"
@@ -112,7 +112,3 @@ def _cases() -> Iterator[Case]:
             examine = partial(_examine, rtol, begin, end)
             yield Case(family, f"rtol = {rtol:g}", asked, examine, slow=slow)
             first += solves
-
-
-SHEET = sheet("Random loads", "loads.csv", _cases())
-"""The table as it is run and shown."""

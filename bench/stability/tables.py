@@ -1,0 +1,224 @@
+"""The tables: how they are run, printed, written, and shown on the page."""
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+from rich.progress import track
+from rich.table import Table
+
+from bench.page import content
+from bench.stability.case import Case, Result, run_case
+from bench.table import write_rows
+from gen.runtime.console import console
+from gen.runtime.errors import InputError
+from gen.runtime.output import check_folder
+
+MANY_COLUMNS = 1000
+"""Of a file or a pipe, whose lines are not broken."""
+
+
+def checked_row(result: Result) -> Mapping[str, object]:
+    """Return a row of a file: the worst check as numbers, then all checks."""
+    return {
+        "family": result.case.family,
+        "case": result.case.name,
+        "input": result.asked,
+        "what_came_out": result.answer.out,
+        "check": result.worst.what,
+        "error": float(result.worst.error),
+        "allowed": float(result.worst.allowed),
+        "all_checks": "; ".join(map(str, result.findings)),
+        "verdict": verdict(result),
+    }
+
+
+def solved_row(result: Result) -> Mapping[str, object]:
+    """Return a row of the solver's file: numbers of the solve, then all checks."""
+    numbers = dict(result.answer.numbers)
+    reason = numbers.pop("reason", "")
+    return {
+        "family": result.case.family,
+        "case": result.case.name,
+        "input": result.asked,
+        "message": result.answer.out if result.answer.raised else "",
+        **numbers,
+        "checks": "; ".join(map(str, result.findings)),
+        "worst": result.worst,
+        "verdict": verdict(result),
+        "reason": reason,
+    }
+
+
+def verdict(result: Result) -> str:
+    """Judge a result in one word."""
+    return "passed" if result.passed else "failed"
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table of cases.
+
+    Attributes
+    ----------
+    title : str
+        Title of the printed table.
+    file : str
+        Name of its CSV file.
+    modules : tuple of str
+        Modules of this package whose `cases` are its rows, one after the other.
+    caption : str
+        Explains the table on the page.
+    row : callable
+        Makes a row of the file from a result.
+    shown : tuple of str
+        Columns that the page shows.
+    """
+
+    title: str
+    file: str
+    modules: tuple[str, ...]
+    caption: str
+    row: Callable[[Result], Mapping[str, object]] = checked_row
+    shown: tuple[str, ...] = (
+        *("family", "case", "input", "what_came_out", "check", "error", "allowed", "verdict"),
+    )
+
+
+TABLES = {
+    "surfaces": Sheet(
+        "Generators and statistics",
+        "surfaces.csv",
+        ("surfaces.generator_cases", "surfaces.statistics_cases"),
+        "Generators and the 22 statistics: Hurst exponents as near to 0 and 1 as numbers go,"
+        " amplitudes from 0 to 1e300 um, offsets under which variance cancels, ties, plateaus, one"
+        " peak and none, every memory layout. Judged by the same definitions in whole numbers and"
+        " fractions, or by an exact scaling or symmetry; what an offset has rounded away has to be"
+        " said.",
+    ),
+    "solver": Sheet(
+        "The contact solver",
+        "stability.csv",
+        ("solver.input_cases", "solver.shape_cases", "solver.mechanics_cases"),
+        "The contact solver: each answer is proved from its pressure alone, with influence"
+        " coefficients and a convolution of the check's own, and many again by a dense solve, a"
+        " closed form or a symmetry. Iterations stand beside those of an ordinary contact.",
+        solved_row,
+        (
+            *("family", "case", "input", "message", "area_percent", "residual", "iterations"),
+            *("ordinary_iterations", "reason", "worst", "verdict"),
+        ),
+    ),
+    "loads": Sheet(
+        "Random loads",
+        "loads.csv",
+        ("loads.cases",),
+        "Random forces and mean pressures at every tolerance from 1e-2 to 1e-13: an answer to each,"
+        " whose residual a convolution of the check's own confirms and whose force is the one given"
+        " to 12 digits. Solves of more than 20 s count as endless.",
+    ),
+    "models": Sheet(
+        "The nine models",
+        "models.csv",
+        ("models.fit_cases", "models.part_cases"),
+        "The nine models with their libraries' settings and with tuned ones, their features, splits"
+        " and scores: constant and collinear inputs, outliers, extreme units, nearly singular"
+        " kernels, rows far outside the training. Predictions have to be finite, right where an"
+        " exact solution or a change of units says what is right, and flagged where nothing is"
+        " known.",
+    ),
+}
+"""In the order of the page, which is that of the work."""
+
+
+def cases_of(name: str) -> list[Case]:
+    """Return the cases of a table, family after family; imports only what this table needs."""
+    modules = (import_module(f"bench.stability.{each}") for each in TABLES[name].modules)
+    return [case for module in modules for case in module.cases()]
+
+
+def report(folder: Path | None = None, *, full: bool = False, of: Sequence[str] = ()) -> bool:
+    """Run tables, print them, and write a CSV file of each where a folder is given.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Folder to write into, made where there is none.
+    full : bool
+        Whether the slow cases are run too.
+    of : sequence of str
+        Names of `TABLES`; none for all.
+
+    Returns
+    -------
+    bool
+        Whether every case passed.
+
+    Raises
+    ------
+    InputError
+        If there is no such table, or the folder cannot be written to, before anything is run.
+    """
+    unknown = [name for name in of if name not in TABLES]
+    if unknown:
+        raise InputError(f"--of {unknown[0]!r}: give one of {', '.join(TABLES)}")
+    if folder is not None:
+        check_folder(folder)
+    passed = True
+    for name in of or TABLES:
+        cases = [case for case in cases_of(name) if full or not case.slow]
+        progress = console(stderr=True)
+        tracked = track(cases, console=progress, transient=True, disable=not progress.is_terminal)
+        results = [run_case(case) for case in tracked]
+        show(TABLES[name].title, results)
+        if folder is not None:
+            write_rows(folder / TABLES[name].file, map(TABLES[name].row, results))
+        passed &= all(result.passed for result in results)
+    return passed
+
+
+def show(title: str, results: Sequence[Result]) -> None:
+    """Print a table, red where a case failed, and the number of failures."""
+    table = Table(box=None, pad_edge=False)
+    for name in ("case", "input (um, MPa)", "result", "checks: error ≤ allowed", "verdict"):
+        table.add_column(name)
+    family = ""
+    for result in results:
+        case = result.case
+        if case.family != family:
+            family = case.family
+            table.add_row(family, style="bold")
+        checks = result.failed or ("refused as it should be" if case.refusal else str(result.worst))
+        table.add_row(
+            f"  {case.name}",
+            result.asked,
+            result.answer.out,
+            checks,
+            verdict(result),
+            style="" if result.passed else "red",
+        )
+    failed = [result.case.name for result in results if not result.passed]
+    width = None if sys.stdout.isatty() else MANY_COLUMNS
+    output = console(markup=False, highlight=False, width=width)
+    output.print()
+    output.print(title, style="bold")
+    output.print(table)
+    output.print()
+    names = f": {'; '.join(failed)}" if failed else ""
+    output.print(f"{len(results)} cases, {len(failed)} failed{names}")
+
+
+def contents(folder: Path) -> list[content.Content]:
+    """List the tables in a folder for the page: short columns, red where a verdict is bad."""
+    listed: list[content.Content] = []
+    for name, sheet in TABLES.items():
+        data = folder / sheet.file
+        if data.exists():
+            table = content.Table(data, sheet.caption, columns=sheet.shown, verdict="verdict")
+            listed.append(table)
+        else:
+            command = f"python -m bench stability --of {name} -o {folder}"
+            listed.append(content.Absent(f"Stiff and extreme cases of the {name}", command))
+    return listed

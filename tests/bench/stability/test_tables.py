@@ -1,0 +1,158 @@
+"""The tables of stiff and extreme cases: every quick case passes, and the command shows it."""
+
+import csv
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench import __main__ as command
+from bench.page.content import Absent, Table
+from bench.stability import tables
+from bench.stability.case import Case, Refusal, run_case
+from bench.stability.solver import topographies
+from bench.stability.solver.case import contact_case
+from bench.stability.solver.checks import has_force
+from bench.stability.solver.setup import Setup
+from bench.stability.tables import TABLES, cases_of
+
+LARGE = {"k = 9", "k = 10", "k = 11"}
+MODELS = {"Decision Tree", "SVM Regressor", "Kernel Ridge", "GP Regressor"}
+
+
+def is_fast(table: str, case: Case) -> bool:
+    """Whether a case takes seconds at most; a test of `loads` draws some of its many problems."""
+    if table == "models" and case.family.startswith("models: "):
+        return case.name in MODELS or case.family == "models: few rows"
+    return not (
+        case.slow
+        or table == "loads"
+        or (table == "surfaces" and {case.name, case.name.partition(",")[0]} & LARGE)
+    )
+
+
+FAST = [case for table in TABLES for case in cases_of(table) if is_fast(table, case)]
+
+
+@pytest.mark.parametrize("case", FAST, ids=lambda case: f"{case.family}: {case.name}")
+def test_case(case: Case) -> None:
+    result = run_case(case)
+    assert result.passed, result.failed
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_names_are_unique_and_families_stand_together(table: str) -> None:
+    names = [(case.family, case.name) for case in cases_of(table)]
+    families = [family for family, _ in names]
+    assert len(set(names)) == len(names)
+    assert families == sorted(families, key=families.index)
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_the_page_names_columns_that_are_there(table: str) -> None:
+    cases = cases_of(table)
+    refused = next((case for case in cases if case.refusal is not None), cases[0])
+    for case in (cases[0], refused):
+        row = TABLES[table].row(run_case(case))
+        assert {*TABLES[table].shown, "verdict"} <= row.keys()
+
+
+SMALL = partial(topographies.paper, 33)
+SOUND = contact_case("one", "sound", SMALL, 12.0)
+TWO = (
+    SOUND,
+    contact_case("two", "refused", np.zeros(3), refusal=Refusal(ValueError, ("(3,)",))),
+)
+BROKEN = contact_case("two", "broken", SMALL, 12.0, checks=(has_force("nothing", 0.0, 0.0),))
+SLOW = replace(SOUND, family="two", name="slow", slow=True)
+
+
+@pytest.fixture
+def holding(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Puts other cases into all tables."""
+
+    def put(*cases: Case) -> None:
+        monkeypatch.setattr(tables, "cases_of", lambda _name: cases)
+
+    return put
+
+
+SOLVER: Sequence[str] = ["stability", "--of", "solver"]
+
+
+def test_command_prints_and_writes_the_table(
+    tmp_path: Path, holding: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    holding(*TWO, SLOW)
+    assert command.main([*SOLVER, "-o", str(tmp_path / "new")]) == 0
+    printed = capsys.readouterr().out
+    assert "2 cases, 0 failed" in printed
+    assert "heights have shape (3,)" in printed
+    with (tmp_path / "new" / "stability.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["case"] for row in rows] == ["sound", "refused"]
+    assert {row["verdict"] for row in rows} == {"passed"}
+    assert float(rows[0]["force_uN"]) == Setup(SMALL(), 12.0).solve().force
+    assert int(rows[0]["ordinary_iterations"]) > 0
+    assert rows[1]["force_uN"] == rows[1]["iterations"] == ""
+    assert command.main([*SOLVER, "--full"]) == 0
+    assert "3 cases, 0 failed" in capsys.readouterr().out
+
+
+def test_command_fails_with_a_case(
+    tmp_path: Path, holding: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    holding(*TWO, BROKEN)
+    assert command.main([*SOLVER, "-o", str(tmp_path)]) == 1
+    printed = capsys.readouterr().out
+    assert "3 cases, 1 failed: broken" in printed
+    assert "failed" in printed.splitlines()[-3]
+    assert ",failed," in (tmp_path / "stability.csv").read_text(encoding="utf-8")
+
+
+def test_all_tables_are_run_unless_some_are_named(
+    tmp_path: Path, holding: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    holding(*TWO)
+    assert command.main(["stability", "--of", "models", "-o", str(tmp_path)]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["models.csv"]
+    shown = tables.contents(tmp_path)
+    assert [type(each) for each in shown] == [Absent, Absent, Absent, Table]
+    assert command.main(["stability", "-o", str(tmp_path)]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {sheet.file for sheet in TABLES.values()}
+    capsys.readouterr()
+    assert command.main(["stability", "--of", "rivers"]) == 2
+    assert "surfaces, solver, loads, models" in capsys.readouterr().err
+
+
+def test_failures_are_red_on_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    tables.show("title", [run_case(SOUND), run_case(BROKEN)])
+    lines = capsys.readouterr().out.splitlines()
+    sound, broken, *_ = (line for line in lines if "sound" in line or "broken" in line)
+    assert "\x1b[31m" in broken
+    assert "\x1b[31m" not in sound
+
+
+def test_folders_are_refused_before_anything_is_solved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(tables, "cases_of", lambda _name: pytest.fail("ran"))
+    (tmp_path / "taken").touch()
+    assert command.main(["stability", "-o", str(tmp_path / "taken")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_help_imports_no_numerics(tmp_path: Path) -> None:
+    code = "import sys; from bench.__main__ import main; assert main(['stability', '--help']) == 0;"
+    code += "assert not {'numpy', 'scipy', 'pyfftw', 'h5py', 'matplotlib'} & sys.modules.keys()"
+    command_line = [sys.executable, "-c", code]
+    done = subprocess.run(command_line, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
