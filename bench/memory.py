@@ -22,7 +22,7 @@ from bench.page.content import Content, Table
 from bench.table import write_table
 from gen.runtime.errors import InputError
 from learn import memory
-from learn.comparison.spaces import OPTIMA, SPACES
+from learn.comparison.search.spaces import OPTIMA, SPACES
 from learn.models import MODELS, STEP, pipeline
 
 INPUTS = 23

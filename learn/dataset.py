@@ -1,6 +1,7 @@
 """From a database to inputs and targets: what is left out and why, and what goes into training."""
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -97,75 +98,166 @@ def read(
     features: str = "paper",
     pressed: Values | None = None,
 ) -> Dataset:
-    """Read and clean a database.
+    """Read and clean a database for one target; see `read_targets`.
 
     Parameters
     ----------
-    path : a database made by `gen`
-    target : "area", "force", or one of `FURTHER_TARGETS` that the database stores
-    area_max : largest area that is kept [%], None for all; 16.56 is the paper's range
-    features : a name of `learn.features.SETS`; targets are free of units if it is
-    pressed : (rows of the database, 7) what the surfaces add to hybrid features, from
-        `learn.features.regeneration`
-
-    Returns
-    -------
-    Dataset
+    path : Path
+        A database made by `gen`.
+    target : str
+        "area", "force", or one of `FURTHER_TARGETS` that the database stores.
+    area_max : float, optional
+        Largest area that is kept [%]; 16.56 is the paper's range.
+    features : str
+        A name of `learn.features.SETS`.
+    pressed : ndarray, shape (rows of the database, 7), optional
+        The features that the surfaces add to hybrid features.
 
     Raises
     ------
     InputError
-        If the file is no database or lacks the target, or too few rows are left, or the target is
+        See `read_targets`.
+    """
+    (dataset,) = read_targets(path, (target,), area_max, features, pressed)
+    return dataset
+
+
+def read_targets(
+    path: Path,
+    targets: Sequence[str],
+    area_max: float | None = None,
+    features: str = "paper",
+    pressed: Values | None = None,
+) -> list[Dataset]:
+    """Read a database once, and clean it for each of several targets.
+
+    Parameters
+    ----------
+    path : Path
+        A database made by `gen`.
+    targets : sequence of str
+        Any of "area", "force", and those of `FURTHER_TARGETS` that the database stores.
+    area_max : float, optional
+        Largest area that is kept [%]; 16.56 is the paper's range.
+    features : str
+        A name of `learn.features.SETS`. If it is free of units, so are the targets.
+    pressed : ndarray, shape (rows of the database, 7), optional
+        The features that the surfaces add to hybrid features, from `learn.features.regeneration`.
+
+    Returns
+    -------
+    list of Dataset
+        The usable rows for each target.
+
+    Raises
+    ------
+    InputError
+        If the file is no database or lacks a target, too few rows are left, or a target is
         constant.
     """
     wanted = chosen(features)
     if area_max is not None and not area_max > 0:
         raise InputError(f"--area-max {area_max:g}: give a percentage above 0")
+    stored = _stored(path, targets)
+    made = _features(wanted, stored.inputs, stored.scene.surface.side, pressed)
+    return [_usable(stored, *target, wanted, made, area_max) for target in stored.targets]
+
+
+@dataclass(frozen=True, eq=False)
+class _Stored:
+    """The columns of a database that learning needs.
+
+    Attributes
+    ----------
+    path : Path
+        The database.
+    scene : Scene
+        Its scene.
+    versions : str
+        The versions that made it.
+    first : int
+        Its first row.
+    status, reason : ndarray, shape (n,)
+        Status of each row, and the reason of its failure.
+    inputs : ndarray, shape (n, 23)
+        Delta and the 22 statistics.
+    area : ndarray, shape (n,)
+        Contact area [%].
+    targets : list of tuple
+        Column and values, shape (n,), of each target.
+    """
+
+    path: Path
+    scene: Scene
+    versions: str
+    first: int
+    status: NDArray[np.uint8]
+    reason: NDArray[np.uint8]
+    inputs: Values
+    area: Values
+    targets: list[tuple[Column, Values]]
+
+
+def _stored(path: Path, targets: Sequence[str]) -> _Stored:
+    """Read a database."""
     with Reader(path) as reader:
-        column = _target_column(reader, target)
-        scene, first = reader.scene, reader.rows.start
-        status, reason = reader.column("status"), reader.column("reason")
-        inputs = np.stack([reader.column(name) for name in INPUTS], axis=1)
-        values = np.asarray(reader.column(column.name), dtype=np.float64)
-        area = reader.column("area_percent")
-        source = {
-            "database": str(path),
-            "database_sha256": _digest(status, inputs, values, area),
-            "scene": scene.text(),
-            "versions": str(reader.attributes["versions"]),
-        }
-    reasons = _reasons(status, reason, inputs, values)
+        columns = [_target_column(reader, target) for target in targets]
+        return _Stored(
+            path=path,
+            scene=reader.scene,
+            versions=str(reader.attributes["versions"]),
+            first=reader.rows.start,
+            status=reader.column("status"),
+            reason=reader.column("reason"),
+            inputs=np.stack([reader.column(name) for name in INPUTS], axis=1),
+            area=reader.column("area_percent"),
+            targets=[
+                (column, np.asarray(reader.column(column.name), dtype=np.float64))
+                for column in columns
+            ],
+        )
+
+
+def _usable(
+    stored: _Stored,
+    column: Column,
+    values: Values,
+    wanted: FeatureSet,
+    made: Values,
+    area_max: float | None,
+) -> Dataset:
+    """Keep the rows that can be used for one target."""
+    inputs = stored.inputs
+    reasons = _reasons(stored.status, stored.reason, inputs, values)
     if area_max is not None:
-        reasons[(reasons == "") & (area > area_max)] = f"area above {area_max:g} %"
-    made = _features(wanted, inputs, scene.surface.side, pressed)
+        reasons[(reasons == "") & (stored.area > area_max)] = f"area above {area_max:g} %"
     odd = (reasons == "") & ~np.isfinite(made).all(axis=1)
-    reasons[odd] = f"{features} features not finite"
+    reasons[odd] = f"{wanted.name} features not finite"
     kept = np.flatnonzero(reasons == "")
     counted = zip(*np.unique(reasons[reasons != ""], return_counts=True), strict=True)
-    dropped = {str(why): int(number) for why, number in counted}
-    _check(path, column.name, values[kept], dropped)
-    described = inputs[kept]
-    scale = target_scale(
-        wanted,
-        column.name,
-        described[:, 1:],
-        described[:, 0],
-        scene.surface.side,
-        modulus(scene),
-    )
+    dropped = {str(reason): int(number) for reason, number in counted}
+    _check(stored.path, column.name, values[kept], dropped)
+    scene, described = stored.scene, inputs[kept]
+    side, e_star = scene.surface.side, modulus(scene)
+    scale = target_scale(wanted, column.name, described[:, 1:], described[:, 0], side, e_star)
     return Dataset(
         inputs=made[kept],
         target=values[kept] / scale,
-        rows=first + kept,
+        rows=stored.first + kept,
         groups=_surfaces(described),
         names=wanted.columns,
         target_name=column.name,
         unit=column.unit if (scale == 1).all() else "1",
         dropped=dropped,
-        source=source,
+        source={
+            "database": str(stored.path),
+            "database_sha256": _digest(stored.status, inputs, values, stored.area),
+            "scene": scene.text(),
+            "versions": stored.versions,
+        },
         described=described,
         scale=scale,
-        features=features,
+        features=wanted.name,
     )
 
 

@@ -1,14 +1,13 @@
 """What is asked of a database: rows, targets, features, models; and what its surfaces add."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from gen.runtime import farm
 from gen.runtime.errors import InputError
 from learn import features
 from learn.arrays import Values
-from learn.comparison.spaces import Space
+from learn.executor import Executor
 from learn.models import NORMALISATIONS
 
 
@@ -29,7 +28,6 @@ class Request:
     train_rows : training rows at most, None for all
     again : True to measure anew what is there
     limit : time for the searches [s], None for whole grids
-    spaces : search spaces by model, None for those of the features (`learn.comparison.spaces`)
     """
 
     database: Path
@@ -43,7 +41,6 @@ class Request:
     train_rows: int | None = None
     again: bool = False
     limit: float | None = None
-    spaces: Mapping[str, Space] | None = None
 
     def __post_init__(self) -> None:
         """Refuse what needs no file to be seen wrong; raises InputError."""
@@ -52,17 +49,27 @@ class Request:
             raise InputError(f"--normalise {self.normalisation!r}: give one of {known}")
 
 
-def pressed_for(request: Request, world: farm.World, stopping: Callable[[], bool]) -> Values | None:
-    """What the database's surfaces add to the features, if they need it; collective.
+def pressed_for(
+    request: Request, executor: Executor, stopping: Callable[[], bool] = lambda: False
+) -> Values | None:
+    """Return the features that the database's surfaces themselves add, if any are asked for.
 
     Parameters
     ----------
-    request : says which features
-    world : whose processes generate the surfaces
-    stopping : asked on the master between surfaces
+    request : Request
+        Database and feature set.
+    executor : Executor
+        Generates the surfaces anew.
+    stopping : callable
+        Asked between surfaces; True ends the work.
+
+    Returns
+    -------
+    ndarray, shape (rows of the database, 7), or None
+        See `learn.features.regeneration.pressed_rows`; None if the feature set needs no surfaces.
     """
     if not features.chosen(request.features).needs_surface:
         return None
     from learn.features.regeneration import pressed_rows
 
-    return pressed_rows(request.database, world, stopping)
+    return pressed_rows(request.database, executor, stopping)

@@ -12,7 +12,7 @@ from bench.table import write_table
 from gen.runtime.errors import InputError
 from learn.comparison import paper, tables
 from learn.comparison.folder import Folder
-from learn.comparison.spaces import OPTIMA, SPACES
+from learn.comparison.search.spaces import OPTIMA, SPACES
 from learn.metrics import Scores
 from learn.models import MODELS
 

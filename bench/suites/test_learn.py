@@ -12,11 +12,13 @@ import pytest
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
-from gen.runtime.farm import World
 from learn import memory
-from learn.comparison import pruning, search, training_data
-from learn.comparison.spaces import Space
-from learn.comparison.trials import Trials
+from learn.comparison.search import pruning
+from learn.comparison.search.grid_search import GridSearch
+from learn.comparison.search.spaces import Space
+from learn.comparison.search.trials import Trials
+from learn.comparison.training_data import Training
+from learn.executor import Executor
 from learn.models import MODELS, STEP, pipeline
 
 ROWS = {"smoke": 250, "paper": 12_703}
@@ -75,16 +77,13 @@ def best_of_scikit_learn(name: str, size: str, samples: Samples, folds: Folds) -
 
 def best_of_ours(name: str, size: str, samples: Samples, folds: Folds, path: Path) -> float:
     inputs, target = samples
-    training_data.hold(
-        training_data.Training(inputs, target, folds, inputs[:2], target[:2]), World()
-    )
+    training = Training(inputs, target, folds, inputs[:2], target[:2])
     model = MODELS[name]
     grid = pruning.grid(model, space_of(name, size), inputs.shape[1])
     path.unlink(missing_ok=True)
     with Trials(path, {}) as trials:
-        todo = search.tasks(model, grid, range(len(grid.differing)), len(target), trials)
-        search.work_off(todo, trials, World())
-        return float(search.rank(grid, trials, len(target)).means.max())
+        found = GridSearch(model, grid, training, trials, Executor()).whole()
+        return float(found.scores.means.max())
 
 
 @pytest.mark.parametrize("size", NUMBERS)

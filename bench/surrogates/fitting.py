@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.runtime.farm import World
 from learn import dataset, split
 from learn.dataset import Dataset
+from learn.executor import Executor
 from learn.features import chosen
 from learn.request import Request, pressed_for
 from learn.surrogate.fitting import fit_target
@@ -92,7 +92,7 @@ def read(request: Request, rows: int | None = None) -> Dataset:
     KeyboardInterrupt
         If hybrid features were stopped by a signal while they were computed.
     """
-    pressed = pressed_for(request, World(), lambda: False)
+    pressed = pressed_for(request, Executor())
     found = dataset.read(request.database, "area", request.area_max, request.features, pressed)
     if rows is None:
         return found

@@ -15,7 +15,7 @@ from bench.report import Report
 from bench.surrogates import databases
 from bench.surrogates.answer_times import DELTAS, LOADS, NewSurfaces, ladder_seconds, new_surfaces
 from bench.surrogates.clock import mean_seconds, median_seconds
-from gen.runtime.farm import World
+from learn.executor import Executor
 from learn.features import SETS, chosen
 from learn.request import Request
 from learn.surrogate import Surrogate
@@ -104,7 +104,7 @@ def fitted(
                 normalisation=chosen(features).normalisation,
                 train_rows=rows if given else None,
             )
-            surrogate = fit(request, World(), remark)
+            surrogate = fit(request, Executor(), remark)
             assert surrogate is not None
             surrogates[f"{model}, {features}"] = surrogate
     return surrogates

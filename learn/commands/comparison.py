@@ -22,6 +22,7 @@ from learn.commands.options import (
 )
 
 if TYPE_CHECKING:
+    from learn.executor import Executor
     from learn.request import Request
 
 
@@ -40,11 +41,13 @@ def compare(
     The fits run one after the other, so that their times are those of a process that works alone.
     """
     from learn.comparison import jobs
+    from learn.executor import lead
 
-    request = requested(file, output, model, target, selection, again=again)
-    world = farm.this_world()
-    ended = jobs.compare(request, world)
-    return _show(request, world, ended.signal)
+    def job(executor: Executor) -> int:
+        request = requested(file, output, model, target, selection, again=again)
+        return _show(request, jobs.compare(request, executor))
+
+    return lead(job, farm.this_world())
 
 
 @grouped
@@ -72,13 +75,15 @@ def tune(
     them.
     """
     from learn.comparison import jobs
-    from learn.comparison.budget import seconds
+    from learn.comparison.search.budget import seconds
+    from learn.executor import lead
 
-    limit = seconds(budget) if budget else None
-    request = requested(file, output, model, target, selection, again=again, limit=limit)
-    world = farm.this_world()
-    ended = jobs.tune(request, world)
-    return _show(request, world, ended.signal)
+    def job(executor: Executor) -> int:
+        limit = seconds(budget) if budget else None
+        request = requested(file, output, model, target, selection, again=again, limit=limit)
+        return _show(request, jobs.tune(request, executor))
+
+    return lead(job, farm.this_world())
 
 
 @grouped
@@ -99,13 +104,15 @@ def estimate(
     be done again by `tune` on the same folder.
     """
     from learn.comparison import jobs
-    from learn.comparison.budget import seconds
+    from learn.comparison.search.budget import seconds
+    from learn.executor import lead
 
-    limit = seconds(budget)
-    request = requested(file, output, model, target, selection, limit=limit)
-    world = farm.this_world()
-    ended = jobs.estimate(request, world)
-    return _show(request, world, ended.signal)
+    def job(executor: Executor) -> int:
+        limit = seconds(budget)
+        request = requested(file, output, model, target, selection, limit=limit)
+        return _show(request, jobs.estimate(request, executor))
+
+    return lead(job, farm.this_world())
 
 
 def show(
@@ -120,18 +127,16 @@ def show(
     _write_and_print(folder, pictures=pictures)
 
 
-def _show(request: Request, world: farm.World, signal: int) -> int:
-    """Print what there is after a job; 128 and the signal's number if it was stopped."""
+def _show(request: Request, signal: int) -> int:
+    """Print the tables after a job, or that a signal stopped it; return the exit code."""
     if signal:
-        if world.is_master:
-            import signal as signals
+        import signal as signals
 
-            name = signals.Signals(signal).name
-            echo(f"stopped by {name}; the same command goes on with what is left")
+        name = signals.Signals(signal).name
+        echo(f"stopped by {name}; the same command goes on with what is left")
         return 128 + signal
-    if world.is_master:
-        _write_and_print(request.output, pictures=False)
-        echo(f"pictures: python -m learn show {request.output}")
+    _write_and_print(request.output, pictures=False)
+    echo(f"pictures: python -m learn show {request.output}")
     return 0
 
 

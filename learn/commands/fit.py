@@ -66,46 +66,45 @@ def fit(
     `mpiexec -n 9 python -m mpi4py -m learn fit ...`, the workers generate surfaces anew.
     """
     from gen.runtime.interruption import Interruption
+    from learn.executor import Executor, lead
     from learn.features import chosen
     from learn.models import chosen as chosen_models
     from learn.request import Request
     from learn.surrogate import training
     from learn.surrogate.settings import normalisation_of
 
-    world = farm.this_world()
-    if world.is_master:
+    def job(executor: Executor) -> int:
         wanted = Output(output, "--output", "surrogate")
         check_outputs([wanted], [file] if source is None else [file, source])
-    chosen_models([model])
-    given = {"features": features, "area_max": area_max, "seed": seed, "normalisation": normalise}
-    given = {name: value for name, value in given.items() if value not in {"", None}}
-    taken = chosen(features or "dimensionless")
-    request = Request(
-        database=file,
-        output=output,
-        targets=_targets(target),
-        models=(model,),
-        area_max=area_max,
-        normalisation=normalisation_of(taken.normalisation, normalise),
-        features=taken.name,
-        seed=seed or 0,
-        train_rows=train_rows,
-    )
-    if source is not None and world.is_master:
-        request = training.request_from(request, source, given)
-    request = world.broadcast(request)
-    with Interruption(listening=world.is_master) as interruption:
-        surrogate = training.fit(
-            request, world, note, source=source, stopping=interruption.requested
+        chosen_models([model])
+        taken = chosen(features or "dimensionless")
+        request = Request(
+            database=file,
+            output=output,
+            targets=_targets(target),
+            models=(model,),
+            area_max=area_max,
+            normalisation=normalisation_of(taken.normalisation, normalise),
+            features=taken.name,
+            seed=seed or 0,
+            train_rows=train_rows,
         )
-        signal = int(world.broadcast(interruption.signal))
-    if surrogate is not None:
+        if source is not None:
+            stated = {"features": features, "area_max": area_max, "seed": seed}
+            stated |= {"normalisation": normalise}
+            stated = {name: value for name, value in stated.items() if value not in {"", None}}
+            request = training.request_from(request, source, stated)
+        with Interruption(listening=True) as interruption:
+            stopping = interruption.requested
+            surrogate = training.fit(request, executor, note, source=source, stopping=stopping)
+        if surrogate is None:
+            note("stopped; the same command goes on with what is left")
+            return 128 + interruption.signal
         surrogate.save(output)
         echo(f"wrote {output}: python -m learn card {output}")
         return 0
-    if signal and world.is_master:
-        note("stopped; the same command goes on with what is left")
-    return 128 + signal if signal else 0
+
+    return lead(job, farm.this_world())
 
 
 def _targets(text: str) -> tuple[str, ...]:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from gen.runtime import farm
 from gen.runtime.output import check_folder
 from gen.runtime.terminal import echo
 
@@ -196,8 +195,7 @@ def requested(
     from learn.features import chosen
     from learn.request import Request
 
-    if farm.this_world().is_master:
-        check_folder(output)
+    check_folder(output)
     return Request(
         database=file,
         output=output,

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from gen.runtime.farm import World
 from gen.runtime.figure import new_figure
 from learn import dataset, memory, split
 from learn.arrays import Values
 from learn.comparison.folder import Folder, conditions
 from learn.comparison.pictures import save
+from learn.executor import Executor
 from learn.metrics import Scores, scores
 from learn.models import MODELS, pipeline
 from learn.request import Request, pressed_for
@@ -95,7 +95,7 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
     -------
     The files
     """
-    pressed = pressed_for(request, World(), lambda: False)
+    pressed = pressed_for(request, Executor())
     rows = dataset.read(request.database, "area", request.area_max, request.features, pressed)
     parts = split.draw(rows, request.seed, request.train_rows)
     memory.check("gaussian-process", parts.train.size, baseline=True)

@@ -2,7 +2,7 @@
 
     area/comparison.json        data, scene, options, seeds, versions: what every result rests on
     area/rows.csv               row of the database, part, fold
-    area/trials/MODEL.jsonl     finished fits of a search (`learn.comparison.trials`)
+    area/trials/MODEL.jsonl     finished fits of a search (`learn.comparison.search.trials`)
     area/baseline/MODEL.json    settings, scores, times; MODEL.csv has the test rows' predictions
     area/tuned/MODEL.json       the same for a search's winner, and how it was found
     area/tuned/MODEL-grid.csv   every candidate of the grid with its scores

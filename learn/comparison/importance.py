@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from gen.runtime.farm import World
 from gen.runtime.figure import new_figure
 from learn import dataset, features, memory, split
 from learn.comparison.folder import Folder, conditions
 from learn.comparison.pictures import save
-from learn.comparison.spaces import untuned
+from learn.comparison.search.spaces import untuned
 from learn.comparison.winner import settings_of
+from learn.executor import Executor
 from learn.metrics import Scores, scores
 from learn.models import chosen, pipeline
 from learn.request import Request, pressed_for
@@ -148,7 +148,7 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
     The files
     """
     target = request.targets[0]
-    pressed = pressed_for(request, World(), lambda: False)
+    pressed = pressed_for(request, Executor())
     rows = dataset.read(request.database, target, request.area_max, request.features, pressed)
     parts = split.draw(rows, request.seed, request.train_rows)
     (model,) = chosen(list(request.models))

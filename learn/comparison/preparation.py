@@ -1,48 +1,43 @@
-"""Before any fit: read the rows, split them, refuse what is too large, open the folder."""
+"""Prepare a target before any fit: split its rows, refuse too large models, open the folder."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
-from gen.runtime import farm
 from gen.runtime.progress import RunProgress
 from learn import dataset, memory, split
-from learn.arrays import Values
-from learn.comparison import training_data
 from learn.comparison.folder import Folder, conditions
+from learn.comparison.training_data import Training
+from learn.dataset import Dataset
 from learn.models import Model
 from learn.request import Request
 from learn.target import scaling_of
 
 
-@contextmanager
-def prepared(
-    request: Request,
-    target: str,
-    models: list[Model],
-    world: farm.World,
-    pressed: Values | None,
-    *,
-    searched: bool,
-) -> Iterator[Folder | None]:
-    """Read the data on the master and give it to all; the folder on the master, None elsewhere."""
-    folder: Folder | None = None
-    training: training_data.Training | None = None
-    if world.is_master:
-        training, folder = _read(request, target, models, pressed, searched=searched)
-    training_data.hold(training, world)
-    yield folder
+def prepare(
+    request: Request, rows: Dataset, models: list[Model], *, searched: bool
+) -> tuple[Folder, Training]:
+    """Split the rows of one target and open its folder.
 
+    Parameters
+    ----------
+    request : Request
+        Split, scaling and place of the comparison.
+    rows : Dataset
+        The usable rows of the target.
+    models : list of Model
+        The models to be fitted, for which the memory has to suffice.
+    searched : bool
+        Whether the models are tuned by cross-validation.
 
-def _read(
-    request: Request,
-    target: str,
-    models: list[Model],
-    pressed: Values | None,
-    *,
-    searched: bool,
-) -> tuple[training_data.Training, Folder]:
-    """Read the rows, split them, refuse what is too large, and open the folder."""
-    rows = dataset.read(request.database, target, request.area_max, request.features, pressed)
+    Returns
+    -------
+    folder : Folder
+        The target's folder.
+    training : Training
+        Its training and test rows.
+
+    Raises
+    ------
+    InputError
+        If there are too few rows or too little memory, or the folder belongs to another comparison.
+    """
     parts = split.draw(rows, request.seed, request.train_rows)
     if searched:
         split.check_folds(parts)
@@ -61,7 +56,7 @@ def _read(
         if not parts.by_surface:
             progress.say("  all rows share one surface: they are split one by one")
     target_scaling = scaling_of(rows, parts.train)
-    training = training_data.Training(
+    training = Training(
         inputs=rows.inputs[parts.train],
         target=target_scaling.scaled(rows.target[parts.train]),
         folds=parts.folds,
@@ -71,4 +66,4 @@ def _read(
         seed=request.seed,
         scaling=target_scaling,
     )
-    return training, folder
+    return folder, training

@@ -118,7 +118,7 @@ class Failure(Document):
 
 
 class WholeGrid(Document):
-    """whole-grid/MODEL.json: see `learn.comparison.whole_grid.Cost`."""
+    """whole-grid/MODEL.json: see `learn.comparison.search.whole_grid.Cost`."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -131,7 +131,7 @@ class WholeGrid(Document):
 
 
 class Trial(Document):
-    """A line of trials/MODEL.jsonl: see `learn.comparison.trials.Trial`."""
+    """A line of trials/MODEL.jsonl: see `learn.comparison.search.trials.Trial`."""
 
     model_config = ConfigDict(extra="forbid")
 

@@ -1,112 +1,167 @@
-"""What a job has found: written into the folder, and said."""
+"""Write a job's results to its folder and report them."""
 
-import math
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
 from gen.runtime.progress import RunProgress
 from learn import split
-from learn.comparison import budget, pruning, search, training_data
 from learn.comparison.folder import Folder
-from learn.comparison.spaces import TABLE_2
-from learn.comparison.timing import Final, Outcome
-from learn.comparison.whole_grid import Cost
+from learn.comparison.search import pruning
+from learn.comparison.search.grid_search import GridSearch, SearchResult
+from learn.comparison.search.pruning import Grid, Settings
+from learn.comparison.search.scores import GridScores
+from learn.comparison.search.spaces import TABLE_2
+from learn.comparison.search.whole_grid import Cost
+from learn.comparison.timing import FitResult
+from learn.comparison.training_data import Training
 from learn.models import Model
 
+Say = Callable[[str], None]
+"""Prints a line for the user."""
 
-def is_there(
-    folder: Folder | None,
-    model: Model,
-    final: Final | None,
-    searched: budget.Searched | None,
-    source: str,
+
+def has_winner(
+    folder: Folder, model: Model, settings: Settings, search: SearchResult, source: str
 ) -> bool:
-    """Whether the winner has been measured already."""
-    result = None if folder is None else folder.result("tuned", model.name)
+    """Whether a folder has the result of this very search and winner.
+
+    Parameters
+    ----------
+    folder : Folder
+        The folder of the target.
+    model : Model
+        The model.
+    settings : dict
+        Canonical settings of the winner.
+    search : SearchResult
+        The search.
+    source : str
+        Name of its grid.
+    """
+    result = folder.result("tuned", model.name)
     return (
         result is not None
-        and final is not None
-        and searched is not None
-        and result["settings_key"] == pruning.key(final.settings)
-        and result["search"]["how"] == searched.how
+        and "settings" in result
+        and result["settings_key"] == pruning.key(settings)
+        and result["search"]["how"] == search.how
         and result["search"].get("grid", TABLE_2) == source
-        and result["search"]["candidates_scored"] == _scored(searched)
+        and result["search"]["candidates_scored"] == search.scores.scored
     )
 
 
-def _scored(searched: budget.Searched) -> int:
-    return sum(not math.isnan(mean) for mean in searched.found.means)
-
-
-def keep_tuned(
-    folder: Folder,
-    model: Model,
-    grid: pruning.Grid,
-    source: str,
-    searched: budget.Searched | None,
-    outcome: Outcome | None,
+def write_search(
+    folder: Folder, grid_search: GridSearch, source: str, search: SearchResult, result: FitResult
 ) -> None:
-    """Write what a search has found."""
-    if searched is None or outcome is None:
-        why = "no candidate was finished within the time"
-        if searched is not None:
-            why = "; ".join(searched.found.failures) or why
-        folder.write_json(
-            f"tuned/{model.name}.json", {"model": model.name, "failure": why, "remarks": []}
-        )
-        _say(f"warning: {model.title}: {why}")
-        return
-    found = searched.found
+    """Write the result of a search and of its winner.
+
+    Parameters
+    ----------
+    folder : Folder
+        The folder of the target.
+    grid_search : GridSearch
+        Model, grid and data.
+    source : str
+        Name of the grid.
+    search : SearchResult
+        The search, which has a winner.
+    result : FitResult
+        Scores and times of the winner.
+    """
+    model, grid, scores = grid_search.model, grid_search.grid, search.scores
     report = {
-        "how": searched.how,
+        "how": search.how,
         "grid": source,
-        "rows": searched.rows,
+        "rows": search.rows,
         "candidates": grid.nominal,
         "candidates_differing": len(grid.differing),
-        "candidates_scored": _scored(searched),
+        "candidates_scored": scores.scored,
         "fits_nominal": split.FOLDS * grid.nominal,
-        "fits": found.fits,
-        "r2_folds": [100 * float(score) for score in found.scores[found.winner]],
-        "failures": found.failures,
-        "remarks": found.remarks,
+        "fits": scores.fits,
+        "r2_folds": [100 * float(score) for score in scores.folds[scores.winner]],
+        "failures": scores.failures,
+        "remarks": scores.remarks,
     }
-    folder.write_table(f"tuned/{model.name}-grid.csv", *_candidates(grid, found))
-    keep(folder, "tuned", model, grid.first(found.winner), outcome, report, searched.seconds)
-    for text, number in [*found.failures.items(), *found.remarks.items()]:
-        _say(f"{model.title}: {number} of {found.scores.size} scores: {text}")
-    tell(None, model, "tuned", outcome)
+    folder.write_table(f"tuned/{model.name}-grid.csv", *_candidates(grid, scores))
+    settings = grid.first(scores.winner)
+    write_fit(
+        folder, "tuned", model, settings, grid_search.training, result, report, search.seconds
+    )
+    for text, number in [*scores.failures.items(), *scores.remarks.items()]:
+        _say(f"{model.title}: {number} of {scores.folds.size} scores: {text}")
+    print_result(_say, model, "tuned", result)
 
 
-def _candidates(grid: pruning.Grid, found: search.Found) -> tuple[list[str], list[list[object]]]:
-    """Table of all candidates as the paper counts them, in ParameterGrid's order."""
+def write_failure(folder: Folder, model: Model, search: SearchResult | None) -> None:
+    """Write and print the reason why a search has no winner.
+
+    Parameters
+    ----------
+    folder : Folder
+        The folder of the target.
+    model : Model
+        The model.
+    search : SearchResult or None
+        The search, None if it finished no candidate.
+    """
+    reason = "no candidate was finished within the time"
+    if search is not None:
+        reason = "; ".join(search.scores.failures) or reason
+    folder.write_json(
+        f"tuned/{model.name}.json", {"model": model.name, "failure": reason, "remarks": []}
+    )
+    _say(f"warning: {model.title}: {reason}")
+
+
+def _candidates(grid: Grid, scores: GridScores) -> tuple[list[str], list[list[object]]]:
+    """Return the table of all candidates as the paper counts them, in ParameterGrid's order."""
     names = list(grid.candidates[0])
-    folds = [f"r2_fold_{fold}" for fold in range(found.scores.shape[1])]
+    folds = [f"r2_fold_{fold}" for fold in range(scores.folds.shape[1])]
     rows: list[list[object]] = []
     for candidate, number in zip(grid.candidates, grid.canonical, strict=True):
-        scored = [float(found.means[number]), *map(float, found.scores[number])]
-        rows.append([*(candidate[name] for name in names), number, *scored])
+        r2 = [float(scores.means[number]), *map(float, scores.folds[number])]
+        rows.append([*(candidate[name] for name in names), number, *r2])
     return [*names, "differing_candidate", "r2_mean", *folds], rows
 
 
-def keep(
+def write_fit(
     folder: Folder,
     kind: str,
     model: Model,
-    settings: pruning.Settings,
-    outcome: Outcome,
-    report: dict[str, Any],
+    settings: Settings,
+    training: Training,
+    result: FitResult,
+    report: dict[str, Any] | None = None,
     search_seconds: float = 0.0,
 ) -> None:
-    """Write a model's result; predictions first, so that a result is never without them."""
-    test = training_data.held().test_target
-    rows = enumerate(zip(test.tolist(), outcome.prediction.tolist(), strict=False))
+    """Write a model's result; predictions first, so that no result is without them.
+
+    Parameters
+    ----------
+    folder : Folder
+        The folder of the target.
+    kind : str
+        "baseline" or "tuned".
+    model : Model
+        The model.
+    settings : dict
+        Its settings.
+    training : Training
+        The data that it was fitted to.
+    result : FitResult
+        Scores, predictions and times.
+    report : dict, optional
+        Description of the search that found the settings, empty for a baseline.
+    search_seconds : float
+        Sum of the times of the search's fits [s].
+    """
+    pairs = zip(training.test_target.tolist(), result.prediction.tolist(), strict=False)
     folder.write_table(
         f"{kind}/{model.name}.csv",
         ("test_row", "truth", "prediction"),
-        ((number, *pair) for number, pair in rows),
+        ((number, *pair) for number, pair in enumerate(pairs)),
     )
-    canonical = pruning.canonical_settings(model, settings, training_data.held().inputs.shape[1])
+    canonical = pruning.canonical_settings(model, settings, training.columns)
     folder.write_json(
         f"{kind}/{model.name}.json",
         {
@@ -114,34 +169,57 @@ def keep(
             "settings": settings,
             "settings_key": pruning.key(canonical),
             "refit": dict(model.refit) if kind == "tuned" else {},
-            "fitted": outcome.fitted,
-            "test": None if outcome.test is None else asdict(outcome.test),
-            "train": None if outcome.train is None else asdict(outcome.train),
-            "failure": outcome.failure,
-            "remarks": list(outcome.remarks),
-            "search": report,
-            "times": {**vars(outcome.times), "search": search_seconds},
+            "fitted": result.fitted,
+            "test": None if result.test is None else asdict(result.test),
+            "train": None if result.train is None else asdict(result.train),
+            "failure": result.failure,
+            "remarks": list(result.remarks),
+            "search": report or {},
+            "times": {**vars(result.times), "search": search_seconds},
         },
     )
 
 
-def keep_cost(folder: Folder, model: Model, source: str, cost: Cost) -> None:
-    """Write what a whole grid takes."""
+def write_cost(folder: Folder, model: Model, source: str, cost: Cost) -> None:
+    """Write the time that a model's whole grid takes.
+
+    Parameters
+    ----------
+    folder : Folder
+        The folder of the target.
+    model : Model
+        The model.
+    source : str
+        Name of the grid.
+    cost : Cost
+        The estimate.
+    """
     folder.write_json(f"whole-grid/{model.name}.json", {"grid": source, **asdict(cost)})
 
 
-def tell(progress: RunProgress | None, model: Model, kind: str, outcome: Outcome) -> None:
-    """Say a result, and what its fit warned of."""
-    say: Callable[[str], None] = _say if progress is None else progress.say
-    if outcome.test is None:
-        say(f"warning: {model.title}, {kind}: {outcome.failure}")
+def print_result(say: Say, model: Model, kind: str, result: FitResult) -> None:
+    """Print a model's scores and times, and the warnings of its fit.
+
+    Parameters
+    ----------
+    say : callable
+        Prints a line.
+    model : Model
+        The model.
+    kind : str
+        "baseline" or "tuned".
+    result : FitResult
+        Scores and times.
+    """
+    if result.test is None:
+        say(f"warning: {model.title}, {kind}: {result.failure}")
         return
-    times = outcome.times
+    times = result.times
     say(
-        f"{model.title}, {kind}: R2 {outcome.test.r2:.2f} %, nMAE {outcome.test.nmae:.2f} %,"
+        f"{model.title}, {kind}: R2 {result.test.r2:.2f} %, nMAE {result.test.nmae:.2f} %,"
         f" fit {times.fit:.3g} s, prediction {times.test:.3g} s"
     )
-    for remark in outcome.remarks:
+    for remark in result.remarks:
         say(f"  warning: {remark}")
 
 

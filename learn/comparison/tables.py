@@ -14,7 +14,7 @@ from rich.table import Table
 from gen.runtime.console import wide_console
 from learn.comparison import paper
 from learn.comparison.folder import KINDS, Folder
-from learn.comparison.spaces import TABLE_2
+from learn.comparison.search.spaces import TABLE_2
 from learn.models import MODELS
 
 SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}

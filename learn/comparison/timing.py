@@ -1,13 +1,13 @@
-"""Fit a model to all training rows, score it, and time it alone.
+"""Fit a model to all training rows, score it, and time it while nothing else runs.
 
-A search's own times are taken while other fits run beside them; these are taken while the other
+The times of a search are taken while other fits run beside them. These are taken while the other
 processes wait, on one thread, as medians.
 """
 
 import math
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from statistics import median
 from time import perf_counter
 from typing import Any
@@ -16,30 +16,33 @@ import numpy as np
 
 from learn import memory
 from learn.arrays import Values
-from learn.comparison.pruning import Settings
-from learn.comparison.training_data import held
+from learn.comparison.search.pruning import Settings
+from learn.comparison.training_data import Training
 from learn.metrics import Scores, scores
-from learn.models import MODELS, pipeline
+from learn.models import MODELS, STEP, pipeline
 
 FITS = (3, 7)
-"""Fewest and most fits of a time."""
+"""Fewest and most fits that a median is over."""
 
 ENOUGH = 5.0
-"""Seconds after which the fewest are enough."""
+"""Seconds after which the fewest repetitions are enough."""
 
 TOO_LONG = 300.0
-"""Seconds after which no further fit is begun, however few there were."""
+"""Seconds after which no further repetition is begun."""
 
 
 @dataclass(frozen=True)
-class Final:
-    """A model to fit.
+class TimedFit:
+    """A model to fit to all training rows.
 
     Attributes
     ----------
-    model : its name
-    settings : on top of the baseline's
-    tuned : whether it is a search's winner
+    model : str
+        Name of the model.
+    settings : dict
+        Settings on top of the baseline's.
+    tuned : bool
+        Whether it is the winner of a search.
     """
 
     model: str
@@ -53,10 +56,14 @@ class Times:
 
     Attributes
     ----------
-    fit : of a fit to all training rows
-    fits : number of fits that the median is over
-    test : of predicting the whole test set
-    row : of predicting a single row
+    fit : float
+        Time of a fit to all training rows.
+    fits : int
+        Number of fits that this median is over.
+    test : float
+        Time of predicting the whole test set.
+    row : float
+        Time of predicting a single row.
     """
 
     fit: float = math.nan
@@ -66,17 +73,23 @@ class Times:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
-    """What became of a model.
+class FitResult:
+    """Scores, predictions and times of a model.
 
     Attributes
     ----------
-    train, test : scores on the training and the test rows, None if the fit failed
-    prediction : (m,) of the test rows
-    fitted : settings that the fit has found by itself, such as a kernel's length
-    times : medians
-    failure : why there are no scores
-    remarks : warnings of the fit
+    train, test : Scores or None
+        Scores on the training and the test rows, None if the fit failed.
+    prediction : ndarray, shape (m,)
+        Predictions of the test rows, empty if the fit failed.
+    fitted : dict
+        Settings that the fit has chosen by itself, such as a kernel's length.
+    times : Times
+        Times, NaN if the fit failed.
+    failure : str
+        The reason why there are no scores.
+    remarks : tuple of str
+        Warnings of the fit.
     """
 
     train: Scores | None
@@ -88,32 +101,38 @@ class Outcome:
     remarks: tuple[str, ...] = ()
 
 
-def measure(final: Final) -> Outcome:
-    """Fit, score and time a model on the data that this process holds."""
-    training = held()
-    model = MODELS[final.model]
-    settings = {**final.settings, **(model.refit if final.tuned else {})}
+def fit_and_time(training: Training, task: TimedFit) -> FitResult:
+    """Fit, score and time a model.
+
+    Parameters
+    ----------
+    training : Training
+        Training and test rows.
+    task : TimedFit
+        The model and its settings.
+    """
+    model = MODELS[task.model]
+    settings = {**task.settings, **(model.refit if task.tuned else {})}
     unfitted = pipeline(
         model,
         settings,
         normalisation=training.normalisation,
         seed=training.seed,
-        tuned=final.tuned,
+        tuned=task.tuned,
     )
-    need = memory.needed(model.name, training.target.size, baseline=not final.tuned)
+    need = memory.needed(model.name, training.rows, baseline=not task.tuned)
     with memory.reserved(need), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            outcome = _measured(unfitted)
+            result = _scored_and_timed(training, unfitted)
         except Exception as error:  # whatever a library raises: the model has no scores
             text = " ".join(str(error).split())[:300] or type(error).__name__
-            outcome = Outcome(None, None, np.empty(0), {}, Times(), failure=text)
-    remarks = tuple(dict.fromkeys(" ".join(str(each.message).split()) for each in caught))
-    return Outcome(**{**vars(outcome), "remarks": remarks})
+            result = FitResult(None, None, np.empty(0), {}, Times(), failure=text)
+    remarks = dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught)
+    return replace(result, remarks=tuple(remarks))
 
 
-def _measured(unfitted: Any) -> Outcome:
-    training = held()
+def _scored_and_timed(training: Training, unfitted: Any) -> FitResult:
     first = perf_counter()
     fitted = unfitted.fit(training.inputs, training.target)
     fits = [perf_counter() - first]
@@ -121,7 +140,7 @@ def _measured(unfitted: Any) -> Outcome:
     prediction = restored(fitted.predict(training.test_inputs))
     train = scores(restored(training.target), restored(fitted.predict(training.inputs)))
     test = scores(training.test_target, prediction)
-    # The first of several is a warm-up; the only one of a long fit has to do.
+    # The first of several fits is a warm-up; a fit that is too long to be repeated counts itself.
     fits = _repeated(lambda: unfitted.fit(training.inputs, training.target), FITS, fits[0]) or fits
     times = Times(
         fit=median(fits),
@@ -129,11 +148,11 @@ def _measured(unfitted: Any) -> Outcome:
         test=median(_repeated(lambda: fitted.predict(training.test_inputs), (3, 9), 0.0)),
         row=median(_repeated(lambda: fitted.predict(training.test_inputs[:1]), (5, 99), 0.0)),
     )
-    return Outcome(train, test, prediction, _found(fitted), times)
+    return FitResult(train, test, prediction, _chosen(fitted), times)
 
 
 def _repeated(action: Callable[[], Any], bounds: tuple[int, int], spent: float) -> list[float]:
-    """Times of an action, as many as are affordable after what was spent already."""
+    """Time an action repeatedly, within bounds of number and of time spent [s]."""
     taken: list[float] = []
     while len(taken) < bounds[1] and spent < TOO_LONG:
         if len(taken) >= bounds[0] and sum(taken) > ENOUGH:
@@ -145,12 +164,12 @@ def _repeated(action: Callable[[], Any], bounds: tuple[int, int], spent: float) 
     return taken
 
 
-def _found(fitted: Any) -> dict[str, str]:
-    """What the fit itself has chosen."""
-    estimator = fitted.named_steps["model"]
+def _chosen(fitted: Any) -> dict[str, str]:
+    """Return the settings that the fit itself has chosen."""
+    estimator = fitted.named_steps[STEP]
     kernel = getattr(estimator, "kernel_", None)
-    found = {} if kernel is None else {"kernel": str(kernel)}
+    chosen = {} if kernel is None else {"kernel": str(kernel)}
     epochs = getattr(estimator, "n_iter_", None)
     if isinstance(epochs, int):
-        found["iterations"] = str(epochs)
-    return found
+        chosen["iterations"] = str(epochs)
+    return chosen

@@ -1,25 +1,33 @@
-"""The data that all fits of a job share: sent to every process once, not with each task."""
+"""The data that all fits of one target share."""
 
 from dataclasses import dataclass
 
-from gen.runtime import farm
 from learn.arrays import Folds, Values
 from learn.target import UNSCALED, Scaling
 
 
 @dataclass(frozen=True, eq=False)
 class Training:
-    """What all fits of a search share.
+    """Training and test rows of one target, with the choices that all fits have in common.
 
     Attributes
     ----------
-    inputs : (n, d) of the training rows
-    target : (n,) over `scaling`, as the models are trained on it
-    folds : (n,) fold of each row
-    test_inputs, test_target : (m, d), (m,) of the test rows, which no search sees
-    normalisation : one of `learn.models.NORMALISATIONS`
-    seed : of whatever the models draw
-    scaling : of the target; the test rows' is as it stands
+    inputs : ndarray, shape (n, d)
+        Inputs of the training rows.
+    target : ndarray, shape (n,)
+        Target of the training rows as the models see it: divided by `scaling`.
+    folds : ndarray, shape (n,)
+        Fold of each training row.
+    test_inputs : ndarray, shape (m, d)
+        Inputs of the test rows, which no search sees.
+    test_target : ndarray, shape (m,)
+        Target of the test rows, not scaled.
+    normalisation : str
+        One of `learn.models.NORMALISATIONS`.
+    seed : int
+        Seed of the models' random draws.
+    scaling : Scaling
+        Scaling of the target.
     """
 
     inputs: Values
@@ -31,15 +39,12 @@ class Training:
     seed: int = 0
     scaling: Scaling = UNSCALED
 
+    @property
+    def rows(self) -> int:
+        """Number of training rows."""
+        return self.target.size
 
-_held: dict[str, Training] = {}
-
-
-def hold(training: Training | None, world: farm.World) -> None:
-    """Give the master's training data to every process, once for all tasks; collective."""
-    _held["training"] = world.broadcast(training)
-
-
-def held() -> Training:
-    """Return the data that all tasks of this process work on."""
-    return _held["training"]
+    @property
+    def columns(self) -> int:
+        """Number of inputs."""
+        return int(self.inputs.shape[1])

@@ -3,8 +3,8 @@
 from typing import Any
 
 from gen.runtime.errors import InputError
-from learn.comparison import spaces
 from learn.comparison.folder import Folder
+from learn.comparison.search import spaces
 from learn.models import MODELS
 
 

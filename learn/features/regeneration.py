@@ -10,7 +10,6 @@ import hashlib
 import time
 import zlib
 from collections.abc import Callable, Iterator
-from functools import partial
 from io import BytesIO
 from pathlib import Path
 from zipfile import BadZipFile
@@ -21,13 +20,13 @@ from numpy.typing import NDArray
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
-from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 from gen.runtime.output import whole
 from gen.runtime.progress import RunProgress
 from gen.scene import Scene
 from gen.schema import PHYSICS, Status
+from learn.executor import Executor
 from learn.features.sets import PRESSED, STATISTICS
 from learn.features.surface import BLOCKS, LOOSE, SurfaceFeatures
 
@@ -44,44 +43,37 @@ AGREEMENT = 1e-6
 Block = tuple[int, int]
 
 
-def pressed_rows(path: Path, world: farm.World, stopping: Callable[[], bool]) -> Values | None:
-    """Return the hybrid features of all finished rows; every process has to call it.
+def pressed_rows(path: Path, executor: Executor, stopping: Callable[[], bool]) -> Values:
+    """Return the hybrid features of all finished rows.
 
     Parameters
     ----------
     path : Path
         The database.
-    world : farm.World
-        Processes that generate the surfaces.
+    executor : Executor
+        Generates the surfaces.
     stopping : callable
-        Called on the master between blocks; True ends the work.
+        Called between blocks; True ends the work.
 
     Returns
     -------
-    ndarray, shape (n, 7) or None
-        On the master, the features of `PRESSED` for every row of the database; NaN for rows that
-        are not finished or were not reached before the stop. None on the workers.
+    ndarray, shape (n, 7)
+        The features of `PRESSED` for every row of the database; NaN for rows that are not finished
+        or were not reached before the stop.
 
     Raises
     ------
     InputError
-        On the master, if the file is no database, or its surfaces cannot be generated again.
+        If the file is no database, or its surfaces cannot be generated again.
     """
-    job = _Job(path) if world.is_master else None
-    scene = world.broadcast(job.scene if job is not None and job.blocks else None)
-    if scene is not None:
-        _work_off(job, scene, world, stopping)
-    return None if job is None else job.values
+    job = _Job(path)
+    if job.blocks:
+        _work_off(job, executor, stopping)
+    return job.values
 
 
-def _work_off(
-    job: "_Job | None", scene: Scene, world: farm.World, stopping: Callable[[], bool]
-) -> None:
-    """Compute the missing blocks; on the master, raise InputError for a wrong surface."""
-    compute = partial(compute_block, scene)
-    if job is None:
-        farm.run(compute, iter(()), _ignore, world)
-        return
+def _work_off(job: "_Job", executor: Executor, stopping: Callable[[], bool]) -> None:
+    """Compute the missing blocks; raise InputError for a wrong surface."""
     faults: list[str] = []
     rows = sum(stop - start for start, stop in job.blocks)
     with RunProgress(rows, "surfaces") as progress:
@@ -97,11 +89,11 @@ def _work_off(
             progress.advance(block[1] - block[0], 0)
 
         try:
-            farm.run(
-                compute,
-                iter(job.blocks),
+            executor.run(
+                compute_block,
+                job.scene,
+                job.blocks,
                 keep,
-                world,
                 stopping=lambda: stopping() or bool(faults),
             )
         finally:
@@ -110,10 +102,6 @@ def _work_off(
                 progress.say(note)
     if faults:
         raise InputError(faults[0])
-
-
-def _ignore(block: Block, found: tuple[Values, Values]) -> None:
-    """Do nothing: only the master receives results."""
 
 
 def compute_block(scene: Scene, block: Block) -> tuple[Values, Values]:
@@ -144,7 +132,7 @@ def of_scene(scene: Scene, heights: Values, name: str) -> SurfaceFeatures:
 
 
 class _Job:
-    """The master's view: rows that the file beside the database has, and rows that it lacks."""
+    """The rows that the file beside the database has, and the rows that it lacks."""
 
     def __init__(self, path: Path) -> None:
         with Reader(path) as reader:

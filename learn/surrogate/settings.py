@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
 from learn.comparison.folder import Folder
-from learn.comparison.spaces import OPTIMA
+from learn.comparison.search.spaces import OPTIMA
 from learn.comparison.winner import settings_of
 from learn.models import MODELS, NORMALISATIONS, STEP, pipeline
 from learn.request import Request

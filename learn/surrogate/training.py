@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
-from gen.runtime.farm import World
 from learn import dataset, memory, split
 from learn.arrays import Indices, Values
 from learn.comparison.folder import Folder
 from learn.dataset import Dataset
+from learn.executor import Executor
 from learn.models import chosen as chosen_models
 from learn.request import Request, pressed_for
 from learn.surrogate import card
@@ -31,31 +31,31 @@ SMALLEST_CALIBRATION = 20
 
 def fit(
     request: Request,
-    world: World,
+    executor: Executor,
     say: Callable[[str], None],
     *,
     source: Path | None = None,
     stopping: Callable[[], bool] = lambda: False,
 ) -> Surrogate | None:
-    """Fit a surrogate to a database; every process has to call it.
+    """Fit a surrogate to a database.
 
     Parameters
     ----------
     request : Request
         Request with one model; its folder is not used.
-    world : World
-        Processes that generate the surfaces for hybrid features.
+    executor : Executor
+        Generates the surfaces for hybrid features.
     say : callable
-        Called on the master with lines for the user.
+        Called with lines for the user.
     source : Path, optional
         Comparison folder whose tuned settings are used.
     stopping : callable
-        Called on the master between surfaces; True ends the work.
+        Called between surfaces; True ends the work.
 
     Returns
     -------
     Surrogate or None
-        The surrogate on the master; None on the workers, and after a stop.
+        The surrogate; None after a stop.
 
     Raises
     ------
@@ -63,8 +63,8 @@ def fit(
         If the input cannot be used, or there are too few rows or too little memory.
     """
     (model,) = chosen_models(list(request.models))
-    pressed = pressed_for(request, world, stopping)
-    if not world.is_master or stopping():
+    pressed = pressed_for(request, executor, stopping)
+    if stopping():
         return None
     sets = _read(request, pressed)
     parts = split.draw(sets[0], request.seed, request.train_rows)
@@ -95,10 +95,9 @@ def fit(
 
 def _read(request: Request, pressed: Values | None) -> list[Dataset]:
     """Return one dataset per target, of the rows that all targets have."""
-    sets = [
-        dataset.read(request.database, target, request.area_max, request.features, pressed)
-        for target in request.targets
-    ]
+    sets = dataset.read_targets(
+        request.database, request.targets, request.area_max, request.features, pressed
+    )
     common = sets[0].rows
     for each in sets[1:]:
         common = np.intersect1d(common, each.rows)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.stability.models.samples import CALIBRATING, NODES, SEEN, Values, scene
-from learn.comparison.spaces import baseline, untuned
+from learn.comparison.search.spaces import baseline, untuned
 from learn.dataset import Dataset, remarks, short_name
 from learn.features import chosen
 from learn.models import STEP

@@ -98,7 +98,7 @@ def test_both_targets_have_folders_and_force_has_no_nmse(work):
 
 
 def test_a_budget_is_reported_as_such(work, monkeypatch):
-    from learn.comparison import budget
+    from learn.comparison.search import budget
 
     monkeypatch.setitem(budget.GROWTH, "decision-tree", 99.0)
     monkeypatch.setattr(budget, "LEAST_ROWS", 20)
@@ -279,13 +279,12 @@ def test_all_nine_models_survive_odd_data(work, change, words, capsys, monkeypat
 
 
 def test_a_search_in_which_every_fit_fails_says_why(work, capsys):
-    from gen.runtime.farm import World
     from learn.comparison.jobs import tune
+    from learn.executor import Executor
     from learn.request import Request
 
-    spaces = {"svm": {"C": [-1.0, -2.0]}}
-    request = Request(work / "database.h5", work / "out", models=("svm",), spaces=spaces)
-    assert tune(request, World()).signal == 0
+    request = Request(work / "database.h5", work / "out", models=("svm",))
+    assert tune(request, Executor(), {"svm": {"C": [-1.0, -2.0]}}) == 0
     assert "'C' parameter" in capsys.readouterr().err
     assert run("show", "out") == 0
     assert "failed" in capsys.readouterr().out

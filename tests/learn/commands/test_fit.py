@@ -20,7 +20,7 @@ def table(path):
 
 
 def test_a_tuned_winner_is_taken_with_what_it_rests_on(work, capsys, monkeypatch):
-    from learn.comparison import spaces
+    from learn.comparison.search import spaces
 
     space = {"alpha": [1e-5, 1e-3], "gamma": [0.01], "kernel": ["rbf"]}
     monkeypatch.setitem(spaces.SCALED, "kernel-ridge", space)

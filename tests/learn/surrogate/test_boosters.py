@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gen.runtime.farm import World
+from learn.executor import Executor
 from learn.models import MODELS, pipeline
 from learn.request import Request
 from learn.surrogate import training
@@ -17,7 +17,7 @@ def fitted(path, model="kernel-ridge", features="dimensionless", **options):
     targets = options.pop("targets", ("area", "force"))
     scaling = "l2" if features == "paper" else "standard"
     request = Request(path, path, targets, (model,), None, scaling, features, **options)
-    return training.fit(request, World(), say)
+    return training.fit(request, Executor(), say)
 
 
 def test_pruned_deep_trees_of_xgboost_come_back(tmp_path):

@@ -7,10 +7,10 @@ import pytest
 
 import learn
 from gen.runtime.errors import InputError
-from gen.runtime.farm import World
 from gen.surface import generate
 from learn import Surrogate, split
-from learn.comparison.spaces import OPTIMA
+from learn.comparison.search.spaces import OPTIMA
+from learn.executor import Executor
 from learn.models import MODELS
 from learn.reading import Reading
 from learn.request import Request
@@ -26,7 +26,7 @@ def fitted(path, model="kernel-ridge", features="dimensionless", **options):
     targets = options.pop("targets", ("area", "force"))
     scaling = "l2" if features == "paper" else "standard"
     request = Request(path, path, targets, (model,), None, scaling, features, **options)
-    return training.fit(request, World(), say)
+    return training.fit(request, Executor(), say)
 
 
 @pytest.fixture(scope="module")

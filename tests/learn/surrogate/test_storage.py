@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from gen.runtime.errors import InputError
-from gen.runtime.farm import World
 from learn import Surrogate, cli
+from learn.executor import Executor
 from learn.request import Request
 from learn.surrogate import forest, training
 from learn.surrogate.forest import Tree
@@ -264,7 +264,7 @@ def fitted(path, model="kernel-ridge", features="dimensionless", **options):
     targets = options.pop("targets", ("area", "force"))
     scaling = "l2" if features == "paper" else "standard"
     request = Request(path, path, targets, (model,), None, scaling, features, **options)
-    return training.fit(request, World(), say)
+    return training.fit(request, Executor(), say)
 
 
 @pytest.fixture(scope="module")

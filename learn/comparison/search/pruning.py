@@ -1,17 +1,19 @@
-"""Which candidates of a grid are the same model, and which share one fit.
+"""Reduce a grid to the candidates that differ, and group those that share one fit.
 
-A candidate's canonical settings are what the library makes of it: what the kernel or the solver
-ignores is left out, and values that lead to the same computation get the same name. All of it is
-exact; `tests/learn/test_search.py` compares scores with scikit-learn's own grid search.
+A candidate's canonical settings leave out settings that its kernel or solver ignores, and give one
+name to values that lead to the same computation. The reduction is exact:
+`tests/learn/comparison/search/test_grid_search.py` compares scores with scikit-learn's own grid
+search.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from math import log2, prod, sqrt
 from typing import Any
 
-from learn.comparison.spaces import Space
+from learn.comparison.search.spaces import Space
 from learn.models import Model
 
 Settings = dict[str, Any]
@@ -19,14 +21,18 @@ Settings = dict[str, Any]
 
 @dataclass(frozen=True)
 class Grid:
-    """A grid of candidates and what is left of it.
+    """A grid of candidates, and those of them that differ.
 
     Attributes
     ----------
-    candidates : all points, in the order of scikit-learn's ParameterGrid
-    canonical : number of the canonical settings of each candidate
-    differing : the canonical settings, in the order of their first candidate
-    families : numbers of canonical settings that one fit serves
+    candidates : tuple of dict
+        All points, in the order of scikit-learn's ParameterGrid.
+    canonical : tuple of int
+        Number of the canonical settings of each candidate.
+    differing : tuple of dict
+        The canonical settings, in the order of their first candidate.
+    families : tuple of tuple of int
+        Numbers of the canonical settings that one fit serves.
     """
 
     candidates: tuple[Settings, ...]
@@ -38,6 +44,11 @@ class Grid:
     def nominal(self) -> int:
         """Number of points of the grid."""
         return len(self.candidates)
+
+    @cached_property
+    def family_of(self) -> dict[int, int]:
+        """The family of each canonical settings, by their numbers."""
+        return {number: place for place, family in enumerate(self.families) for number in family}
 
     def served_by(self, family: int) -> tuple[Settings, ...]:
         """Return the canonical settings that one fit of a family serves."""
@@ -60,13 +71,17 @@ def size(space: Space) -> int:
 
 
 def grid(model: Model, space: Space, inputs: int) -> Grid:
-    """Find what differs in a grid.
+    """Find the candidates of a grid that differ.
 
     Parameters
     ----------
-    model : from `learn.models`
-    space : values to try, by setting
-    inputs : number of inputs of the data: the square root of 23 and its logarithm are both 4
+    model : Model
+        The model.
+    space : dict
+        Values to try, by setting.
+    inputs : int
+        Number of inputs of the data: it decides which of `max_features` are the same. The square
+        root of 23 and its logarithm are both 4.
     """
     candidates = points(space)
     numbers: dict[str, int] = {}
@@ -87,22 +102,26 @@ def grid(model: Model, space: Space, inputs: int) -> Grid:
 
 
 def shared_fit(model: Model) -> str:
-    """Name the setting all of whose values one fit serves, "" if there is none."""
+    """Return the name of the setting whose values share one fit, "" if there is none."""
     return "alpha" if model.name == "kernel-ridge" else model.staged
 
 
 def canonical_settings(model: Model, candidate: Mapping[str, Any], inputs: int) -> Settings:
-    """Reduce a candidate to what makes a difference.
+    """Reduce a candidate to the settings that make a difference.
 
     Parameters
     ----------
-    model : from `learn.models`
-    candidate : settings by name
-    inputs : number of inputs of the data
+    model : Model
+        The model.
+    candidate : mapping
+        Values by setting.
+    inputs : int
+        Number of inputs of the data.
 
     Returns
     -------
-    Settings that the estimator accepts and that give the same fit
+    dict
+        Settings that the estimator accepts and that give the same fit.
     """
     return RULES.get(model.name, _unchanged)(dict(candidate), inputs)
 
@@ -117,13 +136,13 @@ def _unchanged(settings: Settings, inputs: int) -> Settings:
 
 
 def _trees(settings: Settings, inputs: int) -> Settings:
-    """Decision trees and forests."""
+    """Reduce the settings of decision trees and forests."""
     settings = _counted_inputs(settings, inputs)
     leaf, split = settings.get("min_samples_leaf", 1), settings.get("min_samples_split", 2)
     if isinstance(leaf, int) and isinstance(split, int):
-        # Two leaves of this size need as many samples; scikit-learn raises the limit itself.
+        # A node that is split needs the samples of two leaves: scikit-learn raises the limit.
         settings["min_samples_split"] = max(split, 2 * leaf)
-    if settings.get("criterion") == "friedman_mse":  # for one target, another name
+    if settings.get("criterion") == "friedman_mse":  # the same for a single target
         settings["criterion"] = "squared_error"
     return settings
 
@@ -181,4 +200,4 @@ RULES: dict[str, Callable[[Settings, int], Settings]] = {
     "kernel-ridge": _kernel_ridge,
     "mlp": _perceptron,
 }
-"""How each model's settings are reduced; AdaBoost, XGBoost and the Gaussian process ignore none."""
+"""Reductions by model; AdaBoost, XGBoost and the Gaussian process ignore no setting."""

@@ -1,22 +1,26 @@
-"""One fit of a search, and what it is expected to cost."""
+"""One fit of a search, and its expected cost."""
 
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from learn.comparison.pruning import Settings
+from learn.comparison.search.pruning import Settings
 
 
 @dataclass(frozen=True)
 class Task:
-    """One fit: candidates that it serves, and the fold that it leaves out.
+    """One fit: the candidates that it serves, and the fold that it leaves out.
 
     Attributes
     ----------
-    model : name of the model
-    candidates : canonical settings; they differ in the setting that one fit serves only
-    fold : left out of the training, and predicted
-    rows : training rows at most
+    model : str
+        Name of the model.
+    candidates : tuple of dict
+        Canonical settings, which differ only in the setting whose values one fit serves.
+    fold : int
+        The fold that is left out of the training, and predicted.
+    rows : int
+        Number of training rows at most.
     """
 
     model: str
@@ -26,7 +30,7 @@ class Task:
 
 
 def expected_work(task: Task) -> float:
-    """Guess the relative cost of a task of one model: for the order of tasks and the time left."""
+    """Guess the relative cost of a task of one model, for the order of tasks and the time left."""
     most = {
         name: max((c[name] for c in task.candidates), key=_magnitude) for name in task.candidates[0]
     }
@@ -38,7 +42,7 @@ def expected_work(task: Task) -> float:
         work *= min(depth, 20)
     if most.get("criterion") == "absolute_error":
         work *= 5
-    if most.get("loss") == "huber":  # of gradient boosting, whose leaves take it one by one
+    if most.get("loss") == "huber":  # gradient boosting evaluates it leaf by leaf
         work *= 15
     if "hidden_layer_sizes" in most:
         sizes = most["hidden_layer_sizes"]

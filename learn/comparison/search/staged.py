@@ -1,7 +1,7 @@
 """One fit for many candidates: the predictions of every number of estimators, and of every alpha.
 
 A fit with the largest number of estimators contains all smaller ones: its first k trees are the
-model with k trees, to the last bit (tests/learn/test_search.py).
+model with k trees, to the last bit (`tests/learn/comparison/search/test_grid_search.py`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,15 +25,21 @@ def shared_predictions(
 
     Parameters
     ----------
-    model : from `learn.models`
-    pipeline : unfitted, with all other settings
-    data : training inputs (n, d) and target (n,), test inputs (m, d)
-    name : setting that one fit serves
-    values : its values
+    model : Model
+        The model.
+    pipeline : sklearn.pipeline.Pipeline
+        Unfitted, with all other settings.
+    data : tuple of ndarray
+        Training inputs (n, d) and target (n,), test inputs (m, d).
+    name : str
+        The setting that one fit serves.
+    values : sequence
+        Its values.
 
     Returns
     -------
-    (m,) predictions for each value
+    list of ndarray, shape (m,)
+        Predictions for each value.
     """
     train, target, test = data
     scaling, estimator = pipeline.named_steps["scaling"], pipeline.named_steps[STEP]
@@ -51,7 +57,7 @@ def shared_predictions(
 
 
 def _forest(estimator: Any, test: Values, numbers: Sequence[int]) -> Iterator[Values]:
-    """Running means over the trees, added up in the forest's own order."""
+    """Yield running means over the trees, added up in the forest's own order."""
     rows = np.asarray(test, dtype=np.float32)
     total, wanted = np.zeros(len(rows)), set(numbers)
     for number, tree in enumerate(estimator.estimators_, start=1):
@@ -61,19 +67,19 @@ def _forest(estimator: Any, test: Values, numbers: Sequence[int]) -> Iterator[Va
 
 
 def _ada_boost(estimator: Any, test: Values, numbers: Sequence[int]) -> Iterator[Values]:
-    """Weighted medians over the first trees, as `AdaBoostRegressor.predict` takes them.
+    """Yield weighted medians over the first trees, as `AdaBoostRegressor.predict` takes them.
 
     Its own `staged_predict` computes every tree's predictions again for every stage. Boosting may
     end early: larger numbers are then the same model.
     """
-    each = np.array([tree.predict(test) for tree in estimator.estimators_]).T
+    of_trees = np.array([tree.predict(test) for tree in estimator.estimators_]).T
     for number in numbers:
-        some = each[:, :number]
-        order = np.argsort(some, axis=1)
+        first = of_trees[:, :number]
+        order = np.argsort(first, axis=1)
         share = np.cumsum(estimator.estimator_weights_[order], axis=1)
         middle = (share >= 0.5 * share[:, -1:]).argmax(axis=1)
-        rows = np.arange(len(some))
-        yield some[rows, order[rows, middle]]
+        rows = np.arange(len(first))
+        yield first[rows, order[rows, middle]]
 
 
 def _gradient_boost(estimator: Any, test: Values, numbers: Sequence[int]) -> Iterator[Values]:

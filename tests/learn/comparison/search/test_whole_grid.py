@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from learn.comparison import pruning, spaces
-from learn.comparison.task import Task, expected_work
-from learn.comparison.trials import Trial
-from learn.comparison.whole_grid import cost, drawn
+from learn.comparison.search import pruning, spaces
+from learn.comparison.search.task import Task, expected_work
+from learn.comparison.search.trials import Trial
+from learn.comparison.search.whole_grid import cost, drawn
 from learn.models import MODELS
 from learn.split import FOLDS
 

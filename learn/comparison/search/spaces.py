@@ -10,13 +10,13 @@ none. Where the table contradicts itself or today's libraries, the optimum decid
 - the Gaussian process's optimum, 0.0374, is the fifth of 110 points 1/110 apart from 0.001; the
   last of them is moved to the range's end, 1.0.
 
-What a value is ignored by, and which values mean the same, `learn.comparison.pruning` says.
+`learn.comparison.search.pruning` knows which values a model ignores, and which mean the same.
 
 Kernels measure distances, and Table 2's are between rows of unit length, 2 at most. Between rows of
 d standardised features they are about sqrt(2 d), 7 for 23: there gamma is some thousandths, and a
 length is about 10. So kernel methods have grids of their own (`SCALED`) for features without units,
-whose targets have mean 0 and deviation 1 over the training rows as well; the tables say which grid
-was searched.
+whose targets have mean 0 and deviation 1 over the training rows as well; the tables name the grid
+that was searched.
 """
 
 from math import sqrt
@@ -25,6 +25,7 @@ from typing import Any
 from learn.features import SETS, chosen
 
 Space = dict[str, list[Any]]
+"""Values to try, by setting."""
 
 SPACES: dict[str, Space] = {
     "decision-tree": {
@@ -131,7 +132,7 @@ OPTIMA: dict[str, dict[str, Any]] = {
         "solver": "lbfgs",
     },
 }
-"""What the paper's search found best: points of the spaces above."""
+"""The winners of the paper's search: points of the spaces above."""
 
 SCALED: dict[str, Space] = {
     "svm": {
@@ -143,8 +144,8 @@ SCALED: dict[str, Space] = {
     "gaussian-process": {
         "alpha": [1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1],
         "kernel__length_scale": [3.0, 5.0, 10.0, 20.0, 30.0],
-        # By cross-validation, not by likelihood: at unit amplitude its maximum is at a length of 0
-        # for small alphas.
+        # Lengths are chosen by cross-validation, not by likelihood: at unit amplitude and for small
+        # alphas the likelihood is largest at a length of 0.
         "optimizer": [None],
     },
     "kernel-ridge": {
@@ -163,17 +164,31 @@ SCALED_OPTIMA: dict[str, dict[str, Any]] = {
 """Points of these grids that serve where nothing was searched."""
 
 TABLE_2 = "Table 2"
+"""Name of the paper's grids in results and tables."""
+
 SCALED_GRID = "for features without units"
+"""Name of the grids `SCALED` in results and tables."""
+
 GIVEN = "given"
+"""Name of a grid that a program passed to `learn.comparison.jobs.tune`."""
 
 
 def of(model: str, features: str) -> tuple[str, Space]:
-    """Find the grid of a model, and what it is called in tables.
+    """Return the grid of a model for a feature set, and the grid's name in tables.
 
     Parameters
     ----------
-    model : its name
-    features : name of the feature set
+    model : str
+        Name of the model.
+    features : str
+        Name of the feature set.
+
+    Returns
+    -------
+    name : str
+        Name of the grid.
+    space : dict
+        Values to try, by setting.
     """
     if chosen(features).scaled and model in SCALED:
         return SCALED_GRID, SCALED[model]
@@ -181,18 +196,40 @@ def of(model: str, features: str) -> tuple[str, Space]:
 
 
 def untuned(model: str, features: str) -> tuple[str, dict[str, Any]]:
-    """Settings of a model that was not searched, and where they come from."""
+    """Return settings for a model that was not searched, and their origin.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    features : str
+        Name of the feature set.
+
+    Returns
+    -------
+    origin : str
+        Where the settings come from, for tables.
+    settings : dict
+        Values by setting.
+    """
     if chosen(features).scaled and model in SCALED_OPTIMA:
         return "built in", dict(SCALED_OPTIMA[model])
     return "the paper's optimum", dict(OPTIMA[model])
 
 
 def baseline(model: str, features: str) -> dict[str, Any]:
-    """Settings of a baseline beyond its library's and the paper's.
+    """Return settings of a baseline that differ from its library's and the paper's.
 
-    The paper's Gaussian process has a kernel of length 1, beside which standardised rows are all
-    strangers (R2 below 0). There it gets the length that gamma = 1 / d means, which is
+    The paper's Gaussian process has a kernel of length 1, over which standardised rows are not
+    correlated at all (R2 below 0). There it gets the length that gamma = 1 / d means, which is
     scikit-learn's choice for the same kernel in kernel ridge.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    features : str
+        Name of the feature set.
     """
     if model == "gaussian-process" and chosen(features).scaled:
         return {"kernel__length_scale": round(sqrt(len(SETS[features].columns) / 2), 4)}

@@ -1,10 +1,12 @@
-"""Finished fits on disk: what has been computed is never computed again, whatever happens.
+"""Finished fits on disk: no fit is done twice, whatever interrupts a search.
 
-One file of lines (JSON) a model and target. The master appends a line when a fit has come back and
-hands it to the system; a line that a kill has cut short is dropped when the file is opened again.
+Each model and target has one file of lines (JSON). The master appends a line when a fit has come
+back and hands it to the system; a line that a kill has cut short is dropped when the file is opened
+again.
 """
 
 import json
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -19,17 +21,24 @@ from learn.comparison import records
 
 @dataclass(frozen=True)
 class Trial:
-    """One candidate on one fold.
+    """The score of one candidate on one fold.
 
     Attributes
     ----------
-    candidate : its canonical settings, as `learn.comparison.pruning.key` writes them
-    fold : the fold that was left out of the training
-    rows : training rows; all of them, but for a search with a budget
-    r2 : coefficient of determination on the fold, None if the fit failed or is not finite
-    failure : why there is no score
-    remark : warnings of the fit
-    seconds : of the fit and the scoring, shared evenly by the candidates of one fit [s]
+    candidate : str
+        Its canonical settings, as `learn.comparison.search.pruning.key` writes them.
+    fold : int
+        The fold that was left out of the training.
+    rows : int
+        Number of training rows; all of them, but for a search with a budget.
+    r2 : float or None
+        Coefficient of determination on the fold, None if the fit failed or is not finite.
+    failure : str
+        The reason why there is no score.
+    remark : str
+        Warnings of the fit.
+    seconds : float
+        Time of the fit and the scoring, shared evenly by the candidates of one fit [s].
     """
 
     candidate: str
@@ -42,8 +51,12 @@ class Trial:
 
     @property
     def place(self) -> tuple[str, int, int]:
-        """What identifies it."""
+        """Candidate, fold and number of rows, which identify the trial."""
         return self.candidate, self.fold, self.rows
+
+
+Finished = Mapping[tuple[str, int, int], Trial]
+"""Finished trials by `Trial.place`."""
 
 
 class Trials:
@@ -51,18 +64,21 @@ class Trials:
 
     Parameters
     ----------
-    path : the file, made with its folder if missing
-    conditions : what all trials have in common: data, split, versions, seeds; a file of other
-        conditions is refused
+    path : Path
+        The file, made with its folder if missing.
+    conditions : dict
+        Data, split, versions and seeds, which all trials have in common. A file of other conditions
+        is refused.
 
     Attributes
     ----------
-    finished : by `Trial.place`
+    finished : dict
+        The trials by `Trial.place`.
 
     Raises
     ------
     InputError
-        If another process writes the file, it holds other conditions, or cannot be written.
+        If another process writes the file, or it holds other conditions or cannot be written.
     """
 
     def __init__(self, path: Path, conditions: dict[str, object]) -> None:
@@ -91,7 +107,12 @@ class Trials:
         self._stack.close()
 
     def add(self, trials: list[Trial]) -> None:
-        """Keep what one fit has given, whatever happens to this process afterwards.
+        """Write the trials of one fit to the disk.
+
+        Parameters
+        ----------
+        trials : list of Trial
+            The trials.
 
         Raises
         ------
@@ -107,7 +128,7 @@ class Trials:
         self.finished.update((trial.place, trial) for trial in trials)
 
     def _opened(self, conditions: dict[str, object]) -> IO[bytes]:
-        """Read what is there, cut off a line that is not whole, and open for appending."""
+        """Read the file, cut off a last line that is not whole, and open it for appending."""
         try:
             content = documents.read_bytes(self.path) if self.path.exists() else b""
             whole = content[: content.rfind(b"\n") + 1]
@@ -126,17 +147,16 @@ class Trials:
         if first:
             _compare(self.path, documents.checked(self.path, first, documents.Document), conditions)
         for number, line in enumerate(lines, start=2):
-            found = documents.checked(f"{self.path}, line {number}", line, records.Trial)
-            trial = Trial(**found)
+            trial = Trial(**documents.checked(f"{self.path}, line {number}", line, records.Trial))
             self.finished[trial.place] = trial
 
 
-def _compare(path: Path, found: dict[str, object], wanted: dict[str, object]) -> None:
+def _compare(path: Path, stored: dict[str, object], wanted: dict[str, object]) -> None:
     """Refuse trials that were made under other conditions, naming the first that differs."""
     expected = json.loads(json.dumps(wanted))
-    for name in sorted(expected.keys() | found.keys()):
-        if found.get(name) != expected.get(name):
+    for name in sorted(expected.keys() | stored.keys()):
+        if stored.get(name) != expected.get(name):
             raise InputError(
-                f"{path} holds trials with {name} {found.get(name)!r}, not {expected.get(name)!r}:"
+                f"{path} holds trials with {name} {stored.get(name)!r}, not {expected.get(name)!r}:"
                 " give another folder, or the same options, data and versions"
             )

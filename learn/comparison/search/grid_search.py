@@ -1,0 +1,166 @@
+"""The grid search: exact scores of all candidates, each distinct fit done once, on the workers.
+
+A killed search resumes where it was: the master keeps every finished fit on disk
+(`learn.comparison.search.trials`).
+"""
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from math import inf
+
+from gen.runtime.errors import InputError
+from gen.runtime.progress import RunProgress
+from learn.comparison.search.fits import fit
+from learn.comparison.search.pruning import Grid, key
+from learn.comparison.search.scores import GridScores, rank
+from learn.comparison.search.task import Task, expected_work
+from learn.comparison.search.trials import Trial, Trials
+from learn.comparison.training_data import Training
+from learn.executor import Executor
+from learn.models import Model
+from learn.split import FOLDS
+
+WHOLE = "whole grid"
+"""The words in a result for a search that left nothing out."""
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """The result of a search, and how far it went.
+
+    Attributes
+    ----------
+    scores : GridScores
+        Scores on the largest number of training rows on which candidates were finished.
+    rows : int
+        That number of rows.
+    how : str
+        The steps of the search in words.
+    seconds : float
+        Sum of the times of all fits, of all steps and earlier runs [s].
+    """
+
+    scores: GridScores
+    rows: int
+    how: str
+    seconds: float
+
+
+@dataclass(frozen=True)
+class GridSearch:
+    """A model's grid, the data that it is searched on, and its finished fits.
+
+    Attributes
+    ----------
+    model : Model
+        The model.
+    grid : Grid
+        Its candidates.
+    training : Training
+        The data of the search.
+    trials : Trials
+        The finished fits, open for writing.
+    executor : Executor
+        Does the fits.
+    stopping : callable
+        Asked before a fit is begun; True ends the search.
+    """
+
+    model: Model
+    grid: Grid
+    training: Training
+    trials: Trials
+    executor: Executor
+    stopping: Callable[[], bool] = lambda: False
+
+    def tasks(self, numbers: Iterable[int], rows: int, folds: int = FOLDS) -> list[Task]:
+        """List the fits that some candidates still lack.
+
+        Parameters
+        ----------
+        numbers : iterable of int
+            Numbers of differing candidates, in the order in which they are to be fitted.
+        rows : int
+            Number of training rows at most.
+        folds : int
+            Number of folds to do, from the first on.
+
+        Returns
+        -------
+        list of Task
+            One task for each family and fold, the families in the order of their first candidate.
+        """
+        wanted: dict[int, list[int]] = {}
+        for number in numbers:
+            wanted.setdefault(self.grid.family_of[number], []).append(number)
+        tasks = []
+        for family in wanted.values():
+            settings = [self.grid.differing[number] for number in sorted(family)]
+            for fold in range(folds):
+                finished = self.trials.finished
+                lacking = tuple(s for s in settings if (key(s), fold, rows) not in finished)
+                if lacking:
+                    tasks.append(Task(self.model.name, lacking, fold, rows))
+        return tasks
+
+    def run(self, tasks: list[Task], *, until: float = inf, title: str = "") -> None:
+        """Do the fits of some tasks and keep their trials.
+
+        Parameters
+        ----------
+        tasks : list of Task
+            The fits.
+        until : float
+            Time of `time.monotonic` after which no further fit is begun [s].
+        title : str
+            Line to print first.
+
+        Raises
+        ------
+        InputError
+            For a full disk, or a machine that lacks the memory for a fit.
+        """
+        work = sum(map(expected_work, tasks))
+        with RunProgress(len(tasks), "fits", work) as progress:
+            if title:
+                progress.say(title)
+
+            def keep(task: Task, trials: list[Trial]) -> None:
+                if not trials:
+                    raise InputError(
+                        f"{task.model}: a machine lacks the memory for a fit: see --train-rows"
+                    )
+                self.trials.add(trials)
+                failed = all(trial.r2 is None for trial in trials)
+                progress.advance(1, int(failed), expected_work(task))
+
+            def stopping() -> bool:
+                return self.stopping() or time.monotonic() > until
+
+            self.executor.run(fit, self.training, tasks, keep, stopping=stopping)
+
+    def scores(self, rows: int, folds: int = FOLDS) -> GridScores:
+        """Rank the candidates by the trials that are finished; see `scores.rank`."""
+        return rank(self.grid, self.trials.finished, rows, folds)
+
+    def whole(self) -> SearchResult:
+        """Search the whole grid."""
+        rows = self.training.rows
+        tasks = self.tasks(range(len(self.grid.differing)), rows)
+        # The longest first: the last ones are short, so that no process waits long at the end.
+        tasks.sort(key=expected_work, reverse=True)
+        self.run(
+            tasks,
+            title=(
+                f"{self.model.title}: {self.grid.nominal} candidates,"
+                f" {len(self.grid.differing)} differ, {self.fits} fits, {len(tasks)} to do"
+            ),
+        )
+        scores = self.scores(rows)
+        return SearchResult(scores, rows, WHOLE, scores.seconds)
+
+    @property
+    def fits(self) -> int:
+        """Number of fits of the whole grid."""
+        return FOLDS * len(self.grid.families)
