@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from bench.files import content_of, is_there
 from bench.page.content import Absent, Content, Table, Words
-from bench.page.files import content_of, is_there
 from bench.table import write_table
 from gen.runtime.errors import InputError
 from gen.runtime.output import write

@@ -7,6 +7,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from bench.files import content_of
 from gen.runtime.errors import InputError
 from gen.runtime.output import make_folder, write
 
@@ -54,10 +55,9 @@ def read_table(path: Path) -> tuple[list[str], list[dict[str, str]]]:
         If the file cannot be read as a table.
     """
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            reader = csv.DictReader(file)
-            return list(reader.fieldnames or ()), list(reader)
-    except (OSError, ValueError, csv.Error) as error:
+        reader = csv.DictReader(StringIO(content_of(path).decode(), newline=""), restval="")
+        return list(reader.fieldnames or ()), list(reader)
+    except (InputError, ValueError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read as a table ({error})") from None
 
 

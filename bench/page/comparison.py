@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from bench.page.content import Absent, Content, Table
-from bench.page.table import column
+from bench.table import read_table
 
 
 def scores(folder: Path) -> list[Content]:
@@ -40,14 +40,14 @@ def _target(folder: Path) -> list[Content]:
 
 
 def _searches(table: Path) -> Content:
-    if column(table, "model"):
+    if read_table(table)[1]:
         caption = f"{table.parent.name}: what was searched, of which grid, and what was found."
         return Table(table, caption)
     return Absent("tuned models", f"python -m learn tune DATABASE -o {table.parent.parent}")
 
 
 def _whole_grids(table: Path) -> Content:
-    if not column(table, "model"):
+    if not read_table(table)[1]:
         return Absent("whole grids", f"python -m learn estimate DATABASE -o {table.parent.parent}")
     return Table(
         table,

@@ -1,6 +1,7 @@
 """What a page shows: pictures, tables and words, each with the files behind it."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 
@@ -71,3 +72,25 @@ class Absent:
 
 
 Content = Figure | Table | Words | Absent
+
+
+def files_of(content: Content) -> tuple[Path, ...]:
+    """Return the pictures and tables of a content."""
+    if isinstance(content, Figure):
+        return content.picture, *content.data
+    return (content.data,) if isinstance(content, Table) else ()
+
+
+def moved(content: Content, place: Callable[[Path], Path]) -> Content:
+    """Return a content whose files are elsewhere."""
+    if isinstance(content, Figure):
+        data = tuple(place(file) for file in content.data)
+        return replace(content, picture=place(content.picture), data=data)
+    return replace(content, data=place(content.data)) if isinstance(content, Table) else content
+
+
+def commanded(content: Content, command: str) -> Content:
+    """Return a content that names a command, where it names none of its own."""
+    if isinstance(content, Figure | Table) and not content.command:
+        return replace(content, command=command)
+    return content

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from bench.circumstances import circumstances
+from bench.files import content_of
 from bench.page.content import Absent, Content, Figure, Table, Words
-from bench.page.files import content_of
 from bench.page.inputs import Inputs, typed
 from bench.page.part import Part
-from bench.page.record import record
+from bench.page.record import Record, read
 from bench.page.table import Row, tabulated
 from gen.runtime.errors import InputError
 from gen.runtime.output import write
@@ -32,7 +32,7 @@ class Shown:
     """
 
     part: Part
-    record: dict[str, Any]
+    record: Record | None
     contents: tuple[tuple[str, dict[str, Any]], ...] = ()
     absent: str = ""
 
@@ -101,20 +101,20 @@ def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
 
 def _shown(part: Part, inputs: Inputs) -> Shown:
     """What a part holds; what cannot be shown does not keep the others from it."""
-    found = record(part, inputs)
+    found = read(inputs.making(part).path)
     given = inputs.folder(part) == inputs.comparison and inputs.comparison.is_dir()
     if found is None and not given:
-        return Shown(part, {}, absent=f"Not here. It is made by: {_how(part, inputs)}")
-    if found is not None and not found["finished"]:
-        told = found["told"][-1] if found["told"] else "it said nothing"
-        return Shown(part, found, absent=f"{found['command']}: code {found['code']}, {told}")
+        return Shown(part, None, absent=f"Not here. It is made by: {_how(part, inputs)}")
+    if found is not None and not found.finished:
+        told = found.told[-1] if found.told else "it said nothing"
+        return Shown(part, found, absent=f"{found.command}: code {found.code}, {told}")
     try:
         contents = tuple(_prepared(each) for each in part.show(inputs.folder(part)))
     except (InputError, ModuleNotFoundError) as error:
-        return Shown(part, found or {}, absent=str(error))
+        return Shown(part, found, absent=str(error))
     if not contents:
-        return Shown(part, {}, absent=f"{inputs.folder(part)} holds nothing to show")
-    return Shown(part, found or {}, contents)
+        return Shown(part, None, absent=f"{inputs.folder(part)} holds nothing to show")
+    return Shown(part, found, contents)
 
 
 def _how(part: Part, inputs: Inputs) -> str:

@@ -2,15 +2,14 @@
 
 import re
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from bench.page.part import Part
+from bench.page.record import Making
 
 COMPARISON = "comparison"
-RECORDS = (".part.json", ".printed.txt")
-"""Ends of the names of files that say how a part was made, and are nobody's input."""
 
 
 @dataclass(frozen=True)
@@ -43,15 +42,17 @@ class Inputs:
         """The command of a run of everything, as a user types it."""
         return typed(self._filled(part, part.full))
 
-    def stamps(self, part: Part) -> dict[str, int]:
-        """How old the inputs of a part's command are: other stamps, and it is to be made anew."""
+    def making(self, part: Part) -> Making:
+        """Return what decides whether a part stays: its record, its command and its inputs."""
         template = part.full if self.full else part.quick
         files = self._files()
-        return {
-            name: _newest(files[name])
+        sources = {
+            name: files[name]
             for name in re.findall(r"\{(\w+)\}", template)
             if name in files and files[name] != self.folder(part)
         }
+        path = self.folder(part) / f"{part.name}.part.json"
+        return Making(path, typed(self.arguments(part)), sources)
 
     def _filled(self, part: Part, template: str) -> list[str]:
         files = self._files()
@@ -80,17 +81,3 @@ def typed(arguments: Sequence[str]) -> str:
 def _there(path: Path) -> bool:
     """Whether an input is there: a file, or a folder with a finished table."""
     return path.is_file() or any(path.glob("**/*.csv"))
-
-
-def _newest(path: Path) -> int:
-    """When a file, or the newest in a folder, was written last [ns]; 0 where there is none."""
-    return max((file.stat().st_mtime_ns for file in _inside(path)), default=0)
-
-
-def _inside(path: Path) -> Iterator[Path]:
-    if path.is_file():
-        yield path
-    elif path.is_dir():
-        yield from (
-            file for file in path.rglob("*") if file.is_file() and not file.name.endswith(RECORDS)
-        )

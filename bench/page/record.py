@@ -1,34 +1,39 @@
-"""How a part was made: written beside its files once it is finished."""
+"""How something was made: written beside its files, and compared before it is made again."""
 
-import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field
 
 from bench.circumstances import circumstances
-from bench.page.inputs import Inputs, typed
-from bench.page.part import Part
+from bench.files import is_there
+from bench.page.content import Content, commanded, files_of, moved
 from gen.runtime import documents, output
 
 SAME = ("commit", "versions", "machine")
-"""What has to be as it was for a part to stay."""
+"""What has to be as it was for something to stay."""
+
+NOT_READ = (".part.json", ".printed.txt")
+"""Ends of the names of files that say how something was made, and are nobody's input."""
 
 
 class Machine(documents.Document):
-    """Where a part was made; see `bench.circumstances`."""
+    """Where something was made; see `bench.circumstances`."""
 
     processor: str
 
 
 class Record(documents.Document):
-    """What a part's record has to hold: see `write`."""
+    """What the record of something that was made has to hold: see `Making`."""
 
     command: str
-    code: Annotated[int, Field(ge=-64, le=255)]
-    finished: bool
-    seconds: Annotated[float, Field(ge=0, le=1e15)]
-    told: list[str]
+    code: Annotated[int, Field(ge=-64, le=255)] = 0
+    finished: bool = True
+    seconds: Annotated[float, Field(ge=0, le=1e15)] = 0.0
+    told: list[str] = Field(default_factory=list)
+    contents: list[Content] = Field(default_factory=list)
     inputs: dict[str, int]
     created: str
     commit: str
@@ -36,55 +41,82 @@ class Record(documents.Document):
     versions: dict[str, str]
 
 
-def record(part: Part, inputs: Inputs) -> dict[str, Any] | None:
-    """How a part was made; None if it was not.
+@dataclass(frozen=True)
+class Making:
+    """Something that is made by a command of some inputs, and stays while these are as they were.
+
+    Attributes
+    ----------
+    path : Path
+        The record, in the folder of what is made.
+    command : str
+        The command that makes it, as a user types it.
+    sources : mapping of str to Path
+        Files and folders that the command reads, by name.
+    """
+
+    path: Path
+    command: str
+    sources: Mapping[str, Path]
+
+    def stays(self) -> bool:
+        """Say whether the record is of the same command, inputs, commit, packages and machine."""
+        found = read(self.path)
+        if found is None or not found.finished:
+            return False
+        then = found.model_dump()
+        now = circumstances() | {"command": self.command, "inputs": self._stamps()}
+        return all(then[name] == now[name] for name in ("command", "inputs", *SAME))
+
+    def write(self, contents: Sequence[Content] = (), **said: Any) -> None:
+        """Write the record, under its name only once it is whole.
+
+        Parameters
+        ----------
+        contents : sequence of Content
+            What is shown, where its own record says so; files are in the record's folder.
+        **said
+            The fields of `Record` that only the maker knows.
+        """
+        folder = self.path.parent
+        inside = [moved(each, lambda file: file.relative_to(folder)) for each in contents]
+        known = {"command": self.command, "inputs": self._stamps(), **circumstances()}
+        record = Record(contents=inside, **known, **said)
+        output.write(self.path, record.model_dump_json(indent=2) + "\n")
+
+    def _stamps(self) -> dict[str, int]:
+        """How old the inputs are [ns]: 0 of what is not there."""
+        return {
+            name: max((file.stat().st_mtime_ns for file in _inside(source)), default=0)
+            for name, source in self.sources.items()
+        }
+
+
+def read(path: Path) -> Record | None:
+    """Read a record; None if there is none.
 
     Raises
     ------
     InputError
-        If the record cannot be read.
+        If it cannot be read.
     """
-    return documents.read(path_of(part, inputs), Record)
+    found = documents.read(path, Record)
+    return None if found is None else Record.model_validate(found)
 
 
-def path_of(part: Part, inputs: Inputs) -> Path:
-    """Where the record is."""
-    return inputs.folder(part) / f"{part.name}.part.json"
+def contents_of(path: Path) -> list[Content]:
+    """Return what something shows, by its record; nothing unless all of its files are there."""
+    found = read(path)
+    if found is None:
+        return []
+    contents = [moved(each, lambda file: path.parent / file) for each in found.contents]
+    whole = all(is_there(file) for each in contents for file in files_of(each))
+    return [commanded(each, found.command) for each in contents] if whole else []
 
 
-def stays(part: Part, inputs: Inputs, found: dict[str, Any] | None) -> bool:
-    """Whether a part need not be made: it is there, and made in the same way.
-
-    A short run also leaves alone what a full one has made.
-    """
-    if found is None or not found["finished"]:
-        return False
-    if not inputs.full and found["command"] == inputs.full_command(part) != _command(part, inputs):
-        return True
-    now = circumstances()
-    return bool(
-        found["command"] == _command(part, inputs)
-        and found["inputs"] == inputs.stamps(part)
-        and all(found[name] == now[name] for name in SAME)
-    )
-
-
-def write(part: Part, inputs: Inputs, code: int, seconds: float, told: list[str]) -> dict[str, Any]:
-    """Write down how a part was made, under the record's name only once it is whole."""
-    crashed = any(line.startswith("Traceback") for line in told)
-    found = {
-        "command": _command(part, inputs),
-        "code": code,
-        "finished": code == 0 or (code == 1 and part.judges and not crashed),
-        "seconds": round(seconds, 1),
-        "told": told[-5:],
-        "inputs": inputs.stamps(part),
-        **circumstances(),
-    }
-    path = path_of(part, inputs)
-    output.write(path, json.dumps(found, indent=2) + "\n")
-    return found
-
-
-def _command(part: Part, inputs: Inputs) -> str:
-    return typed(inputs.arguments(part))
+def _inside(path: Path) -> Iterator[Path]:
+    if path.is_file():
+        yield path
+    elif path.is_dir():
+        files = (file for file in path.rglob("*") if file.is_file())
+        yield from (file for file in files if not file.name.endswith(NOT_READ))

@@ -13,7 +13,7 @@ from typing import TextIO
 
 from bench.page.inputs import Inputs, typed
 from bench.page.part import Part
-from bench.page.record import path_of, record, stays, write
+from bench.page.record import read
 from gen.runtime.errors import InputError
 from gen.runtime.interruption import Interruption
 
@@ -63,10 +63,9 @@ def make(
             if interruption.requested():
                 break
             heading = f"[{number}/{len(wanted)}] {part.name}"
-            found = record(part, inputs)
-            if found is not None and stays(part, inputs, found):
+            if _stays(part, inputs):
                 remark(f"{heading}: is there")
-                code = int(found["code"])
+                code = found.code if (found := read(inputs.making(part).path)) else 0
             else:
                 remark(f"{heading}: {typed(inputs.arguments(part))}")
                 code = _run(part, inputs, remark, interruption)
@@ -78,9 +77,21 @@ def make(
     return Outcome(tuple(failed), interruption.signal)
 
 
+def _stays(part: Part, inputs: Inputs) -> bool:
+    """Whether a part need not be made; a short run also leaves alone what a full one has made."""
+    making = inputs.making(part)
+    found = read(making.path)
+    if found is not None and found.finished and not inputs.full:
+        full = inputs.full_command(part)
+        if found.command == full != making.command:
+            return True
+    return making.stays()
+
+
 def _run(part: Part, inputs: Inputs, remark: Remark, interruption: Interruption) -> int:
     """Run one command to its end, or to a signal's; write down how it ended."""
-    path, arguments = path_of(part, inputs), inputs.arguments(part)
+    making, arguments = inputs.making(part), inputs.arguments(part)
+    path = making.path
     printed = path.with_name(f"{part.name}.printed.txt")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -92,7 +103,13 @@ def _run(part: Part, inputs: Inputs, remark: Remark, interruption: Interruption)
     except OSError as error:
         raise InputError(f"{path.parent} cannot be written to: {error.strerror or error}") from None
     if not interruption.requested():
-        write(part, inputs, code, time.monotonic() - began, told)
+        crashed = any(line.startswith("Traceback") for line in told)
+        making.write(
+            code=code,
+            finished=code == 0 or (code == 1 and part.judges and not crashed),
+            seconds=round(time.monotonic() - began, 1),
+            told=told[-5:],
+        )
     return code
 
 

@@ -1,13 +1,10 @@
 """Tables as people read them: few digits, units in the titles, red where a verdict failed."""
 
-import csv
 import math
 from dataclasses import dataclass
-from io import StringIO
-from pathlib import Path
 
 from bench.page.content import Table
-from bench.page.files import content_of
+from bench.table import read_table
 from gen.runtime.errors import InputError
 
 DIGITS = 4
@@ -59,44 +56,21 @@ def tabulated(table: Table) -> Tabulated:
     InputError
         If the file cannot be read, or lacks a column.
     """
-    header, lines = _read(table.data)
+    header, lines = read_table(table.data)
     columns = table.columns or tuple(header)
     wanted = {*columns, table.verdict} - {""}
     if missing := wanted - set(header):
         raise InputError(f"{table.data}: has no column {', '.join(sorted(missing))}")
-    places = [header.index(name) for name in columns]
     rows = tuple(
         Row(
-            tuple(_cell(line[place]) for place in places),
-            bool(table.verdict) and line[header.index(table.verdict)] != PASSED,
+            tuple(_cell(line[name]) for name in columns),
+            bool(table.verdict) and line[table.verdict] != PASSED,
         )
         for line in lines
     )
     numeric = [all(row.cells[place].number for row in rows) for place in range(len(columns))]
     titles = tuple(zip(map(_title, columns), numeric, strict=True))
     return Tabulated(titles, rows, judges=bool(table.verdict))
-
-
-def column(path: Path, name: str) -> list[str]:
-    """One column of a table.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or lacks it.
-    """
-    header, lines = _read(path)
-    if name not in header:
-        raise InputError(f"{path}: has no column {name}")
-    return [line[header.index(name)] for line in lines]
-
-
-def _read(path: Path) -> tuple[list[str], list[list[str]]]:
-    try:
-        header, *lines = csv.reader(StringIO(content_of(path).decode(), newline=""))
-    except (InputError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as a table ({error})") from None
-    return header, lines
 
 
 def _title(name: str) -> str:

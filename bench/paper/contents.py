@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from bench.files import is_there
 from bench.page.content import Absent, Content, Figure, Table, Words
-from bench.page.files import is_there
 from gen.runtime.errors import InputError
 from gen.runtime.output import write
 

@@ -16,13 +16,14 @@ import typer
 
 from bench.__main__ import app as bench
 from bench.__main__ import main
+from bench.circumstances import circumstances
 from bench.page import run as running
 from bench.page.content import Absent, Content, Figure, Table, Words
 from bench.page.html import write_page
 from bench.page.inputs import Inputs
 from bench.page.part import Part
 from bench.page.parts import PARTS
-from bench.page.record import path_of, record
+from bench.page.record import Record, read
 from bench.page.run import Outcome, make
 from bench.page.table import tabulated
 from bench.picture import new_figure, save
@@ -56,6 +57,12 @@ def inputs(folder: Path, *, full: bool = False) -> Inputs:
     return Inputs(folder, folder / "paper.h5", folder / "comparison", full)
 
 
+def record(part: Part, folder: Path) -> Record:
+    found = read(inputs(folder).making(part).path)
+    assert found is not None
+    return found
+
+
 def makes(
     folder: Path, parts: list[Part], *, full: bool = False, said: list[str] | None = None
 ) -> Outcome:
@@ -81,10 +88,8 @@ def test_another_command_or_commit_makes_a_part_anew(
     makes(tmp_path, [part("one", WRITE)])
     makes(tmp_path, [part("one", WRITE.replace("'x'", "'y'"))])
     assert (tmp_path / "one" / "made.txt").read_text() == "xy"
-    monkeypatch.setattr(
-        "bench.page.record.circumstances",
-        lambda: {"commit": "another", "machine": {}, "versions": {}},
-    )
+    other = circumstances() | {"commit": "another"}
+    monkeypatch.setattr("bench.page.record.circumstances", lambda: other)
     makes(tmp_path, [part("one", WRITE.replace("'x'", "'y'"))])
     assert (tmp_path / "one" / "made.txt").read_text() == "xyy"
 
@@ -95,10 +100,9 @@ def test_a_part_that_fails_is_named_and_does_not_stop_the_others(tmp_path: Path)
     outcome = makes(tmp_path, [failing, part("two", WRITE)], said=said)
     assert outcome == Outcome(failed=("one",))
     assert (tmp_path / "two" / "made.txt").exists()
-    found = record(failing, inputs(tmp_path))
-    assert found is not None
-    assert found["code"] == 2
-    assert "Missing option" in found["told"][-1]
+    found = record(failing, tmp_path)
+    assert found.code == 2
+    assert "Missing option" in found.told[-1]
     assert any("Missing option" in line for line in said)
     page = write_page([failing], inputs(tmp_path)).read_text(encoding="utf-8")
     assert "Missing option" in page
@@ -223,7 +227,7 @@ def test_a_part_that_does_not_heed_a_signal_is_killed(
 
 def test_record_says_where_and_with_what(tmp_path: Path) -> None:
     makes(tmp_path, [part("one", WRITE)])
-    path = path_of(part("one", WRITE), inputs(tmp_path))
+    path = inputs(tmp_path).making(part("one", WRITE)).path
     found = json.loads(path.read_text())
     assert found["command"].startswith("python -c ")
     assert {"code", "seconds", "created", "commit", "machine", "versions"} <= found.keys()
