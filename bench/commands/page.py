@@ -71,29 +71,21 @@ def paper(
         typer.Option(metavar="DIR", help="Folder of learn compare and learn tune, for the area."),
     ] = None,
     cost: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder of bench cost.")] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="PART", help="May be repeated; all if left out.")
+    ] = None,
 ) -> None:
     """Draw the paper's figures and tables anew, its numbers beside ours.
 
     What needs a comparison or costs is left out without them. Deviations are named, and explained
-    where that is known. Goes on after Ctrl-C, and makes anew only what its inputs have changed.
+    where that is known. A part stays where it was made from the same inputs, with the same commit
+    and packages: after Ctrl-C the same command goes on.
     """
     from bench.paper.report import write_report
 
-    given = {"--database": database, "--fine": fine, "--comparison": comparison, "--cost": cost}
-    options = [f"{name} {path}" for name, path in given.items() if path is not None]
-    command = " ".join(["python -m bench paper -o", str(output), *options])
-    if database is None:
-        command += f" --rows {rows}"
-    for path in write_report(
-        output,
-        rows,
-        given=database,
-        finer=fine,
-        comparison=comparison,
-        costs=cost,
-        command=command,
-        remark=remark,
-    ):
+    inputs = {"database": database, "fine": fine, "comparison": comparison, "cost": cost}
+    given = {name: path for name, path in inputs.items() if path is not None}
+    for path in write_report(output, given, rows, only=only or (), remark=remark):
         typer.echo(path)
 
 

@@ -145,7 +145,7 @@ PARTS = (
         " -o {folder}",
         full="-m bench paper --database {database} [--comparison {comparison}] [--cost {cost}]"
         " [--fine {fine}] -o {folder}",
-        show=contents_of("bench.paper.contents:contents"),
+        show=contents_of("bench.paper.report:contents"),
     ),
     Part(
         "unstated",

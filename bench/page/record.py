@@ -79,10 +79,11 @@ class Making:
             The fields of `Record` that only the maker knows.
         """
         folder = self.path.parent
-        inside = [moved(each, lambda file: file.relative_to(folder)) for each in contents]
+        if contents:
+            said["contents"] = [moved(e, lambda file: file.relative_to(folder)) for e in contents]
         known = {"command": self.command, "inputs": self._stamps(), **circumstances()}
-        record = Record(contents=inside, **known, **said)
-        output.write(self.path, record.model_dump_json(indent=2) + "\n")
+        record = Record(**known, **said)
+        output.write(self.path, record.model_dump_json(indent=2, exclude_unset=True) + "\n")
 
     def _stamps(self) -> dict[str, int]:
         """How old the inputs are [ns]: 0 of what is not there."""
@@ -101,17 +102,17 @@ def read(path: Path) -> Record | None:
         If it cannot be read.
     """
     found = documents.read(path, Record)
-    return None if found is None else Record.model_validate(found)
+    return None if found is None else Record.model_validate(found, strict=False)
 
 
-def contents_of(path: Path) -> list[Content]:
-    """Return what something shows, by its record; nothing unless all of its files are there."""
+def contents_of(path: Path) -> list[Content] | None:
+    """Return what something shows, by its record; None without it, or if a file is missing."""
     found = read(path)
     if found is None:
-        return []
+        return None
     contents = [moved(each, lambda file: path.parent / file) for each in found.contents]
     whole = all(is_there(file) for each in contents for file in files_of(each))
-    return [commanded(each, found.command) for each in contents] if whole else []
+    return [commanded(each, found.command) for each in contents] if whole else None
 
 
 def _inside(path: Path) -> Iterator[Path]:

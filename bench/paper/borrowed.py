@@ -15,7 +15,7 @@ APPENDIX_ROWS = 3000
 process's memory grows with their square."""
 
 
-def paraboloid(folder: Path, command: str) -> list[Content]:
+def paraboloid(folder: Path) -> list[Content]:
     """The paraboloid, as `python -m bench hertz` draws it (section 2.4)."""
     table, picture = hertz.write_report(folder)
     caption = (
@@ -24,7 +24,7 @@ def paraboloid(folder: Path, command: str) -> list[Content]:
         f" it counts nodes. Mean deviation of the area: {_deviations(table)}."
         f" {deviations.KERNEL}."
     )
-    return [Figure(picture, caption, command, (table,))]
+    return [Figure(picture, caption, data=(table,))]
 
 
 def _deviations(table: Path) -> str:
@@ -41,13 +41,13 @@ def _deviations(table: Path) -> str:
     )
 
 
-def equal_kernels(folder: Path, source: Path, command: str) -> list[Content]:
+def equal_kernels(folder: Path, database: Path) -> list[Content]:
     """Two models that are one, as `learn appendix` draws them (Appendix A)."""
     said: list[str] = []
     # Its own folder of other rows, if the inputs have changed: `learn appendix` would refuse it.
     (folder / "appendix" / "area" / "comparison.json").unlink(missing_ok=True)
     asked = Request(
-        source, folder / "appendix", area_max=AREA_MAX, train_rows=APPENDIX_ROWS, again=True
+        database, folder / "appendix", area_max=AREA_MAX, train_rows=APPENDIX_ROWS, again=True
     )
     table, picture = appendix.write_report(asked, said.append)
     caption = (
@@ -57,4 +57,4 @@ def equal_kernels(folder: Path, source: Path, command: str) -> list[Content]:
         " predict the same:"
         f" {'; '.join(said)}. At most {APPENDIX_ROWS:,} training rows here."
     )
-    return [Figure(picture, caption, command, (table,))]
+    return [Figure(picture, caption, data=(table,))]

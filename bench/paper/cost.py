@@ -58,7 +58,7 @@ def build(question: Question) -> float:
     return float(question["database"] + question["tuning"] + question["fit"])
 
 
-def total_cost(folder: Path, cost: Path, command: str) -> list[Content]:
+def total_cost(folder: Path, cost: Path) -> list[Content]:
     """Both sides' costs, and where they meet."""
     published, ours = read(cost)
     first = ours[0]
@@ -79,12 +79,11 @@ def total_cost(folder: Path, cost: Path, command: str) -> list[Content]:
         f" {published['solve'] / published['query']:,.0f}-fold."
     )
     return [
-        Figure(picture, text, command, (table,)),
+        Figure(picture, text, data=(table,)),
         Table(
             table,
             "Section 4.4 in numbers, t_d + t_h + t_f + t_p: ours on as many rows as `bench cost`"
             " was given, processor times of one core.",
-            command,
         ),
     ]
 

@@ -65,7 +65,7 @@ def read(path: Path) -> Rows:
     return Rows(columns, done, int((status == Status.FAILED).sum()))
 
 
-def solve_times(folder: Path, database: Path, command: str) -> list[Content]:
+def solve_times(folder: Path, database: Path) -> list[Content]:
     """Time of a solve against displacement and area (section 2.4)."""
     rows = read(database)
     figure = new_figure(10.5, 4.4)
@@ -98,7 +98,7 @@ def solve_times(folder: Path, database: Path, command: str) -> list[Content]:
         f" {growth[0]:.2g}-fold and {growth[1]:.2g}-fold. {deviations.SOLVER}."
     )
     picture = save(figure, folder / "solve-times.png")
-    return [Figure(picture, caption, command, (_times_table(folder, rows), _rows(folder, rows)))]
+    return [Figure(picture, caption, data=(_times_table(folder, rows), _rows(folder, rows)))]
 
 
 def _growth(rows: Rows, name: str) -> float:
@@ -130,7 +130,7 @@ def _rows(folder: Path, rows: Rows) -> Path:
     return write_table(folder / "rows.csv", header, found)
 
 
-def distributions(folder: Path, database: Path, command: str) -> list[Content]:
+def distributions(folder: Path, database: Path) -> list[Content]:
     """Distribution of the displacement, and area against it (section 3.2)."""
     rows = read(database)
     figure = new_figure(10.5, 4.2)
@@ -160,10 +160,10 @@ def distributions(folder: Path, database: Path, command: str) -> list[Content]:
         f" largest area, the others reach {area.max():.1f} %: {deviations.AREAS.format(AREA_MAX)}."
     )
     picture = save(figure, folder / "database.png")
-    return [Figure(picture, caption, command, (_rows(folder, rows),))]
+    return [Figure(picture, caption, data=(_rows(folder, rows),))]
 
 
-def table_1(folder: Path, database: Path, command: str) -> list[Content]:
+def table_1(folder: Path, database: Path) -> list[Content]:
     """Ranges of all parameters, and their distributions."""
     rows = read(database)
     columns = [column for column in COLUMNS if column.name in RANGES]
@@ -192,15 +192,13 @@ def table_1(folder: Path, database: Path, command: str) -> list[Content]:
             "Table 1, ranges of the raw database, ours beside the paper's. Deviation: how far our"
             " ends lie above the paper's, in per cent of its range. More than one row in a hundred"
             f" lies outside in: {', '.join(outside) or 'none'}.",
-            command,
         ),
         Figure(
             picture,
             "Table 1 as a picture: how the parameters of our database are distributed; between the"
             " dashed lines is the paper's range. They fill it, but for the bandwidths (logarithmic"
             " here), whose definition the paper leaves open, and the area, which goes on.",
-            command,
-            (table,),
+            data=(table,),
         ),
     ]
 

@@ -54,7 +54,7 @@ class Judged:
     batched: float
 
 
-def fine_grid(folder: Path, database: Path, fine: Path, command: str) -> list[Content]:
+def fine_grid(folder: Path, database: Path, fine: Path) -> list[Content]:
     """Train with each feature set on the preset's grid, test on the finer one.
 
     Parameters
@@ -62,7 +62,6 @@ def fine_grid(folder: Path, database: Path, fine: Path, command: str) -> list[Co
     folder : to write into
     database : of the paper preset
     fine : the same with a finer grid
-    command : for the captions
 
     Raises
     ------
@@ -84,13 +83,11 @@ def fine_grid(folder: Path, database: Path, fine: Path, command: str) -> list[Co
             " the paper's, then without units, then with a loose solve among them (hybrid). Its R2"
             f" is {FINE.r2:g} %, ours {r2}. Last: time of a solve on that grid and of a"
             " prediction with features at hand.",
-            command,
-            (table, _predictions(folder, found)),
+            data=(table, _predictions(folder, found)),
         ),
         Table(
             table,
             f"Table 5, scores on the finer grid [%]. Why: {curvature}.",
-            command,
         ),
     ]
 

@@ -63,7 +63,7 @@ def spread(folder: Folder) -> float:
     return float(truth.var() / truth.mean())
 
 
-def table_2(folder: Path, comparison: Path | None, command: str) -> list[Content]:
+def table_2(folder: Path, comparison: Path | None = None) -> list[Content]:
     """Search spaces and optima."""
     tuned = {} if comparison is None else results(opened(comparison), "tuned")
     rows: list[tuple[object, ...]] = []
@@ -87,7 +87,7 @@ def table_2(folder: Path, comparison: Path | None, command: str) -> list[Content
     )
     if missing:
         text += f" Not searched here: {', '.join(missing)}; learn tune does that."
-    return [Table(path, text, command)]
+    return [Table(path, text)]
 
 
 def _values(values: Sequence[Any]) -> str:
@@ -102,7 +102,7 @@ def _value(value: Any) -> str:
     return "none" if value is None else str(value)
 
 
-def table_3(folder: Path, comparison: Path, command: str) -> list[Content]:
+def table_3(folder: Path, comparison: Path) -> list[Content]:
     """Times of the searches."""
     tuned = results(opened(comparison), "tuned")
     rows: list[tuple[str, ...]] = []
@@ -124,10 +124,10 @@ def table_3(folder: Path, comparison: Path, command: str) -> list[Content]:
         "Table 3, times of the searches for settings: ours is the sum of the times of all fits on"
         " one thread."
     )
-    return [Table(path, text, command)]
+    return [Table(path, text)]
 
 
-def table_4(folder: Path, comparison: Path, command: str) -> list[Content]:
+def table_4(folder: Path, comparison: Path) -> list[Content]:
     """Scores and times of all models, with what separates them from the paper's."""
     ours = opened(comparison)
     here = spread(ours)
@@ -149,7 +149,7 @@ def table_4(folder: Path, comparison: Path, command: str) -> list[Content]:
         f" here, {TRAIN_ROWS:,} in the paper. Compare R2: unexplained_ratio is our 100 - R2 over"
         f" the paper's; {deviations.SPREAD.format(here, SPREAD)}."
     )
-    return [Table(path, text, command)]
+    return [Table(path, text)]
 
 
 def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float) -> Iterator[str]:

@@ -25,7 +25,7 @@ HEADER = ("quantity", "section", "paper", "ours", "deviation", "explanation")
 
 
 def numbers(
-    folder: Path, database: Path, comparison: Path | None, cost: Path | None, command: str
+    folder: Path, database: Path, comparison: Path | None = None, cost: Path | None = None
 ) -> list[Content]:
     """Collect what can be compared with the inputs at hand."""
     rows = [*_of_the_database(database)]
@@ -35,7 +35,7 @@ def numbers(
         rows += _of_the_cost(cost)
     table = write_table(folder / "numbers.csv", HEADER, rows)
     text = "Numbers in the paper's text beside ours, with what is known about why they differ."
-    return [Table(table, text, command)]
+    return [Table(table, text)]
 
 
 def _of_the_database(path: Path) -> Iterator[Row]:

@@ -20,7 +20,17 @@ TIMES = {"fit": "fit [s]", "test": "prediction of\nall test rows [s]"}
 """Times of Table 4, in its order."""
 
 
-def predictions(folder: Path, comparison: Path, kind: str, command: str) -> list[Content]:
+def baselines(folder: Path, comparison: Path) -> list[Content]:
+    """Draw predictions, scores and times of the baselines (section 4.1)."""
+    return predictions(folder, comparison, "baseline") + bars(folder, comparison)
+
+
+def tuned(folder: Path, comparison: Path) -> list[Content]:
+    """Draw predictions of the tuned models beside the baselines' (section 4.2)."""
+    return predictions(folder, comparison, "tuned")
+
+
+def predictions(folder: Path, comparison: Path, kind: str) -> list[Content]:
     """Predictions over truth, as in sections 4.1 (baselines) and 4.2 (tuned beside baselines).
 
     Returns
@@ -54,7 +64,7 @@ def predictions(folder: Path, comparison: Path, kind: str, command: str) -> list
         f"Section {section}: predicted over solved areas of the test rows; on the line they agree."
         f" {_seen(ours, kind, shown)}"
     )
-    return [Figure(save(figure, folder / f"predictions-{kind}.png"), text, command, (path,))]
+    return [Figure(save(figure, folder / f"predictions-{kind}.png"), text, data=(path,))]
 
 
 def _seen(folder: Folder, kind: str, shown: Shown) -> str:
@@ -88,7 +98,7 @@ def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> list[t
     return [(model, kind, f"{solved:.5g}", f"{guess:.5g}") for solved, guess in pairs]
 
 
-def bars(folder: Path, comparison: Path, command: str) -> list[Content]:
+def bars(folder: Path, comparison: Path) -> list[Content]:
     """Scores and times of the baselines as bars, the paper's beside ours (section 4.1).
 
     Returns
@@ -126,7 +136,7 @@ def bars(folder: Path, comparison: Path, command: str) -> list[Content]:
         f" (less is better), R2 (from {lowest:g} % on), then times on a logarithmic axis. Compare"
         " the order of the models; the times are another machine's."
     )
-    return [Figure(save(figure, folder / "bars.png"), text, command, (path,))]
+    return [Figure(save(figure, folder / "bars.png"), text, data=(path,))]
 
 
 def _draw_bars(

@@ -1,45 +1,30 @@
-"""`python -m bench paper`: makes every part whose inputs are there, skips what is made already."""
+"""`python -m bench paper`: parts in the order of the paper, each made of the inputs it needs."""
 
-import hashlib
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
-import gen.schema
-from bench.page.content import Content
+from bench.page.content import Absent, Content, files_of
+from bench.page.inputs import typed
+from bench.page.record import Making, contents_of
 from bench.paper import borrowed, cost, database, fine, models, numbers, predictions, surfaces
-from bench.paper.contents import files_of, keep, record, whole
 from bench.surrogates import databases
 from bench.surrogates.cases import CASES, FINE
 from bench.surrogates.databases import OTHER_SEED
 from bench.surrogates.generalisation import tests_of
+from gen.runtime.errors import InputError
 from gen.runtime.output import check_folder, make_folder
 
-VERSION = 1
-"""Raised whenever a part shows something else for the same inputs."""
+DATABASES = {"database", "fine"}
+"""Inputs that are generated where they are not given."""
+
+PAPER = "python -m bench paper"
+COMPARED = f"python -m learn compare, its folder as --comparison of {PAPER}"
+TUNED = f"python -m learn tune, its folder as --comparison of {PAPER}"
+PAID = f"python -m bench cost, its folder as --cost of {PAPER}"
 
 Remark = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Inputs:
-    """What the report is made of.
-
-    Attributes
-    ----------
-    database : of the paper preset
-    fine : the same on a finer grid
-    comparison : folder of `learn compare` or `learn tune`, None for none
-    cost : folder of `bench cost`, None for none
-    command : that made it, for the captions
-    """
-
-    database: Path
-    fine: Path
-    comparison: Path | None
-    cost: Path | None
-    command: str
 
 
 @dataclass(frozen=True)
@@ -48,167 +33,179 @@ class Part:
 
     Attributes
     ----------
-    name : in `contents.ORDER`
-    sources : files and folders that it is made of
-    make : makes its files in a folder
+    name : str
+        Name of the part and of its record.
+    title : str
+        What it is about.
+    make : callable
+        Makes its files in a folder, given its inputs by name; returns what they show.
+    needs, takes : tuple of str
+        Inputs without which it is not made, and inputs of which it makes more.
+    how : str
+        How to get it where it is missing.
     """
 
     name: str
-    sources: tuple[Path, ...]
-    make: Callable[[Path], list[Content]]
+    title: str
+    make: Callable[..., list[Content]]
+    needs: tuple[str, ...] = ()
+    takes: tuple[str, ...] = ()
+    how: str = PAPER
 
-    def key(self) -> str:
-        """Fingerprint of what the part is made of."""
-        files = [file for source in self.sources for file in _files(source)]
-        states = (
-            (str(file.resolve()), file.stat().st_size, file.stat().st_mtime_ns) for file in files
-        )
-        text = f"{VERSION} {gen.schema.PHYSICS} {sorted(states)}"
-        return hashlib.sha256(text.encode()).hexdigest()
+
+BASE, COMPARISON = ("database",), ("comparison",)
+PARTS = (
+    Part(
+        "numbers",
+        "numbers in the text",
+        numbers.numbers,
+        BASE,
+        takes=("comparison", "cost"),
+        how=f"any of the options of {PAPER}",
+    ),
+    Part("levels", "random midpoint displacement", surfaces.levels),
+    Part("profile", "a profile and its statistics", surfaces.profile),
+    Part("topographies", "topography against contact pressure", surfaces.topographies),
+    Part("hertz", "Hertz", borrowed.paraboloid),
+    Part("solve-times", "solve times", database.solve_times, BASE),
+    Part("distributions", "the database's distributions", database.distributions, BASE),
+    Part("table-1", "Table 1", database.table_1, BASE),
+    Part("table-2", "Table 2", models.table_2, takes=COMPARISON),
+    Part("table-3", "Table 3", models.table_3, COMPARISON, how=TUNED),
+    Part(
+        "baselines",
+        "predictions and scores of the baselines",
+        predictions.baselines,
+        COMPARISON,
+        how=COMPARED,
+    ),
+    Part("tuned", "predictions of the tuned models", predictions.tuned, COMPARISON, how=TUNED),
+    Part("table-4", "Table 4", models.table_4, COMPARISON, how=COMPARED),
+    Part("fine", "the finer grid and Table 5", fine.fine_grid, ("database", "fine")),
+    Part("cost", "total cost and break-even point", cost.total_cost, ("cost",), how=PAID),
+    Part("appendix", "Appendix A", borrowed.equal_kernels, BASE),
+)
+"""All parts in the paper's order."""
 
 
 def write_report(
     folder: Path,
+    given: Mapping[str, Path],
     rows: int,
     *,
-    given: Path | None = None,
-    finer: Path | None = None,
-    comparison: Path | None = None,
-    costs: Path | None = None,
-    command: str = "",
+    only: Sequence[str] = (),
     remark: Remark = lambda line: None,
 ) -> list[Path]:
-    """Make what is not made yet.
+    """Make the parts that are not made yet, or whose inputs have changed.
 
     Parameters
     ----------
-    folder : to write into; its `databases` holds what is generated
-    rows : of the paper preset that are generated unless a database is given
-    given : database of the preset
-    finer : database of the preset with a finer grid, None to generate one
-    comparison : folder of `learn compare` or `learn tune`
-    costs : folder of `bench cost`
-    command : for the captions
-    remark : told how far it is
+    folder : Path
+        Folder to write into; its `databases` holds the databases that are generated.
+    given : mapping of str to Path
+        Inputs by name: `database` and `fine`, databases of the paper preset and of its finer grid;
+        `comparison`, a folder of `learn compare` or `learn tune`; `cost`, a folder of `bench cost`.
+    rows : int
+        Rows of the paper preset that are generated where no database is given.
+    only : sequence of str
+        Names of the parts that are made; all that the inputs allow if empty.
+    remark : callable
+        Told how far it is.
 
     Returns
     -------
-    Pictures and tables, in the order in which they were asked for
+    list of Path
+        Pictures and tables, in the paper's order.
 
     Raises
     ------
     InputError
         If an input cannot be used, or the folder cannot be written to.
     KeyboardInterrupt
-        After a signal: the same command goes on.
+        After a signal: the same call goes on.
     """
-    _check(folder, comparison, costs)
-    if finer is not None:
-        fine.check(finer)
-    source = databases.of_the_paper(given, folder / "databases", rows, remark)
-    other = finer or _fine_database(folder, source, remark)
-    inputs = Inputs(source, other, comparison, costs, command)
+    check_folder(folder)
+    _check(given)
+    parts = _chosen(only, given)
+    needed = {name for part in parts for name in part.needs}
+    sources = _with_databases(folder / "databases", given, rows, needed, remark)
     make_folder(folder)
-    parts = list(parts_of(inputs))
     written: list[Path] = []
     for number, part in enumerate(parts, 1):
-        shown = _made(folder, part, partial(remark, f"{number} of {len(parts)}: {part.name}"))
+        own = {name: sources[name] for name in (*part.needs, *part.takes) if name in sources}
+        making = Making(_record(folder, part), _command(folder, part, given, rows), own)
+        shown = contents_of(making.path)
+        if shown is None or not making.stays():
+            remark(f"{number} of {len(parts)}: {part.name}")
+            began = time.monotonic()
+            shown = part.make(folder, **own)
+            making.write(shown, seconds=round(time.monotonic() - began, 1))
         written += [path for each in shown for path in files_of(each)]
     return list(dict.fromkeys(written))
 
 
-def _check(folder: Path, comparison: Path | None, costs: Path | None) -> None:
-    """Refuse what cannot be used before anything is computed."""
-    check_folder(folder)
-    if comparison is not None:
-        models.opened(comparison)
-    if costs is not None:
-        cost.read(costs)
+def contents(folder: Path) -> list[Content]:
+    """List what a page shows of a folder of the report: each part, or that it is absent.
 
-
-def _fine_database(folder: Path, source: Path, remark: Remark) -> Path:
-    """Generate the database of the finer grid that `bench generalisation` tests on too."""
-    (case,) = (case for case in CASES if case.name == FINE)
-    rows = tests_of(max(100, database.read(source).rows.size))
-    text = f"samples = {rows}\nseed = {OTHER_SEED}\n{case.scene}"
-    return databases.generated(folder / "databases", case.file, text, remark)
-
-
-def parts_of(inputs: Inputs) -> Iterator[Part]:
-    """All parts that can be made of some inputs, in the paper's order."""
-    source, command = inputs.database, inputs.command
-    given = tuple(path for path in (source, inputs.comparison, inputs.cost) if path is not None)
-    yield Part(
-        "numbers",
-        given,
-        lambda folder: numbers.numbers(folder, source, inputs.comparison, inputs.cost, command),
-    )
-    for name, make in (
-        ("levels", surfaces.levels),
-        ("profile", surfaces.profile),
-        ("topographies", surfaces.topographies),
-        ("hertz", borrowed.paraboloid),
-    ):
-        yield Part(name, (), partial(make, command=command))
-    for name, draw in (
-        ("solve-times", database.solve_times),
-        ("distributions", database.distributions),
-        ("table-1", database.table_1),
-    ):
-        yield Part(name, (source,), partial(draw, database=source, command=command))
-    yield from _of_models(inputs)
-    yield Part(
-        "fine",
-        (source, inputs.fine),
-        lambda folder: fine.fine_grid(folder, source, inputs.fine, command),
-    )
-    paid = inputs.cost
-    if paid is not None:
-        yield Part("cost", (paid,), lambda folder: cost.total_cost(folder, paid, command))
-    yield Part(
-        "appendix", (source,), partial(borrowed.equal_kernels, source=source, command=command)
-    )
-
-
-def _of_models(inputs: Inputs) -> Iterator[Part]:
-    """The parts that rest on a comparison."""
-    compared, command = inputs.comparison, inputs.command
-    yield Part(
-        "table-2",
-        () if compared is None else (compared,),
-        lambda folder: models.table_2(folder, compared, command),
-    )
-    if compared is None:
-        return
-    path: Path = compared
-
-    def baselines(folder: Path) -> list[Content]:
-        drawn = predictions.predictions(folder, path, "baseline", command)
-        return drawn + predictions.bars(folder, path, command)
-
-    yield Part("table-3", (path,), partial(models.table_3, comparison=path, command=command))
-    yield Part("baselines", (path,), baselines)
-    yield Part(
-        "tuned", (path,), lambda folder: predictions.predictions(folder, path, "tuned", command)
-    )
-    yield Part("table-4", (path,), partial(models.table_4, comparison=path, command=command))
-
-
-def _made(folder: Path, part: Part, remark: Callable[[], None]) -> list[Content]:
-    """What a part shows, made now unless it is there and fits the inputs."""
-    key, before = part.key(), record(folder).get(part.name)
-    if before is not None and before["key"] == key:
-        shown = whole(folder, before)
-        if shown or not before["contents"]:
-            return shown
-    remark()
-    shown = part.make(folder)
-    keep(folder, part.name, key, shown)
+    Raises
+    ------
+    InputError
+        If the record of a part cannot be read.
+    """
+    shown: list[Content] = []
+    for part in PARTS:
+        shown += contents_of(_record(folder, part)) or [Absent(part.title, part.how)]
     return shown
 
 
-def _files(source: Path) -> list[Path]:
-    """Files of a source that decide results: not the tables and pictures made of them."""
-    if source.is_file():
-        return [source]
-    return sorted({*source.glob("area/*.json"), *source.glob("area/*/*"), *source.glob("cost.csv")})
+def _record(folder: Path, part: Part) -> Path:
+    return folder / f"{part.name}.part.json"
+
+
+def _command(folder: Path, part: Part, given: Mapping[str, Path], rows: int) -> str:
+    """The command that makes one part, as a user types it."""
+    words = ["-m", "bench", "paper", "-o", str(folder), "--only", part.name]
+    for name in (*part.needs, *part.takes):
+        if name in given:
+            words += [f"--{name}", str(given[name])]
+    if "database" in part.needs and "database" not in given:
+        words += ["--rows", str(rows)]
+    return typed(words)
+
+
+def _check(given: Mapping[str, Path]) -> None:
+    """Refuse what cannot be used before anything is computed."""
+    for name, refuse in (("comparison", models.opened), ("cost", cost.read), ("fine", fine.check)):
+        if name in given:
+            refuse(given[name])
+
+
+def _chosen(only: Sequence[str], given: Mapping[str, Path]) -> list[Part]:
+    """The parts that are asked for and that the inputs allow."""
+    parts = {part.name: part for part in PARTS}
+    for name in only:
+        if name not in parts:
+            raise InputError(f"--only {name}: give one of {', '.join(parts)}")
+        if missing := set(parts[name].needs) - given.keys() - DATABASES:
+            raise InputError(f"--only {name}: needs --{missing.pop()}")
+    return [
+        part
+        for part in PARTS
+        if (not only or part.name in only) and given.keys() | DATABASES >= set(part.needs)
+    ]
+
+
+def _with_databases(
+    place: Path, given: Mapping[str, Path], rows: int, needed: Iterable[str], remark: Remark
+) -> dict[str, Path]:
+    """The inputs, with the databases that are needed and not given: generated, or found there."""
+    sources = dict(given)
+    if "database" in needed:
+        sources["database"] = databases.of_the_paper(given.get("database"), place, rows, remark)
+    if "fine" in needed and "fine" not in given:
+        # The one that `bench generalisation` tests on too.
+        (case,) = (case for case in CASES if case.name == FINE)
+        count = tests_of(max(100, database.read(sources["database"]).rows.size))
+        text = f"samples = {count}\nseed = {OTHER_SEED}\n{case.scene}"
+        sources["fine"] = databases.generated(place, case.file, text, remark)
+    return sources

@@ -32,7 +32,7 @@ def surface(hurst: float, generator: str = "diamond-square", nodes: int = NODES)
     return generate(generator, nodes, hurst, SIGMA0, np.random.default_rng(SEED))
 
 
-def levels(folder: Path, command: str) -> list[Content]:
+def levels(folder: Path) -> list[Content]:
     """One surface at four levels, by both generators (section 2.2)."""
     middle = (ROUGH + SMOOTH) / 2
     figure = new_figure(10.5, 4.9)
@@ -59,10 +59,10 @@ def levels(folder: Path, command: str) -> list[Content]:
         " databases, which also reproduces the paper's statistics; below the algorithm as the"
         " paper's text tells it."
     )
-    return [Figure(save(figure, folder / "levels.png"), caption, command, (table,))]
+    return [Figure(save(figure, folder / "levels.png"), caption, data=(table,))]
 
 
-def profile(folder: Path, command: str) -> list[Content]:
+def profile(folder: Path) -> list[Content]:
     """A topography and one of its profiles, statistics marked (section 2.3)."""
     heights = surface(ROUGH)
     middle = NODES // 2
@@ -103,7 +103,7 @@ def profile(folder: Path, command: str) -> list[Content]:
         " with its peaks, nodes above both neighbours, the highest of them and their mean. Only"
         " some peaks are asperities: the others are flanks across the profile."
     )
-    return [Figure(save(figure, folder / "profile.png"), caption, command, (table,))]
+    return [Figure(save(figure, folder / "profile.png"), caption, data=(table,))]
 
 
 def _draw_profile(
@@ -131,7 +131,7 @@ def _draw_profile(
     axis.legend(ncols=2, fontsize=8, loc="upper center")
 
 
-def topographies(folder: Path, command: str) -> list[Content]:
+def topographies(folder: Path) -> list[Content]:
     """Two topographies, the forces on their nodes under two displacements (section 2.4)."""
     small, large = DELTAS
     cases = [("ad", ROUGH, small), ("be", ROUGH, large), ("cf", SMOOTH, small)]
@@ -168,7 +168,7 @@ def topographies(folder: Path, command: str) -> list[Content]:
         f" numbers, (d) to (f), to {areas[2]:.2f} %. The paper's own surfaces and areas stand in"
         " its picture only: what can be compared is the order, which is the same."
     )
-    return [Figure(save(figure, folder / "topographies.png"), caption, command, (table,))]
+    return [Figure(save(figure, folder / "topographies.png"), caption, data=(table,))]
 
 
 def _image(axis: Any, field: Any, **options: Any) -> Any:

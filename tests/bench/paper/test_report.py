@@ -1,27 +1,24 @@
-"""The paper, side by side: each part on few rows, and what the folder says it holds."""
+"""The whole report on few rows: what it holds, what it makes anew, and what its tables say."""
 
 import csv
 import os
 
-import numpy as np
 import pytest
 
 import learn.cli
 from bench import __main__ as bench
 from bench import hertz, picture
-from bench.page.content import Absent, Figure, Table, Words
-from bench.paper import deviations, facts, fine, models, predictions, report, surfaces
-from bench.paper.contents import ORDER, RECORD, contents, files_of, keep, record, whole
-from bench.surrogates import databases
+from bench.page.content import Absent, Figure, Table, Words, files_of
+from bench.page.record import Making, read
+from bench.paper import deviations, facts, report
+from bench.paper.report import contents
 from bench.surrogates.break_even import PAPER_BREAK_EVEN, break_even
 from bench.table import write_table
 from gen.database import Reader
 from gen.runtime.errors import InputError
-from gen.statistics import describe
-from learn.comparison import paper
-from learn.metrics import Scores
 
 COST = ("asked", "solver", "features", *("rows", "database", "tuning", "fit", "solve", "query"))
+NAMES = {part.name for part in report.PARTS}
 
 
 def table_of(path):
@@ -36,12 +33,6 @@ def _few_rows():
         patch.setattr(report, "tests_of", lambda rows: 20)
         patch.setattr(picture, "DPI", 40)
         yield
-
-
-@pytest.fixture(scope="module")
-def preset(tmp_path_factory):
-    """120 rows of the paper preset."""
-    return databases.of_the_paper(None, tmp_path_factory.mktemp("paper"), 120, print)
 
 
 @pytest.fixture(scope="module")
@@ -75,51 +66,10 @@ def cost(tmp_path_factory):
 def made(preset, comparison, cost, tmp_path_factory):
     """The whole report on few rows: its folder, its inputs, the files that it told of."""
     folder, compare = tmp_path_factory.mktemp("made"), hertz.compare
-    given = {"given": preset, "comparison": comparison, "costs": cost, "command": "as typed"}
+    given = {"database": preset, "comparison": comparison, "cost": cost}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(hertz, "compare", lambda: compare(3))
-        return folder, given, report.write_report(folder, 200, **given)
-
-
-def test_the_papers_numbers_fit_together():
-    assert facts.TRAIN_ROWS == 12_703
-    # Most models' nMSE and R2 are of the same test rows: one ratio for all but AdaBoost.
-    spreads = {name: facts.spread_of(each) for name, each in paper.TEST["baseline"].items()}
-    odd = [name for name, value in spreads.items() if abs(value / facts.SPREAD - 1) > 0.15]
-    assert odd == ["adaboost"]
-    assert max(facts.RANGES["area_percent"]) == facts.AREA_MAX
-
-
-def test_spread_is_variance_over_mean():
-    truth = np.random.default_rng(1).gamma(2.0, size=500)
-    prediction = truth + np.random.default_rng(2).normal(0, 0.1, 500)
-    from learn.metrics import scores
-
-    spread = facts.spread_of(scores(truth, prediction))
-    assert spread == pytest.approx(truth.var() / truth.mean(), rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("ours", "theirs", "text"),
-    [(2.0, 1.0, "x 2"), (0.02, 190.0, "1/9,500"), (1.0, 0.0, ""), (300.0, 1.0, "x 300")],
-)
-def test_ratios_are_readable(ours, theirs, text):
-    assert deviations.ratio(ours, theirs) == text
-
-
-def test_levels_are_one_surface():
-    for generator in ("diamond-square", "midpoint"):
-        coarse, fine_grid = (surfaces.surface(0.6, generator, cells + 1) for cells in (8, 32))
-        offset = fine_grid[::4, ::4] - coarse
-        assert np.ptp(offset) < 1e-12
-
-
-def test_marks_are_what_the_statistics_count():
-    heights = surfaces.surface(surfaces.ROUGH)
-    values = describe(heights, 1.0).values
-    along = [surfaces._above(heights, axis) for axis in (0, 1)]
-    assert sum(marks.sum() for marks in along) == round(values["peak_density"] * 2 * heights.size)
-    assert heights[along[0] & along[1]].mean() == pytest.approx(values["asperity_mean"])
+        return folder, given, report.write_report(folder, given, 200)
 
 
 def test_everything_there_is_shown_in_the_papers_order(made):
@@ -129,9 +79,9 @@ def test_everything_there_is_shown_in_the_papers_order(made):
     files = [path for each in shown for path in files_of(each)]
     assert list(dict.fromkeys(files)) == paths
     assert all(path.stat().st_size > 60 for path in paths)
-    assert all(each.command == "as typed" for each in shown)
+    assert all(f"-o {folder} --only " in each.command for each in shown)
     assert all(30 < len(each.caption) < 900 for each in shown)
-    assert list(record(folder)) == list(ORDER)
+    assert {path.name.partition(".")[0] for path in folder.glob("*.part.json")} == NAMES
     sections = [each.caption.split()[:2] for each in shown if each.caption.startswith("Section")]
     numbers = [float(number.rstrip(",")) for _, number in sections]
     assert numbers == sorted(numbers)
@@ -187,65 +137,44 @@ def test_more_displacement_and_smoother_surfaces_touch_more(made):
 def test_only_what_its_inputs_changed_is_made_again(made, cost):
     folder, given, paths = made
     said = []
-    assert report.write_report(folder, 200, **given, remark=said.append) == paths
+    assert report.write_report(folder, given, 200, remark=said.append) == paths
     assert said == []
     os.utime(cost / "cost.csv", (1, 1))
     (folder / "profile.png").unlink()
-    assert report.write_report(folder, 200, **given, remark=said.append) == paths
+    assert report.write_report(folder, given, 200, remark=said.append) == paths
     assert [line.split()[-1] for line in said] == ["numbers", "profile", "cost"]
 
 
-def test_what_is_missing_is_absent_with_what_to_do(tmp_path, made):
+def test_what_is_missing_is_absent_with_what_to_do(tmp_path):
     assert all(isinstance(each, Absent) for each in contents(tmp_path))
-    assert len(contents(tmp_path)) == len(ORDER)
-    drawn = tmp_path / "profile.png"
+    assert len(contents(tmp_path)) == len(report.PARTS)
+    drawn, record = tmp_path / "profile.png", tmp_path / "profile.part.json"
     drawn.write_bytes(b"png")
-    keep(tmp_path, "profile", "key", [Figure(drawn, "a", "b"), Words("c")])
+    Making(record, "command", {}).write([Figure(drawn, "a", "b"), Table(drawn, "d"), Words("c")])
     shown = [each for each in contents(tmp_path) if not isinstance(each, Absent)]
-    assert shown == [Figure(drawn, "a", "b"), Words("c")]
+    assert shown == [Figure(drawn, "a", "b"), Table(drawn, "d", "command"), Words("c")]
     drawn.unlink()
     assert all(isinstance(each, Absent) for each in contents(tmp_path))
-    assert whole(tmp_path, record(tmp_path)["profile"]) == []
-    (tmp_path / RECORD).write_text("{")
-    with pytest.raises(InputError, match="delete it, all is made anew"):
+    record.write_text("{")
+    with pytest.raises(InputError, match="move it away"):
         contents(tmp_path)
 
 
-def test_without_a_comparison_there_is_nothing_of_models(preset):
-    inputs = report.Inputs(preset, preset, None, None, "")
-    parts = [part.name for part in report.parts_of(inputs)]
-    left = set(ORDER) - set(parts)
+def test_without_a_comparison_there_is_nothing_of_models():
+    parts = {part.name: part for part in report.PARTS}
+    left = NAMES - {part.name for part in report._chosen((), {})}
     assert left == {"table-3", "baselines", "tuned", "table-4", "cost"}
     for name in left:
-        what, how = ORDER[name]
-        assert "python -m" in how
-        assert "\n" not in what + how
+        assert "python -m" in parts[name].how
+        assert "\n" not in parts[name].title + parts[name].how
 
 
-def test_kinds_that_were_not_made_are_left_out(preset, tmp_path):
-    compared = [str(preset), "-o", str(tmp_path / "one"), "--area-max", "60"]
-    assert learn.cli.main(["compare", *compared, "--model", "decision-tree"]) == 0
-    assert predictions.predictions(tmp_path, tmp_path / "one", "tuned", "") == []
-    (drawn,) = predictions.predictions(tmp_path, tmp_path / "one", "baseline", "")
-    assert "The closest of these here: Decision Tree" in drawn.caption
-    (table,) = models.table_2(tmp_path, None, "")
-    assert isinstance(table, Table)
-    assert "Not searched here: Decision Tree" in table.caption
-
-
-def test_why_says_what_is_known():
-    alike = models._why(Scores(1.16, 3.07, 9.84, 99.52), 1.2, 3.6)
-    assert alike == "R2 alike; nMSE x 1.5 by the areas' spread"
-    assert models._why(Scores(16.71, 12.8, 25.03, 90.71), 2.7, 3.6) == (
-        f"worse R2: {deviations.UNEXPLAINED}; {deviations.TWO_SPREADS}"
-    )
-
-
-def test_a_finer_grid_of_something_else_is_refused(tmp_path):
-    text = "samples = 1\n[surface]\nnodes = 257\nhurst = [0.5, 0.6]\n"
-    path = databases.generated(tmp_path, "other", text, print)
-    with pytest.raises(InputError, match=r"another grid \(surface.hurst"):
-        fine.check(path)
+def test_a_part_is_made_alone_without_what_it_does_not_need(tmp_path):
+    paths = report.write_report(tmp_path, {}, 200, only=("profile", "table-2"))
+    assert {path.name for path in paths} == {"profile.png", "profile.csv", "table-2.csv"}
+    assert not (tmp_path / "databases").exists()
+    made = read(tmp_path / "profile.part.json")
+    assert made.command == f"python -m bench paper -o {tmp_path} --only profile"
 
 
 @pytest.mark.parametrize(
@@ -257,6 +186,8 @@ def test_a_finer_grid_of_something_else_is_refused(tmp_path):
         (["--fine", "nowhere.h5"], "nowhere.h5 does not exist"),
         (["--fine", "PRESET"], "has 129 nodes a side, give one with more than 129"),
         (["--rows", "5"], "--rows"),
+        (["--only", "table-9"], "--only table-9: give one of numbers, levels"),
+        (["--only", "cost"], "--only cost: needs --cost"),
     ],
 )
 def test_bad_input_is_one_line(arguments, message, preset, tmp_path, capsys):

@@ -1,0 +1,24 @@
+"""The paper's numbers that the report takes, and what they say together."""
+
+import numpy as np
+import pytest
+
+from bench.paper import facts
+from learn.comparison import paper
+from learn.metrics import scores
+
+
+def test_the_papers_numbers_fit_together():
+    assert facts.TRAIN_ROWS == 12_703
+    # Most models' nMSE and R2 are of the same test rows: one ratio for all but AdaBoost.
+    spreads = {name: facts.spread_of(each) for name, each in paper.TEST["baseline"].items()}
+    odd = [name for name, value in spreads.items() if abs(value / facts.SPREAD - 1) > 0.15]
+    assert odd == ["adaboost"]
+    assert max(facts.RANGES["area_percent"]) == facts.AREA_MAX
+
+
+def test_spread_is_variance_over_mean():
+    truth = np.random.default_rng(1).gamma(2.0, size=500)
+    prediction = truth + np.random.default_rng(2).normal(0, 0.1, 500)
+    spread = facts.spread_of(scores(truth, prediction))
+    assert spread == pytest.approx(truth.var() / truth.mean(), rel=1e-12)

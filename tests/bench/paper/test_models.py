@@ -1,0 +1,17 @@
+"""What separates the nine models from the paper's, in words."""
+
+from bench.paper import deviations, models
+from learn.metrics import Scores
+
+
+def test_why_says_what_is_known():
+    alike = models._why(Scores(1.16, 3.07, 9.84, 99.52), 1.2, 3.6)
+    assert alike == "R2 alike; nMSE x 1.5 by the areas' spread"
+    assert models._why(Scores(16.71, 12.8, 25.03, 90.71), 2.7, 3.6) == (
+        f"worse R2: {deviations.UNEXPLAINED}; {deviations.TWO_SPREADS}"
+    )
+
+
+def test_without_a_comparison_search_spaces_are_shown_alone(tmp_path):
+    (table,) = models.table_2(tmp_path)
+    assert "Not searched here: Decision Tree" in table.caption
