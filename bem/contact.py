@@ -244,7 +244,7 @@ def contact_of(problem: Problem, found: Equilibrium | None) -> Contact:
         return contact
     # Nodes that the solver left aside count too, if it did not arrive.
     contact = replace(contact, residual=_violation(contact) / found.length)
-    if contact.residual > problem.rtol:
+    if not contact.residual <= problem.rtol:  # a residual that is nan is refused too
         raise NotConverged(contact, found.iterate.stalled)
     return contact
 

@@ -20,21 +20,10 @@ from bem.problem import Problem
 # Largest tolerance used: looser residuals leave displacements that no better guess follows from.
 LOOSEST_RTOL = 1e-2
 
-# Nodes a side from which on the displacement is guessed on a coarser grid rather than on as few
-# nodes as dense linear algebra takes.
-COARSEST = 200
-
-# Every fourth node makes that coarser grid: its solve costs a sixteenth of a convolution or less.
-STRIDE = 4
-
-# Tolerance of solves that only guess the displacement.
+# Tolerance of the dense solve that guesses the displacement.
 GUESS_RTOL = 2e-2
 
-# Ratio by which the displacement may exceed a guess on a coarse grid. Nodes that may touch are
-# taken from there.
-GUESS_MARGIN = 1.5
-
-# The same for guesses of the final solve, which are better.
+# Ratio by which the displacement may exceed a guess: nodes that may touch are taken from there.
 MARGIN = 1.1
 
 # Guesses of the displacement at most, each from the equilibrium of the one before.
@@ -79,7 +68,7 @@ def _on_few_nodes_or_all(problem: Problem, load: float, near: Start | None) -> E
         equilibrium = _on_few_nodes(problem, load)
         if equilibrium is not None:
             return equilibrium
-    return _from_guess(problem, load, guess, MARGIN, near)
+    return _from_guess(problem, load, guess, near)
 
 
 def _displacement_of_few(problem: Problem) -> float:
@@ -113,14 +102,12 @@ def _on_few_nodes(problem: Problem, load: float) -> Equilibrium | None:
     return unfold(problem, displacement, touching, iterate)
 
 
-def _from_guess(
-    problem: Problem, load: float, guess: float, margin: float, near: Start | None = None
-) -> Equilibrium:
+def _from_guess(problem: Problem, load: float, guess: float, near: Start | None) -> Equilibrium:
     """Solve from a guess of the displacement [um]; if it was too small, again from the result."""
     spent = Effort()
     for _ in range(GUESSES):
-        equilibrium, arrived = _at_guess(problem, guess, load, margin, near, spent)
-        within = equilibrium.converged and equilibrium.approach < margin * guess
+        equilibrium, arrived = _at_guess(problem, guess, load, near, spent)
+        within = equilibrium.converged and equilibrium.approach < MARGIN * guess
         if within or not arrived:
             return equilibrium
         near = _start_from(problem, equilibrium)
@@ -135,17 +122,6 @@ def _start_from(problem: Problem, equilibrium: Equilibrium) -> Start:
 
 
 def _guess(problem: Problem, load: float) -> float:
-    """Guess the displacement under a load from coarser and coarser grids [um]."""
-    if min(problem.heights.shape) < COARSEST:
-        return _guess_on_few_nodes(problem, load)
-    coarse, lost_height = _coarsened(problem, STRIDE)
-    guess = _guess(coarse, load / STRIDE)
-    equilibrium = _from_guess(coarse, load / STRIDE, guess, GUESS_MARGIN)
-    usable = equilibrium.converged and equilibrium.approach > 0
-    return lost_height + (equilibrium.approach if usable else guess)
-
-
-def _guess_on_few_nodes(problem: Problem, load: float) -> float:
     """Guess the displacement by dense linear algebra on a coarse subset of the nodes [um]."""
     shape, stride = problem.heights.shape, 1
     while math.prod(-(-nodes // stride) for nodes in shape) > FEW_NODES:
@@ -180,7 +156,6 @@ def _at_guess(
     problem: Problem,
     guess: float,
     load: float,
-    margin: float,
     near: Start | None,
     spent: Effort,
 ) -> tuple[Equilibrium, bool]:
@@ -194,8 +169,6 @@ def _at_guess(
         Guess of the displacement [um].
     load : float
         Force over E* and the second side of a cell [um].
-    margin : float
-        Ratio by which the displacement may exceed the guess.
     near : Start or None
         A pressure to start from.
     spent : Effort
@@ -204,12 +177,12 @@ def _at_guess(
     Returns
     -------
     equilibrium : Equilibrium
-        In units of its own displacement, which may lie beyond the margin.
+        In units of its own displacement, which may lie beyond `MARGIN`.
     arrived : bool
         Whether the solver met its tolerance.
     """
-    touching = overlap(problem, guess * margin)
-    interference = touching.interference * margin - margin + 1
+    touching = overlap(problem, guess * MARGIN)
+    interference = touching.interference * MARGIN - MARGIN + 1
     rigid = HalfSpace(touching.shape, problem.kernel, problem.aspect, touching.nodes)
     if near is None:
         start = Iterate.from_zero(interference)
@@ -221,7 +194,7 @@ def _at_guess(
     iterate, arrived = solve_complementarity(
         rigid.under(load / guess),
         interference,
-        rtol=problem.rtol / margin,
+        rtol=problem.rtol / MARGIN,
         max_iterations=problem.max_iterations,
         start=start,
         pace=FROM_NEAR,
@@ -249,8 +222,8 @@ def _in_own_displacement(equilibrium: Equilibrium, rtol: float) -> Equilibrium:
 def _by_root(problem: Problem, load: float, failed: Equilibrium) -> Equilibrium:
     """Find the displacement at which a rigid far field carries the force, by Brent's method.
 
-    Solves at a given displacement are certain to arrive, while contact sets may cycle where the
-    displacement follows from the load.
+    Solves at a given displacement are certain to arrive. Where the displacement follows from the
+    load, contact sets may cycle, and a force many decades below the guess's may leave no digits.
     """
     spent = failed.iterate.effort
     last: list[Equilibrium] = []
@@ -280,7 +253,7 @@ def _by_root(problem: Problem, load: float, failed: Equilibrium) -> Equilibrium:
         failed.iterate.effort = spent
         return failed
     near = _start_from(problem, last[0])
-    return _at_guess(problem, last[0].approach, load, MARGIN, near, spent)[0]
+    return _at_guess(problem, last[0].approach, load, near, spent)[0]
 
 
 class _OutOfIterations(Exception):

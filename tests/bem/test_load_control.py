@@ -108,6 +108,16 @@ def test_a_root_is_found_where_contact_sets_cycle(monkeypatch: pytest.MonkeyPatc
     assert stopped.value.contact.residual > 1e-12
 
 
+@pytest.mark.filterwarnings("ignore:divide by zero", "ignore:invalid value")
+@pytest.mark.parametrize("pressure", [1e-30, 1e-24, 1e-15, 1e-6])
+def test_forces_far_below_any_guess_are_carried(pressure: float) -> None:
+    """On grids whose highest node is not among those that the displacement is guessed on."""
+    heights = generate("diamond-square", 513, 0.7, 12.5, np.random.default_rng(0))
+    contact = bem.solve(heights, 1.0, pressure=pressure, spacing=1.0)
+    assert contact.pressure.mean() == pytest.approx(pressure, rel=1e-6)
+    assert 0 < contact.delta < 1
+
+
 def ridges(shape: tuple[int, int], row: int, column: int | None = None) -> np.ndarray:
     heights = np.zeros(shape)
     heights[row] = 1
