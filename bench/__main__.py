@@ -21,6 +21,7 @@ COMMANDS = (
     solver.growth,
     solver.hertz,
     solver.stability,
+    solver.ledger,
     surrogates.models,
     surrogates.tolerance,
     surrogates.generalisation,

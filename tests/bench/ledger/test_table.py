@@ -1,0 +1,75 @@
+"""Entries of the ledger: what passes, what fails, and with which line."""
+
+from pathlib import Path
+
+import pytest
+
+from bench.ledger.table import LEDGER, Entry, Key, faults, read, text_table, updated, write_entries
+from gen.runtime.errors import InputError
+
+CONVOLUTIONS = Key("given force", "convolutions")
+NODES = Key("given force", "contact nodes")
+ENTRIES = {CONVOLUTIONS: Entry(500, "first"), NODES: Entry(2000, "first")}
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({}, []),
+        ({CONVOLUTIONS: 510, NODES: 2002}, []),
+        ({CONVOLUTIONS: 300, NODES: 1998}, []),
+        (
+            {CONVOLUTIONS: 511},
+            ["given force, convolutions: rises from 500 to 511 (+2.2%, at most +2%)"],
+        ),
+        (
+            {NODES: 1997},
+            ["given force, contact nodes: changes from 2000 to 1997 (at most 0.1% either way)"],
+        ),
+        ({Key("new", "fits"): 3}, ["new, fits: 3 is not in the ledger"]),
+    ],
+)
+def test_work_may_fall_and_results_may_not_change(
+    changes: dict[Key, int], expected: list[str]
+) -> None:
+    counts = {CONVOLUTIONS: 500, NODES: 2000} | changes
+    assert list(faults(ENTRIES, counts)) == expected
+
+
+def test_an_entry_that_nobody_counts_fails() -> None:
+    (fault,) = faults(ENTRIES, {CONVOLUTIONS: 500})
+    assert fault == "given force, contact nodes: is in the ledger but was not counted"
+
+
+def test_an_update_gives_its_reason_to_changed_entries_alone() -> None:
+    counts = {CONVOLUTIONS: 450, NODES: 2000, Key("new", "fits"): 3}
+    entries = updated(ENTRIES, counts, "a better start")
+    assert entries == {
+        CONVOLUTIONS: Entry(450, "a better start"),
+        NODES: Entry(2000, "first"),
+        Key("new", "fits"): Entry(3, "a better start"),
+    }
+    assert not list(faults(entries, counts))
+
+
+def test_the_file_holds_its_entries(tmp_path: Path) -> None:
+    path = tmp_path / "counts.csv"
+    assert read(path) == {}
+    write_entries(ENTRIES, path)
+    assert read(path) == ENTRIES
+    for spoilt in ("", "item,count\n", "item,count,value,reason\na,b,many,c\n"):
+        path.write_text(spoilt)
+        with pytest.raises(InputError, match="is no ledger"):
+            read(path)
+
+
+def test_the_table_shows_changes() -> None:
+    text = text_table(ENTRIES, {CONVOLUTIONS: 600, NODES: 2000, Key("new", "fits"): 3})
+    assert "given force  convolutions      500   600  +20.0%" in text.splitlines()
+    assert text.splitlines()[-1].split() == ["new", "fits", "-", "3"]
+
+
+def test_the_committed_ledger_has_reasons_and_plenty_of_counts() -> None:
+    entries = read(LEDGER)
+    assert len({key.item for key in entries}) > 20
+    assert all(entry.reason for entry in entries.values())
