@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import bem
+from bench.table import markdown
 from gen.arrays import Heights
 from gen.generation.plan import parameters
 from gen.generation.sample import solve_contact, surface_of
@@ -22,6 +23,10 @@ from gen.scene import Scene, load
 RTOLS = (1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 5e-7, 2e-7, 1e-7, 1e-8)
 EXACT_RTOL = 1e-12
 WANTED_SHARE = 0.999
+HEADER = (
+    *("rtol", "right counts", "wrong samples", "largest miss", "largest force error"),
+    *("convolutions", "time"),
+)
 
 
 @dataclass(frozen=True)
@@ -116,25 +121,22 @@ def cheapest_right(counts: Sequence[Count], wanted: float = WANTED_SHARE) -> Cou
 
 def markdown_table(counts: Sequence[Count]) -> str:
     """Lines of Markdown: a row per tolerance, and the verdict."""
-    columns = "right counts", "wrong samples", "largest miss", "largest force error"
-    lines = [
-        f"| rtol | {' | '.join(columns)} | convolutions | time |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    lines = []
     for count in counts:
-        wrong = f"{count.samples - count.right} of {count.samples}"
-        lines.append(
-            f"| {_power_of_ten(count.rtol)} | {100 * count.share:.2f} % | {wrong}"
-            f" | {count.largest_miss} nodes | {count.force_error:.1e}"
-            f" | {count.convolutions:.1f} | {count.relative_time:.2f} |"
+        right, wrong = (
+            f"{100 * count.share:.2f} %",
+            f"{count.samples - count.right} of {count.samples}",
         )
+        worst = f"{count.largest_miss} nodes", f"{count.force_error:.1e}"
+        cost = f"{count.convolutions:.1f}", f"{count.relative_time:.2f}"
+        lines.append((_power_of_ten(count.rtol), right, wrong, *worst, *cost))
+    table = markdown(HEADER, lines)
     cheapest = cheapest_right(counts)
     verdict = _power_of_ten(cheapest.rtol) if cheapest else "none of these"
-    lines.append(
-        f"\nTime is relative to rtol {_power_of_ten(EXACT_RTOL)}, which also says what is right."
+    return (
+        f"{table}\n\nTime is relative to rtol {_power_of_ten(EXACT_RTOL)}, which also says what is"
+        f" right.\nCheapest with {100 * WANTED_SHARE:g} % right: {verdict}."
     )
-    lines.append(f"Cheapest with {100 * WANTED_SHARE:g} % right: {verdict}.")
-    return "\n".join(lines)
 
 
 def _power_of_ten(rtol: float) -> str:

@@ -10,7 +10,7 @@ growth. Seconds and memory are those of a solve as it comes.
 import time
 import tracemalloc
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -22,9 +22,10 @@ import bem
 from bem import half_space
 from bem.convolution import fast_period
 from bench.page.content import Content, Figure, Table
-from bench.picture import new_figure, save
+from bench.picture import new_figure
+from bench.report import Report
 from bench.style import STYLES
-from bench.table import write_table
+from bench.table import markdown
 from gen.arrays import Heights
 from gen.runtime.errors import InputError
 from gen.surface import generate
@@ -66,14 +67,6 @@ class Row:
     padded_arrays: float
 
 
-@dataclass(frozen=True)
-class _Solve:
-    area_percent: float
-    convolutions: int
-    seconds: float
-    padded_arrays: float
-
-
 def growth(
     nodes: Sequence[int] = NODES,
     surfaces: int = 3,
@@ -108,28 +101,22 @@ def growth(
             solves = []
             for seed in range(surfaces):
                 solves.append(_solve(size, seed, _displacement(size, seed, percent)))
-                remark(f"{percent:g} %, {size} nodes, seed {seed}: {solves[-1].seconds:.2f} s")
-            row = _row(percent, size, solves, first)
+                remark(f"{percent:g} %, {size} nodes, seed {seed}: {solves[-1][2]:.2f} s")
+            area, convolutions, seconds, _ = np.mean(solves, axis=0).tolist()
+            memory = max(solve[-1] for solve in solves)
+            row = Row(percent, size, area, convolutions, 1.0, seconds, memory)
             first = first or row
-            rows.append(row)
+            rows.append(replace(row, growth=_growth(first, row)))
     return rows
 
 
-def write_report(folder: Path, rows: Sequence[Row]) -> list[Path]:
-    """Write `growth.csv` and `growth.png` into a folder, which is made where there is none.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to, or matplotlib is not installed
-    """
-    names = [field.name for field in fields(Row)]
-    table = write_table(folder / "growth.csv", names, map(astuple, rows))
-    return [table, save(_picture(rows), folder / "growth.png")]
+def report(rows: Sequence[Row]) -> Report:
+    """Return the table, the picture and the words of a report."""
+    return Report({"growth": rows}, pictures={"growth": _picture(rows)}, text=in_words(rows))
 
 
 def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder that `write_report` has written."""
+    """List what a page shows of a folder that holds this report."""
     return [
         Figure(
             folder / "growth.png",
@@ -147,17 +134,18 @@ def contents(folder: Path) -> list[Content]:
     ]
 
 
-def markdown_table(rows: Sequence[Row]) -> str:
-    """Lines of Markdown: a row per share and grid, and whether the marks are met."""
-    lines = [
-        "| contact | nodes | convolutions | growth | seconds | memory |",
-        "|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {row.area_percent:.1f} % | {row.nodes} | {row.convolutions:.1f}"
-        f" | {row.growth:.2f} | {row.seconds:.3g} | {row.padded_arrays:.1f} |"
-        for row in rows
-    ]
+def in_words(rows: Sequence[Row]) -> str:
+    """Return lines of Markdown: a row per share and grid, and whether the marks are met."""
+    table = markdown(
+        ("contact", "nodes", "convolutions", "growth", "seconds", "memory"),
+        (
+            (
+                *(f"{row.area_percent:.1f} %", f"{row.nodes}", f"{row.convolutions:.1f}"),
+                *(f"{row.growth:.2f}", f"{row.seconds:.3g}", f"{row.padded_arrays:.1f}"),
+            )
+            for row in rows
+        ),
+    )
     largest = max(row.growth for row in rows if row.nodes == rows[-1].nodes)
     memory = max(row.padded_arrays for row in rows)
     verdict = (
@@ -165,7 +153,7 @@ def markdown_table(rows: Sequence[Row]) -> str:
         f" (mark {WANTED_GROWTH:g}); memory: at most {memory:.1f} padded arrays"
         f" (mark {WANTED_MEMORY:g})."
     )
-    return "\n".join([*lines, "", verdict])
+    return f"{table}\n\n{verdict}"
 
 
 def _picture(rows: Sequence[Row]) -> Any:
@@ -194,21 +182,10 @@ def _picture(rows: Sequence[Row]) -> Any:
     return figure
 
 
-def _row(percent: float, nodes: int, solves: Sequence[_Solve], first: Row | None) -> Row:
-    convolutions = float(np.mean([solve.convolutions for solve in solves]))
-    grown = 1.0
-    if first is not None:
-        doublings = np.log2((nodes - 1) / (first.nodes - 1))
-        grown = float((convolutions / first.convolutions) ** (1 / doublings))
-    return Row(
-        percent=percent,
-        nodes=nodes,
-        area_percent=float(np.mean([solve.area_percent for solve in solves])),
-        convolutions=convolutions,
-        growth=grown,
-        seconds=float(np.mean([solve.seconds for solve in solves])),
-        padded_arrays=max(solve.padded_arrays for solve in solves),
-    )
+def _growth(first: Row, row: Row) -> float:
+    """Factor of the convolutions per doubling of the nodes a side [1]."""
+    doublings = np.log2((row.nodes - 1) / (first.nodes - 1)) if row is not first else 1.0
+    return float((row.convolutions / first.convolutions) ** (1 / doublings))
 
 
 def _surface(nodes: int, seed: int) -> Heights:
@@ -230,8 +207,11 @@ def _displacement(nodes: int, seed: int, percent: float) -> float:
     return float(found[-1] * (found[-1] / found[-2]) ** doublings)
 
 
-def _solve(nodes: int, seed: int, delta: float) -> _Solve:
-    """Memory first, which the first solve of a size needs the most of; then time and counts."""
+def _solve(nodes: int, seed: int, delta: float) -> tuple[float, float, float, float]:
+    """Area [%], convolutions, seconds and padded arrays of memory of a solve, see `Row`.
+
+    Memory comes first, as the first solve of a size needs most of it; then time and counts.
+    """
     heights = _surface(nodes, seed)
     field_bytes = 8 * fast_period(nodes) ** 2
     tracemalloc.start()
@@ -246,4 +226,4 @@ def _solve(nodes: int, seed: int, delta: float) -> _Solve:
     if contact.contact_nodes <= half_space.FEW_PER_ROOT * np.cbrt(heights.size):
         with mock.patch.object(half_space, "FEW_PER_ROOT", 0.0):
             contact = bem.solve(heights, SIDE, delta, rtol=RTOL)
-    return _Solve(contact.area_percent, contact.convolutions, seconds, memory / field_bytes)
+    return contact.area_percent, contact.convolutions, seconds, memory / field_bytes

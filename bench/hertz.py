@@ -4,7 +4,6 @@ Both kernels on the paper's two grids, beside the closed form. The displacement 
 paraboloid's tip, which on an even number of nodes lies a little above the highest of them.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,10 +15,9 @@ import bem
 from bem.analytic import Paraboloid, distances_to_centre
 from bem.influence import KERNELS, Kernel
 from bench.page.content import Content, Figure
-from bench.picture import new_figure, save
+from bench.picture import new_figure
+from bench.report import Report
 from bench.style import STYLES
-from bench.table import write_table
-from gen.runtime.output import check_folder
 
 Values = NDArray[np.float64]
 
@@ -84,30 +82,26 @@ def compare(steps: int = STEPS) -> list[Curve]:
     return [closed_form(delta), *curves]
 
 
-def write_report(folder: Path) -> list[Path]:
-    """Write `hertz.csv` and `hertz.png` into a folder, which is made where there is none.
-
-    Returns
-    -------
-    The two files
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to, or matplotlib is not installed
-    """
-    table, picture = folder / "hertz.csv", folder / "hertz.png"
+def report(curves: list[Curve]) -> Report:
+    """Return the table and the picture of all curves, the closed form first."""
     figure = new_figure(11, 7.5)
-    check_folder(folder, table.name, picture.name)
-    curves = compare()
-    header, *rows = _rows(curves)
-    write_table(table, map(str, header), rows)
     _draw(figure, curves)
-    return [table, save(figure, picture)]
+    rows = (
+        {
+            "solution": curve.solution,
+            "nodes": curve.nodes or "",
+            "delta_um": float(curve.delta[step]),
+            "force_uN": float(curve.force[step]),
+            "area_percent": float(curve.area_percent[step]),
+        }
+        for curve in curves
+        for step in range(curve.delta.size)
+    )
+    return Report({"hertz": rows}, pictures={"hertz": figure})
 
 
 def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder that `write_report` has written."""
+    """List what a page shows of a folder that holds this report."""
     return [
         Figure(
             folder / "hertz.png",
@@ -119,15 +113,6 @@ def contents(folder: Path) -> list[Content]:
             data=(folder / "hertz.csv",),
         )
     ]
-
-
-def _rows(curves: Iterable[Curve]) -> Iterable[tuple[object, ...]]:
-    """The table, its header first; a number is written with all its digits."""
-    yield "solution", "nodes", "delta_um", "force_uN", "area_percent"
-    for curve in curves:
-        columns = curve.delta.tolist(), curve.force.tolist(), curve.area_percent.tolist()
-        for delta, force, area in zip(*columns, strict=True):
-            yield curve.solution, curve.nodes or "", delta, force, area
 
 
 def _draw(figure: Any, curves: list[Curve]) -> None:

@@ -12,14 +12,15 @@ import resource
 import sys
 import warnings
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench.page.content import Content, Table
-from bench.table import write_table
+from bench.report import Report
+from bench.table import markdown
 from gen.runtime.errors import InputError
 from learn import memory
 from learn.comparison.search.spaces import OPTIMA, SPACES
@@ -93,14 +94,11 @@ def measure(
     return found
 
 
-def report(peaks: list[Peak], output: Path | None) -> str:
-    """Lines of Markdown for people, and `memory.csv` in a folder if one is given."""
-    lines = ["| model | training rows | peak [GiB] | reckoned with [GiB] |", "|---|---|---|---|"]
-    lines += [f"| {p.model} | {p.rows:,} | {p.peak:.2f} | {p.reckoned:.2f} |" for p in peaks]
-    if output is not None:
-        header = (field.name for field in fields(Peak))
-        write_table(output / "memory.csv", header, map(astuple, peaks))
-    return "\n".join(lines)
+def report(peaks: list[Peak]) -> Report:
+    """Return the peaks as a file, and as lines of Markdown."""
+    header = ("model", "training rows", "peak [GiB]", "reckoned with [GiB]")
+    lines = ((p.model, f"{p.rows:,}", f"{p.peak:.2f}", f"{p.reckoned:.2f}") for p in peaks)
+    return Report({"memory": peaks}, text=markdown(header, lines))
 
 
 def contents(folder: Path) -> list[Content]:

@@ -46,6 +46,12 @@ def write_rows(path: Path, rows: Iterable[Any]) -> Path:
     return write_table(path, records[0], (list(each.values()) for each in records))
 
 
+def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table as lines of Markdown."""
+    lines = (f"| {' | '.join(cells)} |" for cells in rows)
+    return "\n".join([f"| {' | '.join(header)} |", f"|{'---|' * len(header)}", *lines])
+
+
 def read_table(path: Path) -> tuple[list[str], list[dict[str, str]]]:
     """Read the names of the columns of a table, and its rows by these names.
 

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from bench.scale.launch import launch
+from bench.table import markdown
 from gen import database
 from gen.arrays import Columns
 from gen.generation.delivery import Block, Target, delivery
@@ -85,17 +86,15 @@ def measure(
 
 def markdown_table(spec: Spec, measured: Sequence[tuple[int, Seconds]]) -> str:
     """Lines of Markdown: MB/s of both writers, median (lowest to highest) of the rounds."""
-    lines = ["| ranks | single writer, MB/s | parallel writer, MB/s | parallel / single |"]
-    lines.append("|---|---|---|---|")
+    lines = []
     for ranks, seconds in measured:
         rates = [_rate(spec, seconds.get(writer, [])) for writer in ("single", "parallel")]
-        ratio = (
-            f"{median(seconds['single']) / median(seconds['parallel']):.2f}"
-            if "parallel" in seconds
-            else "-"
-        )
-        lines.append(f"| {ranks} | {rates[0]} | {rates[1]} | {ratio} |")
-    return "\n".join(lines)
+        ratio = "-"
+        if "parallel" in seconds:
+            ratio = f"{median(seconds['single']) / median(seconds['parallel']):.2f}"
+        lines.append((str(ranks), *rates, ratio))
+    header = ("ranks", "single writer, MB/s", "parallel writer, MB/s", "parallel / single")
+    return markdown(header, lines)
 
 
 def _rate(spec: Spec, seconds: list[float]) -> str:

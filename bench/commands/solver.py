@@ -6,7 +6,6 @@ import typer
 
 from bench.commands.options import Folder, FolderIfAny, numbers, remark, require_place, tell
 from gen.runtime.errors import InputError
-from gen.runtime.output import check_folder
 
 
 def solver(
@@ -75,13 +74,10 @@ def growth(
     At 1, 10 and 50 % of the nodes in contact. Two minutes; with 2049 nodes a side and one surface
     some more. Prints a table, writes DIR/growth.csv and DIR/growth.png.
     """
-    from bench.growth import growth, markdown_table, write_report
+    from bench.growth import growth, report
 
-    check_folder(output, "growth.csv", "growth.png")
-    rows = growth(numbers("nodes", nodes, int), surfaces, remark=remark)
-    typer.echo(markdown_table(rows))
-    for path in write_report(output, rows):
-        typer.echo(path)
+    require_place(output, "growth.csv", "growth.png")
+    tell(output, report(growth(numbers("nodes", nodes, int), surfaces, remark=remark)))
 
 
 def hertz(output: Folder) -> None:
@@ -90,10 +86,10 @@ def hertz(output: Folder) -> None:
     Force and area against the displacement, for the closed form and for both kernels on 128 and on
     256 nodes a side, as in section 2.4 of the paper: DIR/hertz.csv and DIR/hertz.png.
     """
-    from bench.hertz import write_report
+    from bench.hertz import compare, report
 
-    for path in write_report(output):
-        typer.echo(path)
+    require_place(output, "hertz.csv", "hertz.png")
+    tell(output, report(compare()))
 
 
 def stability(

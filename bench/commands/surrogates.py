@@ -169,4 +169,4 @@ def memory(
 
     if output is not None:
         check_folder(output, "memory.csv")
-    typer.echo(report(measure(model or [], rows, remark), output))
+    tell(output, report(measure(model or [], rows, remark)))

@@ -17,7 +17,7 @@ process's memory grows with their square."""
 
 def paraboloid(folder: Path) -> list[Content]:
     """The paraboloid, as `python -m bench hertz` draws it (section 2.4)."""
-    table, picture = hertz.write_report(folder)
+    table, picture = hertz.report(hertz.compare()).write(folder)
     caption = (
         "Section 2.4, a paraboloid against Hertz: force and area over the displacement, below how"
         " far they are off. As in the paper, the area moves in steps, finer on the finer grid, for"

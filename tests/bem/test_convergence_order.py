@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import bem
 from bem.analytic import PowerLaw, distances_to_centre
-from bench.orders import PROFILES, Profile, area_order, convergence, force_order
+from tests.bem.convergence import PROFILES, Profile, area_order, convergence, force_order
 
 GRIDS = {"odd": (17, 25, 33, 49, 65, 97, 129), "even": (16, 24, 32, 48, 64, 96, 128)}
 *SMOOTH, FLAT_PUNCH = PROFILES

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.growth import growth, markdown_table, write_report
+from bench.growth import growth, in_words, report
 from gen.runtime.errors import InputError
 
 
@@ -20,13 +20,13 @@ def test_rows_reach_their_contact_and_say_what_it_took(tmp_path: Path) -> None:
         assert 0 < row.padded_arrays < 12
     assert rows[0].growth == 1
     assert rows[1].growth == pytest.approx(rows[1].convolutions / rows[0].convolutions)
-    table, picture = write_report(tmp_path / "new", rows)
+    table, picture = report(rows).write(tmp_path / "new")
     assert picture.read_bytes().startswith(b"\x89PNG")
     with table.open(newline="") as file:
         written = list(csv.DictReader(file))
     assert [float(row["convolutions"]) for row in written] == [row.convolutions for row in rows]
     missed = [rows[0], replace(rows[1], growth=1.77, padded_arrays=13.0)]
-    assert "at most 1.77 (mark 1.3); memory: at most 13.0" in markdown_table(missed)
+    assert "at most 1.77 (mark 1.3); memory: at most 13.0" in in_words(missed)
 
 
 @pytest.mark.parametrize("nodes", [100, 33, 3, 0])

@@ -10,7 +10,7 @@ import pytest
 from launch import launch
 
 from bench import hertz
-from gen.runtime.errors import InputError
+from bench.__main__ import main
 
 
 @pytest.fixture(scope="module")
@@ -76,11 +76,12 @@ def test_folders_that_cannot_be_written_are_refused(folder: str, tmp_path: Path)
 
 
 def test_missing_matplotlib_is_said_before_anything_is_solved(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(InputError, match="install the extra 'plot'"):
-        hertz.write_report(tmp_path / "new")
+    monkeypatch.setattr(hertz, "compare", lambda: pytest.fail("solved"))
+    assert main(["hertz", "-o", str(tmp_path / "new")]) == 2
+    assert "install the extra 'plot'" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
 
 

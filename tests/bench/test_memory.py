@@ -33,7 +33,8 @@ def test_memory_of_trees_is_carried_on_in_a_line(monkeypatch):
 
 def test_the_report_is_a_table_and_a_file(tmp_path):
     peaks = [memory.Peak("svm", 12_703, 1, 0.25, 0.25, 0.5)]
-    assert "| svm | 12,703 | 0.25 | 0.50 |" in memory.report(peaks, tmp_path / "report")
+    assert "| svm | 12,703 | 0.25 | 0.50 |" in memory.report(peaks).text
+    memory.report(peaks).write(tmp_path / "report")
     with (tmp_path / "report" / "memory.csv").open(encoding="utf-8") as file:
         (row,) = csv.DictReader(file)
     assert row["model"] == "svm"

@@ -5,7 +5,7 @@ import pytest
 
 import bem
 from bem.analytic import distances_to_centre
-from bench import orders
+from tests.bem import convergence as orders
 
 SPHERE, *_, FLAT_PUNCH = orders.PROFILES
 
