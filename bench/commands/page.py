@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from bench.commands.options import Folder, PaperDatabase, remark
+from bench.commands.options import Folder, PaperDatabase, remark, require_place, tell
 
 
 def run(
@@ -100,7 +100,7 @@ def unstated(
     Generates a dozen databases in DIR/databases, goes on there after Ctrl-C; DIR/unstated.csv,
     readings.csv, early-stop.csv and unstated.png. Minutes.
     """
-    from bench.unstated.report import write_report
+    from bench.paper.unstated.report import report
 
-    for path in write_report(output, rows, remark):
-        typer.echo(path)
+    require_place(output, "unstated.csv", "readings.csv", "early-stop.csv", "unstated.png")
+    tell(output, report(output, rows, remark))

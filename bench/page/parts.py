@@ -153,7 +153,7 @@ PARTS = (
         "What the paper does not say, and what it does to the result",
         quick="",
         full="-m bench unstated --rows 3000 -o {folder}",
-        show=contents_of("bench.unstated.report:contents"),
+        show=contents_of("bench.paper.unstated.report:contents"),
     ),
     Part(
         "benchmarks",

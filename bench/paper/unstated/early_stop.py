@@ -33,12 +33,17 @@ class Row:
 
     Attributes
     ----------
-    share : displacement over Delta* [1]
-    surfaces : how many
-    ended : share of the iterations that stopped by themselves [%]
-    solves : median number until then
-    area_low, force_low : median of how much area and force are too low, of those that stopped and
-        have an equilibrium [%]
+    share : float
+        Displacement over Delta* [1].
+    surfaces : int
+        Number of surfaces.
+    ended : float
+        Share of the iterations that stopped by themselves [%].
+    solves : float
+        Median number of solves until they stopped.
+    area_low, force_low : float
+        Median of how much too low area and force are, over the iterations that stopped and have an
+        equilibrium [%].
     """
 
     share: float
@@ -54,9 +59,12 @@ def compare(scene: Scene, surfaces: int, shares: tuple[float, ...]) -> Iterator[
 
     Parameters
     ----------
-    scene : with a compliant far field
-    surfaces : how many
-    shares : displacements over Delta*; from 1 on there is no equilibrium
+    scene : Scene
+        A scene with a compliant far field.
+    surfaces : int
+        Number of its first surfaces that are pressed.
+    shares : tuple of float
+        Displacements over Delta*; from 1 on there is no equilibrium.
     """
     plan = parameters(scene, 0, surfaces)
     heights = [surface_of(scene, plan, row) for row in range(surfaces)]

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.paper.unstated.choices import OURS, VARIANTS, Variant
+from bench.paper.unstated.readings import range_distance
 from bench.surrogates import fitting
 from bench.surrogates.databases import generated
-from bench.unstated.choices import OURS, VARIANTS, Variant
 from gen.database import Reader
-from gen.runtime.errors import InputError
-from gen.schema import COLUMNS, Status
+from gen.schema import Status
 from gen.statistics import NAMES
 from learn.dataset import Dataset
 from learn.metrics import scores
@@ -25,9 +25,6 @@ MODEL, FEATURES = "kernel-ridge", "paper"
 SEEDS = range(5)
 """Of the decision trees, whose scores scatter."""
 
-RANGES = {column.name: column.paper_range for column in COLUMNS if column.paper_range is not None}
-"""Table 1's."""
-
 
 @dataclass(frozen=True)
 class Row:
@@ -35,19 +32,31 @@ class Row:
 
     Attributes
     ----------
-    choice, ours, other : what was varied
-    rows : generated
-    done : of them solved [%]
-    area_mean : of the rows that both the variant and the preset have solved [%]
-    area_times, force_times : mean area and force over the preset's, on those rows [1]
-    area_largest : of all rows solved [%]
-    kept : share of rows solved whose area is kept for the surrogate [%]
-    table_1 : distance of the statistics' ranges from Table 1's, median over the 22; an end that is
-        off by the width of the paper's range counts 100 [%]
-    trained : rows that train the surrogate, as many for all variants
-    nmse, nmae, r2 : scores of kernel ridge on the test rows [%]
-    tree_r2 : of a decision tree with its library's settings, mean over seeds [%]
-    spread : variance of the test areas over their mean, nMSE / (100 - R2) [%]
+    choice, ours, other : str
+        The choice, what the preset takes, and what the variant takes.
+    rows : int
+        Rows that were generated.
+    done : float
+        Share of the rows that were solved [%].
+    area_mean : float
+        Mean area of the rows that both the variant and the preset have solved [%].
+    area_times, force_times : float
+        Mean area and force over the preset's, on those rows [1].
+    area_largest : float
+        Largest area of the solved rows [%].
+    kept : float
+        Share of the solved rows whose area is kept for the surrogate [%].
+    table_1 : float
+        Distance of the statistics' ranges from Table 1's, median over the 22; an end that is off by
+        the width of the paper's range counts 100 [%].
+    trained : int
+        Rows that train the surrogate, as many for all variants.
+    nmse, nmae, r2 : float
+        Scores of kernel ridge on the test rows [%].
+    tree_r2 : float
+        R2 of a decision tree with its library's settings, mean over seeds [%].
+    spread : float
+        Variance of the test areas over their mean, nMSE / (100 - R2) [%].
     """
 
     choice: str
@@ -74,13 +83,17 @@ def measure(folder: Path, rows: int, remark: Remark) -> list[Row]:
 
     Parameters
     ----------
-    folder : where the databases go; what is there already is used
-    rows : of each
-    remark : told how far it is
+    folder : Path
+        Folder of the databases; those that are there already are used.
+    rows : int
+        Rows of each database.
+    remark : callable
+        Told how far it is.
 
     Returns
     -------
-    The preset first
+    list of Row
+        The preset first.
 
     Raises
     ------
@@ -120,7 +133,7 @@ def _rows(
             force_times=_times(found, base, both, "force"),
             area_largest=float(found["area_percent"][done].max()),
             kept=100 * float(kept.mean()),
-            table_1=_distance({name: found[name] for name in NAMES}),
+            table_1=float(np.median([range_distance(found[name], name) for name in NAMES])),
             trained=trained,
             spread=float(parts.test.target.var() / parts.test.target.mean()),
             **_scores(paths[variant.name], variant, parts, trained),
@@ -140,28 +153,6 @@ def _columns(path: Path) -> dict[str, Values]:
 
 def _times(found: dict[str, Values], base: dict[str, Values], both: Values, name: str) -> float:
     return float(found[name][both].mean() / base[name][both].mean())
-
-
-def _distance(statistics: dict[str, Values]) -> float:
-    """Median over the statistics of how far the ends of their ranges are from Table 1's [%]."""
-    return float(np.median([range_distance(values, name) for name, values in statistics.items()]))
-
-
-def range_distance(values: Values, name: str) -> float:
-    """How far the ends of a quantity's range are from Table 1's [% of that range's width].
-
-    Raises
-    ------
-    InputError
-        If Table 1 does not have it, or no value is finite.
-    """
-    if name not in RANGES:
-        raise InputError(f"{name}: not in the paper's Table 1")
-    if not np.isfinite(values).any():
-        raise InputError(f"{name}: no finite value")
-    low, high = RANGES[name]
-    ends = np.array([np.nanmin(values), np.nanmax(values)])
-    return float(100 * np.abs(ends - (low, high)).mean() / (high - low))
 
 
 def _scores(path: Path, variant: Variant, parts: fitting.Parts, trained: int) -> dict[str, float]:

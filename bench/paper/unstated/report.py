@@ -1,17 +1,15 @@
-"""The files of `python -m bench unstated`, and what a page shows of them."""
+"""`python -m bench unstated`: its tables, its picture, and words on what to see in them."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import astuple, fields
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from bench.page.content import Content, Figure, Table
-from bench.picture import new_figure, save
+from bench.paper.unstated import early_stop, effects, readings
+from bench.paper.unstated.effects import Remark
+from bench.picture import new_figure
+from bench.report import Report
 from bench.style import STYLES
-from bench.table import write_table
-from bench.unstated import definitions, fixed_point, measurement
-from bench.unstated.measurement import Remark
-from gen.runtime.output import check_folder
 from gen.scene import load
 
 SURFACES = 200
@@ -36,40 +34,28 @@ TICKS = (0.5, 1.0, 2.0, 5.0)
 """Of areas and forces over the preset's."""
 
 
-def write_report(folder: Path, rows: int, remark: Remark) -> list[Path]:
-    """Measure, and write `unstated.csv`, `readings.csv`, `early-stop.csv` and `unstated.png`.
+def report(folder: Path, rows: int, remark: Remark) -> Report:
+    """Try the readings, stop iterations early, and measure the effect of every choice.
 
     Parameters
     ----------
-    folder : where to; the databases go to its folder `databases`
-    rows : of each database
-    remark : told how far it is
-
-    Returns
-    -------
-    The files
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to, or matplotlib is not installed.
+    folder : Path
+        Folder of the report; the databases go to its folder `databases`.
+    rows : int
+        Rows of each database.
+    remark : callable
+        Told how far it is.
     """
-    names = ("readings.csv", "early-stop.csv", "unstated.csv", "unstated.png")
-    check_folder(folder, *names)
-    new_figure()  # found out before minutes of measuring rather than after
     remark("readings of Table 1")
-    readings = list(definitions.compare(load("paper"), SURFACES))
-    tables = [_write(folder / "readings.csv", definitions.Row, readings)]
+    tables: dict[str, Sequence[Any]] = {"readings": [*readings.compare(load("paper"), SURFACES)]}
     remark("iterations that stop early")
-    stopped = list(fixed_point.compare(load("paper-mirco"), LIMITED, SHARES))
-    tables.append(_write(folder / "early-stop.csv", fixed_point.Row, stopped))
-    found = measurement.measure(folder / "databases", rows, remark)
-    tables.append(_write(folder / "unstated.csv", measurement.Row, found))
-    return [*tables, save(_picture(found), folder / "unstated.png")]
+    tables["early-stop"] = [*early_stop.compare(load("paper-mirco"), LIMITED, SHARES)]
+    found = tables["unstated"] = effects.measure(folder / "databases", rows, remark)
+    return Report(tables, pictures={"unstated": _picture(found)})
 
 
 def contents(folder: Path) -> Sequence[Content]:
-    """What there is to show."""
+    """List what a folder of this report holds, with what to see in it."""
     return [
         Figure(
             folder / "unstated.png",
@@ -108,11 +94,7 @@ def contents(folder: Path) -> Sequence[Content]:
     ]  # fmt: skip
 
 
-def _write(path: Path, kind: Any, rows: Iterable[Any]) -> Path:
-    return write_table(path, [field.name for field in fields(kind)], map(astuple, rows))
-
-
-def _picture(rows: Sequence[measurement.Row]) -> Any:
+def _picture(rows: Sequence[effects.Row]) -> Any:
     """Dots over the choices: areas and forces, scores, and the distance from Table 1."""
     figure = new_figure(12, 0.9 + 0.36 * len(rows))
     labels = [f"{row.choice}: {row.other}" if row.other else row.choice for row in rows]

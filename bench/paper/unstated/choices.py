@@ -12,12 +12,16 @@ class Variant:
 
     Attributes
     ----------
-    choice : what is left open
-    ours : what the preset takes
-    other : what is taken here
-    name : of the database
-    scene : what differs from the preset (TOML)
-    area_max : largest area that is kept [%]; None for all
+    choice : str
+        What is left open.
+    ours, other : str
+        What the preset takes, and what is taken here.
+    name : str
+        Name of the database.
+    scene : str
+        What differs from the preset (TOML).
+    area_max : float or None
+        Largest area that is kept [%]; None for all.
     """
 
     choice: str
