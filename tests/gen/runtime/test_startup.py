@@ -1,7 +1,5 @@
 """Standard streams that are full, closed or without a reader: rows are computed all the same."""
 
-import errno
-import io
 import os
 import shlex
 import subprocess
@@ -9,8 +7,6 @@ import subprocess
 import pytest
 from databases import status
 from launch import TIMEOUT, command, environment
-
-from gen.runtime.progress import RunProgress
 
 STREAMS = {
     "full": ("2>/dev/full", 0),
@@ -55,20 +51,3 @@ def test_what_nobody_reads_ends_no_run(ended, name):
     assert "Exception" not in said
     if name == "full output":
         assert said.splitlines()[-1] == "gen: standard output: No space left on device"
-
-
-class Full(io.StringIO):
-    """A stream on a device that is full."""
-
-    def write(self, text):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-
-@pytest.mark.parametrize("terminal", [False, True])
-def test_progress_in_a_program_of_somebody_else_ends_no_run(monkeypatch, terminal):
-    stream = Full()
-    monkeypatch.setattr(stream, "isatty", lambda: terminal)
-    monkeypatch.setattr("sys.stderr", stream)
-    with RunProgress(2) as progress:
-        progress.say("hello")
-        progress.advance(2, 0)
