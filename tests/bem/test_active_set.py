@@ -18,8 +18,8 @@ from bem.far_field import critical_delta
 from bem.influence import Kernel
 from bem.iterate import Iterate
 from bench.references import dense
+from bench.references.surfaces import SURFACES, Shape, surface
 from gen.runtime.overtime import at_most
-from tests.bem.surfaces import SURFACES, Shape, surface
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 

@@ -15,8 +15,8 @@ from bem.half_space import HalfSpace
 from bem.influence import KERNELS, Kernel
 from bem.iterate import Iterate
 from bem.problem import FAR_FIELDS, FarField, pose
+from bench.references.surfaces import SURFACES, surface
 from gen.surface import generate
-from tests.bem.surfaces import SURFACES, surface
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 

@@ -9,8 +9,8 @@ import bem
 from bem import displacement_control
 from bem.convolution import fast_period
 from bem.influence import KERNELS, Kernel
+from bench.references.surfaces import SURFACES, surface
 from gen.surface import generate
-from tests.bem.surfaces import SURFACES, surface
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 

@@ -12,9 +12,9 @@ import bem
 from bem import load_control
 from bem.influence import KERNELS
 from bem.problem import FAR_FIELDS
+from bench.references.surfaces import SURFACES, surface
 from gen.runtime.overtime import at_most
 from gen.surface import generate
-from tests.bem.surfaces import SURFACES, surface
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 

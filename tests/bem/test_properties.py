@@ -18,7 +18,7 @@ from bem.influence import Kernel
 from bem.iterate import Iterate
 from bem.problem import FarField
 from bench.references import dense
-from tests.bem.surfaces import SURFACES, surface
+from bench.references.surfaces import SURFACES, surface
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 

@@ -17,7 +17,7 @@ from scipy.integrate import quad
 import bem
 from bem.influence import Kernel
 from bem.problem import FarField
-from tests.bem.surfaces import SURFACES, surface
+from bench.references.surfaces import SURFACES, surface
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 

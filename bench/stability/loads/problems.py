@@ -5,14 +5,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 import bem
 from bem.influence import Kernel
-
-Field = NDArray[np.float64]
-Random = np.random.Generator
-Shape = tuple[int, int]
+from bench.references import surfaces
+from bench.references.surfaces import Field, Random, Shape
 
 NODES = (2, 40)
 """Fewest and most nodes a side."""
@@ -36,27 +33,17 @@ def _waves(random: Random, shape: Shape) -> Field:
     return np.asarray(np.cos(along * x) + np.cos(across * y))
 
 
-def _paraboloid(random: Random, shape: Shape) -> Field:
-    x, y = np.ogrid[: shape[0], : shape[1]]
-    tip = random.uniform(0, shape)
-    return np.asarray(-((x - tip[0]) ** 2) - (y - tip[1]) ** 2)
-
-
-def _random_walk(random: Random, shape: Shape) -> Field:
-    return np.asarray(random.standard_normal(shape).cumsum(axis=0).cumsum(axis=1))
-
-
 SURFACES: dict[str, Callable[[Random, Shape], Field]] = {
-    "white noise": Random.standard_normal,
-    "random walk": _random_walk,
-    "integer ties": lambda random, shape: random.integers(0, 4, shape).astype(float),
+    "white noise": surfaces.SURFACES["white noise"],
+    "random walk": surfaces.random_walk,
+    "integer ties": surfaces.SURFACES["integer ties"],
     "one height": lambda random, shape: np.zeros(shape),
     "ridges": _ridges,
     "checkerboard": lambda random, shape: np.indices(shape).sum(0) % 2.0,
     "spikes": lambda random, shape: (random.random(shape) < 0.1) * random.random(shape),
     "pits": lambda random, shape: (random.random(shape) < 0.1) * -random.random(shape),
     "waves": _waves,
-    "paraboloid": _paraboloid,
+    "paraboloid": surfaces.paraboloid,
 }
 """Heights by their kind; made to range over 1 um."""
 

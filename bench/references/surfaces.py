@@ -1,62 +1,69 @@
-"""Random surfaces of every kind, on any grid, for tests of what holds on all of them."""
+"""Random surfaces of every kind, on any grid, for properties that hold on all of them."""
 
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
+Field = NDArray[np.float64]
 Random = np.random.Generator
 Shape = tuple[int, int]
 
 
-def random_walk(random: Random, shape: Shape) -> np.ndarray:
+def random_walk(random: Random, shape: Shape) -> Field:
+    """Heights that are summed up along both axes."""
     return np.cumsum(np.cumsum(random.standard_normal(shape), axis=0), axis=1)
 
 
-def self_affine(random: Random, shape: Shape) -> np.ndarray:
+def self_affine(random: Random, shape: Shape) -> Field:
     """Random phases under a power law, Hurst exponent 0.7; periodic, so cut from a larger one."""
     periods = 2 * shape[0], 2 * shape[1]
     frequency = np.hypot(np.fft.fftfreq(periods[0])[:, None], np.fft.rfftfreq(periods[1]))
     frequency[0, 0] = np.inf
     noise = np.fft.rfft2(random.standard_normal(periods))
-    return np.fft.irfft2(noise * frequency ** -(1 + 0.7), s=periods)[: shape[0], : shape[1]]
+    heights = np.fft.irfft2(noise * frequency ** -(1 + 0.7), s=periods)
+    return np.asarray(heights[: shape[0], : shape[1]])
 
 
-def paraboloid(random: Random, shape: Shape) -> np.ndarray:
+def paraboloid(random: Random, shape: Shape) -> Field:
+    """A body of revolution, its tip anywhere on the patch."""
     x, y = np.ogrid[: shape[0], : shape[1]]
     tip = random.uniform(0, shape)
-    return -((x - tip[0]) ** 2) - (y - tip[1]) ** 2
+    return np.asarray(-((x - tip[0]) ** 2) - (y - tip[1]) ** 2)
 
 
-def tilted_plane(random: Random, shape: Shape) -> np.ndarray:
+def tilted_plane(random: Random, shape: Shape) -> Field:
+    """A plane of any slope."""
     x, y = np.ogrid[: shape[0], : shape[1]]
     slope = random.standard_normal(2)
-    return slope[0] * x + slope[1] * y
+    return np.asarray(slope[0] * x + slope[1] * y)
 
 
-def waves(random: Random, shape: Shape) -> np.ndarray:
+def waves(random: Random, shape: Shape) -> Field:
     """Crossed or parallel ridges, down to two nodes a wave."""
     x, y = np.ogrid[: shape[0], : shape[1]]
     along, across = random.uniform(0, np.pi, 2) * random.integers(0, 2, 2)
-    return np.cos(along * x) + np.cos(across * y)
+    return np.asarray(np.cos(along * x) + np.cos(across * y))
 
 
-def spikes(random: Random, shape: Shape) -> np.ndarray:
+def spikes(random: Random, shape: Shape) -> Field:
     """A few nodes of various heights on a plain."""
     return np.where(random.random(shape) < 0.1, random.random(shape), 0.0)
 
 
-def pits(random: Random, shape: Shape) -> np.ndarray:
+def pits(random: Random, shape: Shape) -> Field:
+    """A few nodes of various depths below a plain."""
     return -spikes(random, shape)
 
 
-def plateaus(random: Random, shape: Shape) -> np.ndarray:
+def plateaus(random: Random, shape: Shape) -> Field:
     """Two heights with straight borders and corners."""
     rows = np.cumsum(random.random(shape[0]) < 0.3) % 2
     columns = np.cumsum(random.random(shape[1]) < 0.3) % 2
     return (rows[:, None] ^ columns).astype(float)
 
 
-SURFACES: dict[str, Callable[[Random, Shape], np.ndarray]] = {
+SURFACES: dict[str, Callable[[Random, Shape], Field]] = {
     "white noise": Random.standard_normal,
     "integer ties": lambda random, shape: random.integers(0, 4, shape).astype(float),
     "one height": lambda random, shape: np.full(shape, random.standard_normal()),
@@ -71,7 +78,7 @@ SURFACES: dict[str, Callable[[Random, Shape], np.ndarray]] = {
 }
 
 
-def surface(kind: str, shape: Shape, seed: int = 0) -> np.ndarray:
+def surface(kind: str, shape: Shape, seed: int = 0) -> Field:
     """(nx, ny) heights with a range of 1, or of 0 where the kind has none."""
     heights = SURFACES[kind](np.random.default_rng(seed), shape)
     return heights / (np.ptp(heights) or 1.0)
