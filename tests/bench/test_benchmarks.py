@@ -9,10 +9,8 @@ from pathlib import Path
 import pytest
 
 from bench.benchmarks import SHOWN, contents
-from bench.dispatch import dispatch, expected
 from bench.page.content import Absent, Table, Words
 from gen.runtime.errors import InputError
-from gen.runtime.farm import World
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -61,8 +59,3 @@ def test_what_is_not_there_says_how_to_get_it(tmp_path: Path) -> None:
     (tmp_path / "times.json").write_text("{}")
     with pytest.raises(InputError, match="no JSON file of pytest-benchmark"):
         contents(tmp_path)
-
-
-def test_dispatch_counts_each_task_once() -> None:
-    assert dispatch(100, World()) == expected(100)
-    assert expected(3) == dispatch(3, World()) != dispatch(2, World())

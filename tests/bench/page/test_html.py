@@ -1,0 +1,96 @@
+"""The page shows what the parts hold, as it is, and stands alone."""
+
+import re
+from pathlib import Path
+
+import pytest
+from page_parts import WRITE, inputs, makes, part, written
+
+from bench.page.content import Absent, Content, Figure, Table, Words
+from bench.page.html import write_page
+from bench.page.part import Part
+from bench.picture import new_figure, save
+
+
+def test_a_part_that_cannot_be_shown_does_not_hide_the_others(tmp_path: Path) -> None:
+    def without_file(folder: Path) -> list[Content]:
+        return [Table(folder / "none.csv", "Nothing.")]
+
+    one = Part("one", "First", "No table", WRITE, WRITE, without_file)
+    two = part("two", WRITE)
+    makes(tmp_path, [one, two])
+    text = write_page([one, two], inputs(tmp_path)).read_text(encoding="utf-8")
+    assert "none.csv: cannot be read as a table" in text
+    assert "<p>x</p>" in text
+
+
+def contents(folder: Path) -> list[Content]:
+    """One of each kind, wide and long."""
+    figure = new_figure(16, 4)
+    figure.subplots().plot([0, 1], [1, 0])
+    data = written("data.csv", [["delta_um", "r2"], [0.1 + 0.2, 1]], folder)
+    wide: list[list[object]] = [[f"column_{i}" for i in range(30)], [1.5 * i for i in range(30)]]
+    cases: list[list[object]] = [
+        ["case", "error", "verdict"],
+        ["<b>bold</b> & plain", "1e-15", "passed"],
+        ["bad one", "nan", "failed: too far"],
+    ]
+    return [
+        Figure(save(figure, folder / "wide.png"), "A line that falls.", data=(data,)),
+        Table(data, "Two numbers."),
+        Table(written("wide.csv", wide, folder), "Very wide.", "python -m bench " + "x" * 300),
+        Table(written("cases.csv", cases, folder), "Cases.", verdict="verdict"),
+        Words("First line,\n  then " + "x" * 500, typed=True),
+        Words("y" * 500),
+        Absent("Peers", "pip install them"),
+    ]
+
+
+@pytest.fixture
+def shown(tmp_path: Path) -> Path:
+    """A page with everything on it."""
+    one = Part("one", "First", "All kinds", WRITE, WRITE, contents)
+    two = Part("two", "Second", "Not made", "", WRITE, contents)
+    makes(tmp_path, [one])
+    return write_page([one, two], inputs(tmp_path))
+
+
+def test_page_stands_alone(shown: Path) -> None:
+    text = shown.read_text(encoding="utf-8")
+    addresses = re.findall(r'(?:src|href)="([^"]*)"', text)
+    assert addresses
+    assert all(address.startswith(("data:", "#")) for address in addresses)
+    assert not re.search(r"@import|<script|url\(", text)
+
+
+def test_page_shows_what_there_is_and_says_what_is_not(shown: Path) -> None:
+    text = shown.read_text(encoding="utf-8")
+    assert "&lt;b&gt;bold&lt;/b&gt; &amp; plain" in text
+    assert text.count('<tr class="failed">') == 1
+    assert "2 stiff and extreme cases judged" in text
+    assert "1 failed" in text
+    assert "Left out: Peers. pip install them" in text
+    assert "Not here. It is made by: python -m bench run --full" in text
+    assert 'alt="A line that falls."' in text
+    assert "delta [µm]" in text
+    assert ">0.3<" in text
+
+
+def test_page_links_hold_all_digits(shown: Path) -> None:
+    import base64
+
+    text = shown.read_text(encoding="utf-8")
+    (source,) = set(re.findall(r'download="data.csv" href="data:text/csv;base64,([^"]*)"', text))
+    assert base64.b64decode(source) == (shown.parent / "one" / "data.csv").read_bytes()
+    assert b"0.30000000000000004" in base64.b64decode(source)
+
+
+@pytest.mark.parametrize("width", [360, 1440])
+def test_browser_shows_the_page_without_error_or_overflow(shown: Path, width: int) -> None:
+    from browser import look
+
+    seen = look(shown, width)
+    assert seen.complaints == []
+    assert seen.content_width <= width
+    assert seen.broken_pictures == 0
+    assert seen.shown_pictures == 1

@@ -1,0 +1,126 @@
+"""Parts are made once, each by its command; failures and signals end what they should."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from page_parts import WRITE, inputs, long_part, makes, part, record, shows_made
+
+from bench.page import run as running
+from bench.page.html import write_page
+from bench.page.part import Part
+from bench.page.run import Outcome
+
+
+def test_parts_are_made_once(tmp_path: Path) -> None:
+    parts = [part("one", WRITE), part("two", WRITE)]
+    assert makes(tmp_path, parts) == Outcome()
+    said: list[str] = []
+    assert makes(tmp_path, parts, said=said) == Outcome()
+    assert (tmp_path / "one" / "made.txt").read_text() == "x"
+    assert said == ["[1/2] one: is there", "[2/2] two: is there"]
+
+
+def test_a_part_that_fails_is_named_and_does_not_stop_the_others(tmp_path: Path) -> None:
+    said: list[str] = []
+    failing = part("one", "-m bench hertz")  # no folder: code 2 and one line
+    outcome = makes(tmp_path, [failing, part("two", WRITE)], said=said)
+    assert outcome == Outcome(failed=("one",))
+    assert (tmp_path / "two" / "made.txt").exists()
+    found = record(failing, tmp_path)
+    assert found.code == 2
+    assert "Missing option" in found.told[-1]
+    assert any("Missing option" in line for line in said)
+    page = write_page([failing], inputs(tmp_path)).read_text(encoding="utf-8")
+    assert "Missing option" in page
+    assert makes(tmp_path, [failing]).failed == ("one",)  # tried again, not taken as made
+
+
+def test_only_parts_of_the_run_are_made(tmp_path: Path) -> None:
+    parts = [part("one", WRITE), long_part("two", WRITE)]
+    makes(tmp_path, parts)
+    assert not (tmp_path / "two").exists()
+    makes(tmp_path, parts, full=True)
+    assert (tmp_path / "two" / "made.txt").exists()
+
+
+def failing_check(name: str, *, judges: bool, crashes: bool = False) -> Part:
+    said = "Traceback" if crashes else "bad"
+    command = (
+        f"-c s=__import__('sys');open('{{folder}}/made.txt','a').write('x');"
+        f"s.stderr.write('{said}');s.exit(1)"
+    )
+    return Part(name, "Chapter", name, command, command, shows_made, judges=judges)
+
+
+def test_a_failed_check_is_shown_and_stays_failed(tmp_path: Path) -> None:
+    checks = failing_check("checks", judges=True)
+    for _ in range(2):  # made, and then there
+        assert makes(tmp_path, [checks]).failed == ("checks",)
+    assert (tmp_path / "checks" / "made.txt").read_text() == "x"
+    assert "<p>x</p>" in write_page([checks], inputs(tmp_path)).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("judges", "crashes"), [(False, False), (True, True)])
+def test_a_crash_is_no_failed_check(tmp_path: Path, *, judges: bool, crashes: bool) -> None:
+    crashed = failing_check("crashed", judges=judges, crashes=crashes)
+    for _ in range(2):  # it is tried again
+        assert makes(tmp_path, [crashed]).failed == ("crashed",)
+    assert (tmp_path / "crashed" / "made.txt").read_text() == "xx"
+    assert "code 1" in write_page([crashed], inputs(tmp_path)).read_text(encoding="utf-8")
+
+
+def test_a_short_run_leaves_a_full_one_alone(tmp_path: Path) -> None:
+    both = part("both", WRITE.replace("'x'", "'short'"), full=WRITE.replace("'x'", "'full'"))
+    makes(tmp_path, [both], full=True)
+    makes(tmp_path, [both])
+    assert (tmp_path / "both" / "made.txt").read_text() == "full"
+
+
+def test_a_signal_ends_the_part_and_the_same_call_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "slow.py").write_text("import time\ntime.sleep(60)\n")
+    code = (
+        "import pathlib, sys\n"
+        "from bench.page.part import Part\n"
+        "from bench.page.inputs import Inputs\n"
+        "from bench.page.run import make\n"
+        f"here = pathlib.Path({str(tmp_path)!r})\n"
+        f"slow = Part('slow', '', '', {str(tmp_path / 'slow.py')!r}, '', lambda folder: [])\n"
+        "outcome = make([slow], Inputs(here, here, here, False), print, lambda: None)\n"
+        "sys.exit(128 + outcome.signal)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code])
+    try:
+        began = time.monotonic()
+        while not (tmp_path / "slow" / "slow.printed.txt").exists():
+            assert time.monotonic() < began + 60
+            time.sleep(0.05)
+        time.sleep(0.5)
+        os.kill(process.pid, signal.SIGTERM)
+        assert process.wait(timeout=60) == 128 + signal.SIGTERM
+    finally:
+        process.kill()
+        process.wait()
+    assert not (tmp_path / "slow" / "slow.part.json").exists()
+
+
+def test_a_part_that_does_not_heed_a_signal_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deaf = tmp_path / "deaf.py"
+    deaf.write_text(
+        "import os, signal, time\n"
+        "signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+        "os.kill(os.getppid(), signal.SIGINT)\n"
+        "time.sleep(60)\n"
+    )
+    monkeypatch.setattr(running, "PATIENCE", 0.5)
+    began = time.monotonic()
+    outcome = makes(tmp_path, [part("deaf", str(deaf)), part("two", WRITE)])
+    assert outcome.signal == signal.SIGINT
+    assert time.monotonic() < began + 30
+    assert not (tmp_path / "two").exists()
