@@ -1,4 +1,4 @@
-"""From a database to inputs and targets: what is left out and why, and what goes into training."""
+"""Read inputs and targets from a database, and leave out the rows that cannot be used."""
 
 import hashlib
 from collections.abc import Sequence
@@ -24,14 +24,14 @@ TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}
 """Short names of the two targets that every database has, and their columns."""
 
 FURTHER_TARGETS = ("contact_nodes", "mean_gap", "largest_pressure", "perimeter")
-"""Other results that can be learnt, where the database stores them."""
+"""Further results that can be learnt, where the database stores them."""
 
 SMALLEST = 10
-"""Usable rows at least: of these two are for testing, and a score needs two."""
+"""Usable rows at least: two of these are for testing, and a score needs two."""
 
 DOMINANT = 1e6
-"""An input this many times larger than all others together leaves nothing of them to a row's
-norm: they fall to the single precision in which trees see their inputs, and below."""
+"""Ratio of one input to all others together beyond which rows of unit length carry no others: they
+fall below the single precision in which trees see their inputs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,18 +40,30 @@ class Dataset:
 
     Attributes
     ----------
-    inputs : (n, d) inputs, in the units of `gen.schema`
-    target : (n,) what is to be predicted, in the unit of its column
-    rows : (n,) row of each sample in the database
-    groups : (n,) number of the surface of each sample; samples of one surface share it
-    names : the d inputs' columns
-    target_name : the target's column
-    unit : the target's unit
-    dropped : rows left out, by reason
-    source : where the rows come from, recorded beside all results
-    described : (n, 23) Delta and the 22 statistics, whatever the inputs are, in um
-    scale : (n,) what the target was divided by, 1 unless the features are free of units
-    features : name of the feature set
+    inputs : ndarray, shape (n, d)
+        Inputs, in the units of `gen.schema`.
+    target : ndarray, shape (n,)
+        The quantity to predict, in the unit of its column over `scale`.
+    rows : ndarray, shape (n,)
+        Row of each sample in the database.
+    groups : ndarray, shape (n,)
+        Number of the surface of each sample; samples of one surface share it.
+    names : tuple of str
+        Columns of the d inputs.
+    target_name : str
+        Column of the target.
+    unit : str
+        Unit of the target, "1" if it was made free of units.
+    dropped : dict
+        Number of rows left out, by reason.
+    source : dict
+        Origin of the rows, which is recorded beside all results.
+    described : ndarray, shape (n, 23)
+        Delta and the 22 statistics, independent of the feature set, in um.
+    scale : ndarray, shape (n,)
+        Divisor of the target, 1 unless the features are free of units.
+    features : str
+        Name of the feature set.
     """
 
     inputs: Values
@@ -73,12 +85,24 @@ class Dataset:
         return self.target.size
 
     def keeping(self, names: tuple[str, ...]) -> "Dataset":
-        """Return the same rows with some of the inputs only, in the order given."""
+        """Return the same rows with some of the inputs only.
+
+        Parameters
+        ----------
+        names : tuple of str
+            Columns of these inputs, in the wanted order.
+        """
         columns = [self.names.index(name) for name in names]
         return replace(self, inputs=self.inputs[:, columns], names=names)
 
     def at(self, positions: Indices) -> "Dataset":
-        """Return some of the rows only, in the order given; their surfaces are numbered anew."""
+        """Return some of the rows only; their surfaces are numbered anew.
+
+        Parameters
+        ----------
+        positions : ndarray, shape (k,)
+            Positions of these rows, in the wanted order.
+        """
         _, groups = np.unique(self.groups[positions], return_inverse=True)
         return replace(
             self,
@@ -262,12 +286,18 @@ def _usable(
 
 
 def modulus(scene: Scene) -> float:
-    """E* of a scene [MPa]."""
+    """Return E* of a scene [MPa].
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    """
     return plane_strain_modulus(scene.contact.modulus, scene.contact.poisson)
 
 
 def _features(wanted: FeatureSet, inputs: Values, side: float, pressed: Values | None) -> Values:
-    """Features of all rows of a database, finite where they can be used."""
+    """Return the features of all rows of a database, finite where they can be used."""
     if wanted.name == "paper":
         return inputs
     with np.errstate(over="ignore", invalid="ignore"):
@@ -275,21 +305,30 @@ def _features(wanted: FeatureSet, inputs: Values, side: float, pressed: Values |
 
 
 def short_name(column: str) -> str:
-    """What a target's column is called in folders and on the command line."""
+    """Return the name of a target's column in folders and on the command line.
+
+    Parameters
+    ----------
+    column : str
+        The column.
+    """
     return next((short for short, name in TARGETS.items() if name == column), column)
 
 
 def remarks(dataset: Dataset, normalisation: str) -> list[str]:
-    """Say what a user should know about the inputs before training on them.
+    """List remarks and warnings about the rows that a user should read before training on them.
 
     Parameters
     ----------
-    dataset : the usable rows
-    normalisation : one of `learn.models.NORMALISATIONS`
+    dataset : Dataset
+        The usable rows.
+    normalisation : str
+        One of `learn.models.NORMALISATIONS`.
 
     Returns
     -------
-    Lines of text, none if there is nothing to say
+    list of str
+        Lines of text, none if there is nothing to remark.
     """
     lines = [f"left out {number} rows: {why}" for why, number in sorted(dataset.dropped.items())]
     constant = np.flatnonzero(np.ptp(dataset.inputs, axis=0) == 0)
@@ -321,36 +360,36 @@ def _target_column(reader: Reader, target: str) -> Column:
     """Find the column of a target, if the database stores it."""
     name = TARGETS.get(target, target)
     results = (*TARGETS.values(), *FURTHER_TARGETS)
-    fit = {column.name: column for column in reader.columns() if column.name in results}
-    if name not in fit:
-        known = ", ".join([*TARGETS, *(each for each in FURTHER_TARGETS if each in fit)])
+    stored = {column.name: column for column in reader.columns() if column.name in results}
+    if name not in stored:
+        known = ", ".join([*TARGETS, *(column for column in FURTHER_TARGETS if column in stored)])
         raise InputError(f"--target {target!r}: {reader.path} stores {known}")
-    return fit[name]
+    return stored[name]
 
 
 def _reasons(
     status: NDArray[np.uint8], reason: NDArray[np.uint8], inputs: Values, target: Values
 ) -> NDArray[np.object_]:
-    """Why each row cannot be used, "" if it can."""
-    found = np.full(status.size, "", dtype=object)
+    """Return the reason why each row cannot be used, "" if it can."""
+    reasons = np.full(status.size, "", dtype=object)
     with np.errstate(over="ignore", invalid="ignore"):
         square = np.einsum("ij,ij->i", inputs, inputs)
-    found[~np.isfinite(target)] = "target not finite"
-    found[~np.isfinite(square)] = "input not finite, or too large to be squared"
-    found[status == Status.PENDING] = "not computed yet"
+    reasons[~np.isfinite(target)] = "target not finite"
+    reasons[~np.isfinite(square)] = "input not finite, or too large to be squared"
+    reasons[status == Status.PENDING] = "not computed yet"
     for code in np.unique(reason[status == Status.FAILED]):
         text = REASONS.get(int(code), f"reason {code}") or "no reason given"
-        found[(status == Status.FAILED) & (reason == code)] = f"failed: {text}"
-    return found
+        reasons[(status == Status.FAILED) & (reason == code)] = f"failed: {text}"
+    return reasons
 
 
 def _check(path: Path, name: str, target: Values, dropped: dict[str, int]) -> None:
-    """Refuse what nothing can be learnt from."""
+    """Refuse rows that nothing can be learnt from."""
     if target.size < SMALLEST:
-        why = "; ".join(f"{number} {text}" for text, number in sorted(dropped.items()))
+        left_out = "; ".join(f"{number} {text}" for text, number in sorted(dropped.items()))
         raise InputError(
             f"{path}: {target.size} usable rows, {SMALLEST} at least are needed"
-            + (f" (left out: {why})" if why else "")
+            + (f" (left out: {left_out})" if left_out else "")
         )
     if np.ptp(target) == 0:
         raise InputError(f"{path}: {name} is {target[0]:g} in all {target.size} usable rows")
@@ -367,7 +406,7 @@ def _surfaces(inputs: Values) -> Indices:
 
 
 def _digest(*columns: NDArray[np.generic]) -> str:
-    """Fingerprint of what was read; times, ranks and hosts do not count."""
+    """Return a fingerprint of the columns that decide the results."""
     digest = hashlib.sha256()
     for column in columns:
         digest.update(np.ascontiguousarray(column).tobytes())

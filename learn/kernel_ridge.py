@@ -12,14 +12,15 @@ from sklearn.kernel_ridge import KernelRidge
 from learn.arrays import Values
 
 EPSILON = float(np.finfo(float).eps)
+"""Rounding of double precision."""
 
 NEGLIGIBLE = 1e-30
-"""Kernel values below this share of the diagonal are set to zero: far beneath rounding, their
-products would become denormal numbers, which are several times slower."""
+"""Share of the diagonal below which kernel values are set to zero: they are far below rounding, and
+their products would become denormal numbers, which are several times slower."""
 
 
 SHIFT = 1e3
-"""Shift of a singular matrix over the rounding of its entries: the answer is then that of kernel
+"""Shift of a singular matrix, over the rounding of its entries: the result is then that of kernel
 ridge with the larger alpha, to about one part in a thousand in the weakest directions."""
 
 
@@ -36,7 +37,16 @@ class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
     """
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None) -> "SafeKernelRidge":
-        """Fit to inputs (n, d) and one target (n,).
+        """Fit the model to one target.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, d)
+            Inputs.
+        y : array_like, shape (n,)
+            Target.
+        sample_weight : None
+            Weights are not supported.
 
         Raises
         ------
@@ -54,7 +64,13 @@ class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
 
 
 def flushed(kernel: Values) -> Values:
-    """Set values that cannot matter to zero, in place."""
+    """Set negligible values of a kernel matrix to zero, in place, and return it.
+
+    Parameters
+    ----------
+    kernel : ndarray, shape (n, n)
+        The kernel matrix.
+    """
     kernel[np.abs(kernel) < NEGLIGIBLE * np.abs(kernel.diagonal()).max()] = 0.0
     return kernel
 
@@ -64,13 +80,19 @@ def dual_coefficients(kernel: Values, target: Values, alpha: float) -> tuple[Val
 
     Parameters
     ----------
-    kernel : (n, n) symmetric kernel matrix K, left as it is
-    target : (n,) y
-    alpha : regularisation, 0 or more
+    kernel : ndarray, shape (n, n)
+        Symmetric kernel matrix K, which is not changed.
+    target : ndarray, shape (n,)
+        Target y.
+    alpha : float
+        Regularisation, 0 or more.
 
     Returns
     -------
-    (n,) coefficients a, and the alpha that they belong to
+    coefficients : ndarray, shape (n,)
+        Dual coefficients a.
+    alpha : float
+        The regularisation that was used.
 
     Raises
     ------
@@ -95,7 +117,7 @@ def dual_coefficients(kernel: Values, target: Values, alpha: float) -> tuple[Val
         reciprocal = 0.0 if failed else float(dpocon(factor, anorm=norm)[0])
         if reciprocal > EPSILON:
             break
-        # A failed factorisation has no estimate: the norm over what rounding leaves of the rest.
+        # A failed factorisation gives no estimate: take the norm over alpha or the rounding.
         estimate = estimate or (1 / reciprocal if reciprocal else norm / max(alpha, rounding))
         shift = max(SHIFT * rounding, 10 * shift)
     if shift > alpha:
@@ -112,18 +134,23 @@ def dual_coefficients(kernel: Values, target: Values, alpha: float) -> tuple[Val
 def predictions(
     train: Values, target: Values, test: Values, settings: dict[str, Any], alphas: Sequence[float]
 ) -> list[Values]:
-    """Predict with every alpha, the kernel matrices built once.
+    """Predict with several alphas from kernel matrices that are built once.
 
     Parameters
     ----------
-    train, test : (n, d), (m, d) scaled inputs
-    target : (n,) of the training rows
-    settings : of kernel ridge other than alpha
-    alphas : regularisations
+    train, test : ndarray, shape (n, d) and (m, d)
+        Scaled inputs of the training and the test rows.
+    target : ndarray, shape (n,)
+        Target of the training rows.
+    settings : dict
+        Settings of kernel ridge other than alpha.
+    alphas : sequence of float
+        Regularisations.
 
     Returns
     -------
-    (m,) predictions for each alpha; equal to those of `SafeKernelRidge` to rounding
+    list of ndarray, shape (m,)
+        Predictions for each alpha, equal to those of `SafeKernelRidge` to rounding.
     """
     if settings.get("kernel", "linear") == "linear" and train.shape[1] < train.shape[0]:
         return _linear(train, target, test, alphas)
@@ -132,11 +159,11 @@ def predictions(
     coefficients = [dual_coefficients(kernel, target, alpha)[0] for alpha in alphas]
     del kernel
     between = np.asarray(model._get_kernel(test, train))
-    return [between @ each for each in coefficients]
+    return [between @ dual for dual in coefficients]
 
 
 def _linear(train: Values, target: Values, test: Values, alphas: Sequence[float]) -> list[Values]:
-    """The linear kernel has as many eigenvalues as inputs: ridge regression in their basis."""
+    """Predict with a linear kernel, by ridge regression in the basis of its few eigenvectors."""
     left, singular, basis = np.linalg.svd(train, full_matrices=False)
     for alpha in alphas:
         if singular[0] ** 2 * EPSILON > alpha:

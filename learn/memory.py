@@ -1,7 +1,7 @@
-"""Memory: what a fit needs, what this machine has, and room for fits that run side by side.
+"""Memory: the need of a fit, the supply of this machine, and shares for fits that run side by side.
 
-What a fit needs was measured (`python -m bench memory`): bytes per pair of rows for the kernel
-methods, per row for the others, on top of what a process takes with its libraries and data.
+The needs were measured (`python -m bench memory`): bytes per pair of rows for the kernel methods,
+per row for the others, on top of a process with its libraries and data.
 """
 
 import fcntl
@@ -25,7 +25,7 @@ PAIR_BYTES = {"gaussian-process": 62.0, "kernel-ridge": 19.0}
 """Peak bytes per pair of training rows; a matrix of double precision has 8."""
 
 BASELINE_PAIR_BYTES = {"gaussian-process": 32.0}
-"""The same for a baseline, where it differs: its kernel is not fitted."""
+"""The same for a baseline whose kernel is not fitted, where it differs."""
 
 FLAT = {
     "random-forest": 2048 * MIB,
@@ -34,10 +34,10 @@ FLAT = {
     "gradient-boost": 1792 * MIB,
     "svm": 512 * MIB,
 }
-"""Bytes that do not grow with the pairs: up to 2,000 deep trees, the cache of kernel rows."""
+"""Bytes that do not grow with the pairs of rows: up to 2,000 deep trees, a cache of kernel rows."""
 
 FLAT_ROWS = 10_000
-"""Rows for which the numbers of `FLAT` hold: trees grow in proportion to the rows."""
+"""Number of rows for which `FLAT` holds: trees grow in proportion to the rows."""
 
 
 def needed(model: str, rows: int, *, baseline: bool = False) -> int:
@@ -45,9 +45,12 @@ def needed(model: str, rows: int, *, baseline: bool = False) -> int:
 
     Parameters
     ----------
-    model : name of the model
-    rows : training rows
-    baseline : True for the baseline, False for the dearest candidate of the search
+    model : str
+        Name of the model.
+    rows : int
+        Number of training rows.
+    baseline : bool
+        True for the baseline, False for the largest candidate of the search.
     """
     pairs = PAIR_BYTES.get(model, 0.0)
     if baseline:
@@ -64,10 +67,19 @@ def available() -> int:
 def check(model: str, rows: int, *, baseline: bool = False) -> None:
     """Refuse a model that this machine cannot hold.
 
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    rows : int
+        Number of training rows.
+    baseline : bool
+        True for the baseline, False for the largest candidate of the search.
+
     Raises
     ------
     InputError
-        With what it needs, what there is, and how many rows would fit.
+        With the need, the supply, and a number of rows that would fit.
     """
     need, limit = needed(model, rows, baseline=baseline), available()
     if need > limit:
@@ -85,12 +97,13 @@ def check(model: str, rows: int, *, baseline: bool = False) -> None:
 def reserved(size: int) -> Iterator[None]:
     """Hold memory of this machine for one fit; wait while other fits hold it.
 
-    Each fit locks as many bytes' worth of a range as it needs, one MiB a byte, in a file that all
-    processes of a user on this machine share. The kernel drops the locks of a process that dies.
+    A fit locks a range of a file that all processes of a user on this machine share: one byte for
+    each MiB that it needs. The system drops the locks of a process that dies.
 
     Parameters
     ----------
-    size : bytes, at most `available()`; more is held as all of it
+    size : int
+        Bytes; more than `available()` is held as all of it.
     """
     limit = max(1, available() // MIB)
     length = max(1, min(-(-size // MIB), limit))

@@ -1,4 +1,4 @@
-"""The four scores that the paper judges its models by (section 3.4)."""
+"""The four scores by which the paper judges its models (section 3.4)."""
 
 from dataclasses import dataclass
 
@@ -13,10 +13,14 @@ class Scores:
 
     Attributes
     ----------
-    nmse : mean squared error over the mean truth; carries the target's unit
-    nmae : mean absolute error over the mean truth
-    nmaxe : largest absolute error over the largest absolute truth
-    r2 : coefficient of determination
+    nmse : float
+        Mean squared error over the mean truth; it carries the target's unit.
+    nmae : float
+        Mean absolute error over the mean truth.
+    nmaxe : float
+        Largest absolute error over the largest absolute truth.
+    r2 : float
+        Coefficient of determination.
     """
 
     nmse: float
@@ -30,12 +34,10 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
 
     Parameters
     ----------
-    truth : (n,) solved values, of which two at least differ
-    prediction : (n,) predicted values
-
-    Returns
-    -------
-    Scores
+    truth : array_like, shape (n,)
+        Solved values, of which two at least differ.
+    prediction : array_like, shape (n,)
+        Predicted values.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 Baselines are the libraries' defaults with the paper's kernels: the Gaussian process has a radial
 basis function of length 1 that is not fitted (Appendix A), kernel ridge a linear kernel. Features
-without units need another length: `learn.comparison.search.spaces.baseline`.
+without units need another length: see `learn.comparison.search.spaces.baseline`.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,8 +12,8 @@ from typing import Any
 from gen.runtime.errors import InputError
 
 NORMALISATIONS = ("l2", "standard", "min-max", "none")
-"""How rows are scaled: each to unit length (the paper's), each input to mean 0 and deviation 1,
-each input to 0..1, or not at all."""
+"""Scalings of the rows: every row to unit length (the paper's), every input to mean 0 and
+deviation 1, every input to 0..1, or none."""
 
 LONG_TRAINING = 20_000
 """Epochs of the tuned multi-layer perceptron; its search and its baseline have 200, the default."""
@@ -25,12 +25,19 @@ class Model:
 
     Attributes
     ----------
-    name : on the command line and in files
-    title : in tables and pictures, as the paper writes it
-    estimator : makes the baseline from a seed
-    tuned : settings of the search that differ from the baseline
-    refit : settings of the winner's last fit that differ from the search
-    staged : the number of estimators, where one fit yields the predictions of all smaller numbers
+    name : str
+        Name on the command line and in files.
+    title : str
+        Name in tables and pictures, as the paper writes it.
+    estimator : callable
+        Makes the baseline's estimator from a seed.
+    tuned : mapping
+        Settings of the search that differ from the baseline's.
+    refit : mapping
+        Settings of the winner's last fit that differ from the search's.
+    staged : str
+        Setting of the number of estimators, where one fit yields the predictions of all smaller
+        numbers; "" for other models.
     """
 
     name: str
@@ -57,7 +64,7 @@ def _ada_boost(seed: int) -> Any:
     from sklearn.ensemble import AdaBoostRegressor
     from sklearn.tree import DecisionTreeRegressor
 
-    # The default's tree, written out so that its depth can be set.
+    # The library's default tree, written out so that a search can set its depth.
     return AdaBoostRegressor(DecisionTreeRegressor(max_depth=3), random_state=seed)
 
 
@@ -72,7 +79,7 @@ def _xgboost(seed: int) -> Any:
         from xgboost import XGBRegressor
     except ImportError:
         raise InputError("XGBoost is not installed: pip install xgboost-cpu") from None
-    # Its defaults, written out because a search has to know where they stand.
+    # The library's own defaults, written out so that a search finds them among the settings.
     return XGBRegressor(n_estimators=100, max_depth=6, learning_rate=0.3, n_jobs=1, seed=seed)
 
 
@@ -102,7 +109,7 @@ def _perceptron(seed: int) -> Any:
 
 
 def _fitted_length() -> Any:
-    """Kernel of the tuned Gaussian process: its length maximises the likelihood."""
+    """Return the kernel of the tuned Gaussian process, whose length maximises the likelihood."""
     from sklearn.gaussian_process.kernels import RBF
 
     return RBF(1.0)
@@ -133,19 +140,24 @@ MODELS: dict[str, Model] = {
         ),
     )
 }
-"""All nine, in the order of the paper's Table 4."""
+"""All nine models by name, in the order of the paper's Table 4."""
 
 STEP = "model"
 """Name of the estimator in its pipeline; its settings are `model__alpha` and so on."""
 
 
 def chosen(names: list[str] | None) -> list[Model]:
-    """Find models by name; all nine for none.
+    """Return the models of some names, in the order of `MODELS`.
+
+    Parameters
+    ----------
+    names : list of str or None
+        Names of models; all nine if there are none.
 
     Raises
     ------
     InputError
-        If there is no such model.
+        If there is no model of a name.
     """
     for name in names or ():
         if name not in MODELS:
@@ -165,11 +177,16 @@ def pipeline(
 
     Parameters
     ----------
-    model : from `MODELS`
-    settings : of the estimator, on top of the baseline's
-    normalisation : one of `NORMALISATIONS`
-    seed : of whatever the model draws
-    tuned : True for the settings that all candidates of a search share
+    model : Model
+        One of `MODELS`.
+    settings : mapping, optional
+        Settings of the estimator on top of the baseline's.
+    normalisation : str
+        One of `NORMALISATIONS`.
+    seed : int
+        Seed of the model's random draws.
+    tuned : bool
+        True for the settings that all candidates of a search share.
 
     Returns
     -------
@@ -187,6 +204,7 @@ def pipeline(
 
 
 def _scaling(normalisation: str) -> Any:
+    """Return the step of a pipeline that scales the inputs."""
     from sklearn.preprocessing import MinMaxScaler, Normalizer, StandardScaler
 
     if normalisation not in NORMALISATIONS:

@@ -1,4 +1,4 @@
-"""What is asked of a database: rows, targets, features, models; and what its surfaces add."""
+"""A request to learn from a database: its rows, targets, features and models."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,21 +13,32 @@ from learn.models import NORMALISATIONS
 
 @dataclass(frozen=True)
 class Request:
-    """What to compare and where.
+    """A comparison or a fit to be made.
 
     Attributes
     ----------
-    database : made by `gen`
-    output : the comparison folder
-    targets : one or more of "area", "force" or further columns
-    models : names; all nine for none
-    area_max : largest area that is kept [%], None for all
-    normalisation : one of `learn.models.NORMALISATIONS`
-    features : a name of `learn.features.SETS`
-    seed : of the split and of the models
-    train_rows : training rows at most, None for all
-    again : True to measure anew what is there
-    limit : time for the searches [s], None for whole grids
+    database : Path
+        A database made by `gen`.
+    output : Path
+        The comparison folder, or the file of the surrogate.
+    targets : tuple of str
+        Names of targets: any of "area", "force" or further columns.
+    models : tuple of str
+        Names of models; all nine if there are none.
+    area_max : float or None
+        Largest area that is kept [%], None for all.
+    normalisation : str
+        One of `learn.models.NORMALISATIONS`.
+    features : str
+        A name of `learn.features.SETS`.
+    seed : int
+        Seed of the split and of the models.
+    train_rows : int or None
+        Number of training rows at most, None for all.
+    again : bool
+        True to repeat fits whose results the folder has.
+    limit : float or None
+        Time for the searches [s], None for whole grids.
     """
 
     database: Path
@@ -43,7 +54,7 @@ class Request:
     limit: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what needs no file to be seen wrong; raises InputError."""
+        """Raise InputError for an unknown normalisation."""
         if self.normalisation not in NORMALISATIONS:
             known = ", ".join(NORMALISATIONS)
             raise InputError(f"--normalise {self.normalisation!r}: give one of {known}")

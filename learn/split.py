@@ -1,4 +1,4 @@
-"""Which rows train, which test, and the five folds of the grid search: drawn once, for all models.
+"""Split rows into training, test and the five folds of the grid search, the same for all models.
 
 Rows of one surface stay together, so that no model is tested on a surface that it has seen.
 """
@@ -12,20 +12,28 @@ from learn.arrays import Folds, Indices
 from learn.dataset import Dataset
 
 FOLDS = 5
+"""Folds of the cross-validation, the paper's number."""
+
 TEST_SHARE = 0.2
+"""Share of the rows that test, the paper's number."""
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Positions in a dataset.
+    """Positions of training and test rows in a dataset.
 
     Attributes
     ----------
-    train : (m,) positions of the training rows, in random order
-    test : (k,) positions of the test rows
-    folds : (m,) fold of each training row, 0 to `FOLDS` - 1
-    seed : the draw's seed
-    by_surface : False if all rows share one surface, so that rows had to be drawn one by one
+    train : ndarray, shape (m,)
+        Positions of the training rows, in random order.
+    test : ndarray, shape (k,)
+        Positions of the test rows.
+    folds : ndarray, shape (m,)
+        Fold of each training row, 0 to `FOLDS` - 1.
+    seed : int
+        Seed of the draw.
+    by_surface : bool
+        False if all rows share one surface, so that rows were drawn one by one.
     """
 
     train: Indices
@@ -40,15 +48,18 @@ def draw(dataset: Dataset, seed: int = 0, train_rows: int | None = None) -> Spli
 
     Parameters
     ----------
-    dataset : the usable rows
-    seed : of the draw
-    train_rows : rows to train on at most, the first of the draw; None for all
+    dataset : Dataset
+        The usable rows.
+    seed : int
+        Seed of the draw.
+    train_rows : int, optional
+        Number of training rows at most, the first of the draw; all if left out.
 
     Returns
     -------
     Split
-        With groups of one row, the test set has exactly a fifth of the rows, rounded down: 3,175
-        of 15,878
+        The positions. With groups of one row, the test set has exactly a fifth of the rows, rounded
+        down: 3,175 of 15,878.
 
     Raises
     ------
@@ -62,7 +73,7 @@ def draw(dataset: Dataset, seed: int = 0, train_rows: int | None = None) -> Spli
     place = np.empty(order.size, dtype=np.int64)
     place[order] = np.arange(order.size)
     shuffled = np.argsort(place[groups], kind="stable")
-    # Whole surfaces up to a fifth of the rows; at least one on either side.
+    # The test rows are whole surfaces, up to a fifth of the rows, and one surface at least.
     ends = np.flatnonzero(np.diff(groups[shuffled], append=-1)) + 1
     last = np.searchsorted(ends, int(TEST_SHARE * dataset.size), side="right") - 1
     cut = int(ends[max(int(last), 0)])
@@ -83,6 +94,7 @@ def _folds(groups: Indices) -> Folds:
 
 
 def _check(dataset: Dataset, train: Indices, test: Indices, train_rows: int | None) -> None:
+    """Refuse parts with too few rows, or with a constant target."""
     if train_rows is not None and train_rows < 2:
         raise InputError(f"--train-rows {train_rows}: give 2 rows at least")
     for name, rows in (("training", train), ("test", test)):
@@ -95,7 +107,12 @@ def _check(dataset: Dataset, train: Indices, test: Indices, train_rows: int | No
 
 
 def check_folds(split: Split) -> None:
-    """Refuse a training set that is too small to be searched with cross-validation.
+    """Refuse a training set that is too small for cross-validation.
+
+    Parameters
+    ----------
+    split : Split
+        The positions.
 
     Raises
     ------

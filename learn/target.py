@@ -12,48 +12,67 @@ from learn.features import chosen
 
 @dataclass(frozen=True)
 class Scaling:
-    """What models are trained on is (target - mean) / deviation.
+    """A linear map of the target: models are trained on (target - mean) / deviation.
+
+    Where the features are free of units, mean and deviation are those of the training rows.
+    Elsewhere they are 0 and 1: the paper trains on areas as they are. Targets of another size are
+    brought to an area's by a power of two, since splits of trees, tubes of support vectors and
+    steps of perceptrons have absolute thresholds.
 
     Attributes
     ----------
-    mean, deviation : of the training rows where the features are free of units, else 0 and 1: the
-        paper trains on areas as they are. Targets that are not of an area's size are brought to it
-        by a power of two: splits of trees, tubes of support vectors and steps of perceptrons have
-        thresholds that do not know of units.
+    mean, deviation : float
+        Zero and unit of the scale, in the target's unit.
     """
 
     mean: float = 0.0
     deviation: float = 1.0
 
     def scaled(self, target: Values) -> Values:
-        """(n,) what a model is trained on."""
+        """Return the values that a model is trained on.
+
+        Parameters
+        ----------
+        target : ndarray, shape (n,)
+            Targets.
+        """
         return (target - self.mean) / self.deviation
 
     def restored(self, predicted: Values) -> Values:
-        """(n,) targets from what a model predicts."""
+        """Return targets from a model's predictions.
+
+        Parameters
+        ----------
+        predicted : ndarray, shape (n,)
+            Predictions on the scale of the training.
+        """
         return self.mean + self.deviation * np.asarray(predicted, dtype=np.float64)
 
 
 UNSCALED = Scaling()
+"""The identity."""
 
 USUAL = (1e-3, 1e3)
-"""Medians of targets that are trained on as they are: those of areas in percent."""
+"""Range of the medians of targets that are not scaled: areas in percent lie in it."""
 
 SIZE = 3
-"""Others get a median of 2^2 to 2^3, that of the paper's areas, whose hyperparameters they get."""
+"""Exponent of the other targets' scaled median: 2^2 to 2^3, that of the paper's areas, whose
+hyperparameters these targets are fitted with."""
 
 
 def scaling_of(dataset: Dataset, train: Indices) -> Scaling:
-    """Find the scaling of the target.
+    """Return the scaling of a dataset's target.
 
     Parameters
     ----------
-    dataset : the usable rows
-    train : positions of the training rows
+    dataset : Dataset
+        The usable rows.
+    train : ndarray, shape (m,)
+        Positions of the training rows.
     """
     target = dataset.target[train]
     if not chosen(dataset.features).scaled:
-        median = float(np.median(np.abs(target)))  # which outliers do not move
+        median = float(np.median(np.abs(target)))  # unlike the mean, outliers do not move it
         if median == 0 or USUAL[0] <= median <= USUAL[1]:
             return UNSCALED
         return Scaling(0.0, 2.0 ** (math.frexp(median)[1] - SIZE))

@@ -1,6 +1,6 @@
 """Nine models compared: baselines, searches of whole grids, tables and pictures beside the paper's.
 
-`spaces` has the grids and `pruning` what of them differs; `search`, `staged`, `budget` and `trials`
-fit candidates on the farm and keep what they find; `timing` measures the winners, `folder` holds
-it all, `tables` and `pictures` show it. `jobs` is where compare and tune begin.
+`jobs` is where the commands compare, tune and estimate begin. `search` finds the best settings of a
+model, `timing` fits and times the winners, `results` and `folder` keep the results, `tables` and
+`pictures` show them. `importance` and `appendix` are reports of their own.
 """

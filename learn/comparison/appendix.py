@@ -13,32 +13,37 @@ from typing import Any
 import numpy as np
 
 from gen.runtime.figure import new_figure
-from learn import dataset, memory, split
+from learn import memory
 from learn.arrays import Values
-from learn.comparison.folder import Folder, conditions
 from learn.comparison.pictures import save
-from learn.executor import Executor
+from learn.comparison.preparation import open_folder, read_single
+from learn.dataset import Dataset
 from learn.metrics import Scores, scores
 from learn.models import MODELS, pipeline
-from learn.request import Request, pressed_for
+from learn.request import Request
+from learn.split import Split
 
 CASES: dict[str, dict[str, Any]] = {
     "radial basis function": {"kernel": "rbf", "gamma": 0.5, "alpha": 1e-10},
     "linear": {"kernel": "linear", "alpha": 1.0},
 }
-"""Kernel ridge's settings in both cases; lambda of the paper is alpha, as is sigma_n^2."""
+"""Kernel ridge's settings in both cases; the paper's lambda and sigma_n^2 are both alpha."""
 
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """Both models in one case.
+    """The predictions of both models in one case.
 
     Attributes
     ----------
-    case : name of the kernel
-    truth, process, ridge : (m,) solved values and the two predictions of the test rows
-    largest : largest difference of the predictions, over the largest truth
-    process_scores, ridge_scores : on the test rows
+    case : str
+        Name of the kernel.
+    truth, process, ridge : ndarray, shape (m,)
+        Solved areas of the test rows, and the predictions of both models [%].
+    largest : float
+        Largest difference of the predictions over the largest truth.
+    process_scores, ridge_scores : Scores
+        Scores of both models on the test rows.
     """
 
     case: str
@@ -50,17 +55,17 @@ class Agreement:
     ridge_scores: Scores
 
 
-def agreements(
-    rows: dataset.Dataset, parts: split.Split, normalisation: str = "l2"
-) -> list[Agreement]:
+def agreements(rows: Dataset, parts: Split, normalisation: str = "l2") -> list[Agreement]:
     """Fit both models in both cases.
 
     Parameters
     ----------
-    rows, parts : the data
-    normalisation : one of `learn.models.NORMALISATIONS`
+    rows, parts : Dataset, Split
+        The data.
+    normalisation : str
+        One of `learn.models.NORMALISATIONS`.
     """
-    found = []
+    cases = []
     truth = rows.target[parts.test]
     for case, settings in CASES.items():
         process_settings = {"kernel": _kernel(case), "alpha": settings["alpha"]}
@@ -73,8 +78,8 @@ def agreements(
         process, ridge = predictions
         largest = float(np.abs(process - ridge).max() / np.abs(truth).max())
         scored = scores(truth, process), scores(truth, ridge)
-        found.append(Agreement(case, truth, process, ridge, largest, *scored))
-    return found
+        cases.append(Agreement(case, truth, process, ridge, largest, *scored))
+    return cases
 
 
 def _kernel(case: str) -> Any:
@@ -84,62 +89,62 @@ def _kernel(case: str) -> Any:
 
 
 def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
-    """Compare, and write a table and a picture.
+    """Compare both models in both cases, and write a table and a picture.
 
     Parameters
     ----------
-    request : data and folder
-    say : called with lines for the user
+    request : Request
+        Data and folder.
+    say : callable
+        Prints a line for the user.
 
     Returns
     -------
-    The files
+    list of Path
+        The files.
+
+    Raises
+    ------
+    InputError
+        For input that cannot be used, or too little memory.
     """
-    pressed = pressed_for(request, Executor())
-    rows = dataset.read(request.database, "area", request.area_max, request.features, pressed)
-    parts = split.draw(rows, request.seed, request.train_rows)
+    rows, parts = read_single(request, "area")
     memory.check("gaussian-process", parts.train.size, baseline=True)
-    folder = Folder(request.output / "area")
-    agreed = conditions(rows, parts, request.normalisation, {"area_max": request.area_max})
-    folder.begin(rows, parts, agreed)
-    found = agreements(rows, parts, request.normalisation)
-    for each in found:
+    folder = open_folder(request, rows, parts)
+    cases = agreements(rows, parts, request.normalisation)
+    for case in cases:
         say(
-            f"{each.case}: R2 {each.process_scores.r2:.4f} % (Gaussian process),"
-            f" {each.ridge_scores.r2:.4f} % (kernel ridge), predictions differ by"
-            f" {each.largest:.1e} of the largest area"
+            f"{case.case}: R2 {case.process_scores.r2:.4f} % (Gaussian process),"
+            f" {case.ridge_scores.r2:.4f} % (kernel ridge), predictions differ by"
+            f" {case.largest:.1e} of the largest area"
         )
     table = folder.write_table(
         "appendix.csv",
         ["case", "gp_r2", "ridge_r2", "gp_nmse", "ridge_nmse", "largest_difference"],
         [
             (
-                each.case,
-                each.process_scores.r2,
-                each.ridge_scores.r2,
-                each.process_scores.nmse,
-                each.ridge_scores.nmse,
-                each.largest,
+                *(case.case, case.process_scores.r2, case.ridge_scores.r2),
+                *(case.process_scores.nmse, case.ridge_scores.nmse, case.largest),
             )
-            for each in found
+            for case in cases
         ],
     )
-    return [table, _draw(found, folder.path / "appendix.png")]
+    return [table, _draw(cases, folder.path / "appendix.png")]
 
 
-def _draw(found: list[Agreement], path: Path) -> Path:
-    """Truth against both predictions, one against the other, and their difference."""
-    figure = new_figure(13, 4.1 * len(found))
-    for row, each in zip(figure.subplots(len(found), 3), found, strict=True):
-        ends = [each.truth.min(), each.truth.max()]
-        row[0].plot(each.truth, each.process, ".", ms=3, label="Gaussian process")
-        row[0].plot(each.truth, each.ridge, "x", ms=2, label="kernel ridge")
-        row[0].set(xlabel="solved area [%]", ylabel="predicted area [%]", title=each.case)
+def _draw(cases: list[Agreement], path: Path) -> Path:
+    """Draw both predictions over the truth and over each other, and their difference."""
+    figure = new_figure(13, 4.1 * len(cases))
+    for row, case in zip(figure.subplots(len(cases), 3), cases, strict=True):
+        ends = [case.truth.min(), case.truth.max()]
+        row[0].plot(case.truth, case.process, ".", ms=3, label="Gaussian process")
+        row[0].plot(case.truth, case.ridge, "x", ms=2, label="kernel ridge")
+        row[0].set(xlabel="solved area [%]", ylabel="predicted area [%]", title=case.case)
         row[0].legend()
-        row[1].plot(each.process, each.ridge, ".", ms=3)
+        row[1].plot(case.process, case.ridge, ".", ms=3)
         row[1].set(xlabel="Gaussian process [%]", ylabel="kernel ridge [%]")
         for axis in row[:2]:
             axis.plot(ends, ends, "r-", lw=1)
-        row[2].semilogy(each.truth, np.abs(each.process - each.ridge) + 1e-18, ".", ms=3)
+        row[2].semilogy(case.truth, np.abs(case.process - case.ridge) + 1e-18, ".", ms=3)
         row[2].set(xlabel="solved area [%]", ylabel="difference of the predictions [%]")
     return save(figure, path)

@@ -1,15 +1,15 @@
-"""A comparison folder: what was compared, under which conditions, and what came out.
+"""A comparison folder: the data and conditions of a comparison, and its results.
 
-    area/comparison.json        data, scene, options, seeds, versions: what every result rests on
+    area/comparison.json        conditions of all results: data, scene, options, seeds, versions
     area/rows.csv               row of the database, part, fold
     area/trials/MODEL.jsonl     finished fits of a search (`learn.comparison.search.trials`)
     area/baseline/MODEL.json    settings, scores, times; MODEL.csv has the test rows' predictions
-    area/tuned/MODEL.json       the same for a search's winner, and how it was found
+    area/tuned/MODEL.json       the same for a search's winner, and how it was searched
     area/tuned/MODEL-grid.csv   every candidate of the grid with its scores
-    area/whole-grid/MODEL.json  what the model's whole grid takes, estimated
+    area/whole-grid/MODEL.json  estimated time of the model's whole grid
     area/*.csv, *.png           the tables and pictures that `learn show` makes of them
 
-One folder a target (here area). Files are written beside their place and then renamed.
+Each target has a folder (here area). Files are written beside their place and then renamed.
 """
 
 import csv
@@ -31,41 +31,46 @@ from learn.features import chosen
 from learn.split import FOLDS, Split
 
 LIBRARIES = ("numpy", "scipy", "scikit-learn", "xgboost-cpu")
+"""Libraries whose versions decide the numbers."""
+
 KINDS = ("baseline", "tuned")
+"""Kinds of results, and the names of their folders."""
 
 LARGEST = 1e30
-"""Values of targets are below: those of a picture have to fit into its axes."""
+"""Bound of the targets' values: the axes of a picture take no larger ones."""
 
 EARLIER = {"features": "paper", "target_scaling": "none"}
 """Conditions of folders that are older than the choice."""
 
 
 def versions() -> dict[str, str]:
-    """Versions of what decides the numbers; a library that is missing has none."""
-    found = {}
-    for name in LIBRARIES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = ""
-    if not found["xgboost-cpu"]:
-        try:
-            found["xgboost-cpu"] = version("xgboost")
-        except PackageNotFoundError:
-            found["xgboost-cpu"] = ""
-    return found
+    """Return the versions of the libraries that decide the numbers, "" for a missing one."""
+    installed = {name: _version(name) for name in LIBRARIES}
+    installed["xgboost-cpu"] = installed["xgboost-cpu"] or _version("xgboost")
+    return installed
+
+
+def _version(library: str) -> str:
+    """Return the version of a library, "" if it is not installed."""
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return ""
 
 
 def conditions(
     dataset: Dataset, split: Split, normalisation: str, options: dict[str, Any]
 ) -> dict[str, Any]:
-    """Describe what results rest on: two results can be compared if these are equal.
+    """Describe the conditions of results: two results can be compared if these are equal.
 
     Parameters
     ----------
-    dataset, split : the rows
-    normalisation : one of `learn.models.NORMALISATIONS`
-    options : further choices of the user that decide the rows
+    dataset, split : Dataset, Split
+        The rows.
+    normalisation : str
+        One of `learn.models.NORMALISATIONS`.
+    options : dict
+        Further choices of the user that decide the rows.
     """
     return {
         "database_sha256": dataset.source["database_sha256"],
@@ -88,7 +93,8 @@ class Folder:
 
     Parameters
     ----------
-    path : the folder of the target
+    path : Path
+        The folder of the target.
     """
 
     def __init__(self, path: Path) -> None:
@@ -97,18 +103,25 @@ class Folder:
     def begin(self, dataset: Dataset, split: Split, agreed: dict[str, Any]) -> None:
         """Make the folder, or check that it belongs to the same data and choices.
 
+        Parameters
+        ----------
+        dataset, split : Dataset, Split
+            The rows.
+        agreed : dict
+            Conditions of all results, from `conditions`.
+
         Raises
         ------
         InputError
-            If it belongs to others, or cannot be written.
+            If the folder belongs to another comparison, or cannot be written.
         """
         record = self.path / "comparison.json"
         if record.exists():
-            found = EARLIER | self.record()["conditions"]
-            for name in sorted(agreed.keys() | found.keys()):
-                if found.get(name) != agreed.get(name):
+            stored = EARLIER | self.record()["conditions"]
+            for name in sorted(agreed.keys() | stored.keys()):
+                if stored.get(name) != agreed.get(name):
                     raise InputError(
-                        f"{self.path} was made with {name} {found.get(name)!r}, not"
+                        f"{self.path} was made with {name} {stored.get(name)!r}, not"
                         f" {agreed.get(name)!r}: give another folder, or the same database, options"
                         " and versions"
                     )
@@ -131,18 +144,55 @@ class Folder:
         )
 
     def record(self) -> dict[str, Any]:
-        """Read what the folder rests on."""
+        """Read the folder's description: the conditions of its results.
+
+        Raises
+        ------
+        InputError
+            If there is none, or it is damaged.
+        """
         record = documents.read(self.path / "comparison.json", records.Comparison)
         if record is None:
             raise InputError(f"{self.path} is no comparison: run learn compare or learn tune first")
         return record
 
     def result(self, kind: str, model: str) -> dict[str, Any] | None:
-        """Read the result of a model, None if there is none."""
+        """Read the result of a model, None if there is none.
+
+        Parameters
+        ----------
+        kind : str
+            "baseline", "tuned" or "whole-grid".
+        model : str
+            Name of the model.
+
+        Raises
+        ------
+        InputError
+            If the file is damaged.
+        """
         return documents.read(self.path / kind / f"{model}.json", *records.KINDS[kind])
 
     def prediction(self, kind: str, model: str) -> tuple[Values, Values]:
-        """Read truth and prediction of the test rows, (m,) each."""
+        """Read truth and prediction of the test rows.
+
+        Parameters
+        ----------
+        kind : str
+            "baseline" or "tuned".
+        model : str
+            Name of the model.
+
+        Returns
+        -------
+        truth, prediction : ndarray, shape (m,)
+            Solved and predicted values, in the target's unit.
+
+        Raises
+        ------
+        InputError
+            If the file is missing or damaged.
+        """
         path = self.path / kind / f"{model}.csv"
         try:
             lines = documents.read_bytes(path).decode().splitlines()[1:]
@@ -155,13 +205,23 @@ class Folder:
         return truth, prediction
 
     def write_json(self, name: str, content: dict[str, Any]) -> Path:
-        """Write a file of the folder."""
+        """Write a JSON file of the folder, and return its path."""
         return self._write(name, json.dumps(content, indent=1) + "\n")
 
     def write_table(
         self, name: str, header: Sequence[str], rows: Iterable[Sequence[object]]
     ) -> Path:
-        """Write a table of the folder (CSV)."""
+        """Write a table of the folder (CSV), and return its path.
+
+        Parameters
+        ----------
+        name : str
+            Path of the file inside the folder.
+        header : sequence of str
+            Names of the columns.
+        rows : iterable of sequence
+            The lines.
+        """
         lines: list[str] = []
 
         class Lines:
@@ -169,7 +229,7 @@ class Folder:
 
         writer = csv.writer(Lines(), lineterminator="\n")
         writer.writerow(header)
-        writer.writerows([cell(each) for each in row] for row in rows)
+        writer.writerows(map(cell, row) for row in rows)
         return self._write(name, "".join(lines))
 
     def _write(self, name: str, text: str) -> Path:
@@ -180,20 +240,26 @@ class Folder:
 
 
 def targets(path: Path) -> list[Folder]:
-    """Find the targets of a comparison folder.
+    """List the targets of a comparison folder.
+
+    Parameters
+    ----------
+    path : Path
+        The comparison folder.
 
     Raises
     ------
     InputError
         If it has none.
     """
-    found = [Folder(each.parent) for each in sorted(path.glob("*/comparison.json"))]
-    if not found:
+    folders = [Folder(record.parent) for record in sorted(path.glob("*/comparison.json"))]
+    if not folders:
         raise InputError(f"{path} holds no comparison: run learn compare or learn tune first")
-    return found
+    return folders
 
 
 def _rows(dataset: Dataset, split: Split) -> Iterable[tuple[object, ...]]:
+    """Yield the lines of rows.csv."""
     for position, fold in zip(split.train, split.folds, strict=True):
         yield int(dataset.rows[position]), "train", int(fold)
     for position in split.test:

@@ -1,8 +1,8 @@
-"""Feature selection (the paper's section 3.1): what each input is worth, and which can go.
+"""Feature selection (the paper's section 3.1): the worth of each input, and fits without the weak.
 
-The worth of an input is what shuffling it over the test rows takes from R2. Many of the 22
-statistics say almost the same, so that one of two twins can be shuffled without harm: what
-dropping inputs does to a model that is fitted anew is measured as well.
+The worth of an input is the loss of R2 when its values are shuffled over the test rows. Many of the
+22 statistics are almost the same, and one of two twins can be shuffled without harm. Models are
+therefore also fitted anew to fewer and fewer inputs.
 """
 
 from collections.abc import Callable, Iterable
@@ -17,23 +17,33 @@ import numpy as np
 
 from gen.runtime.figure import new_figure
 from learn import dataset, features, memory, split
-from learn.comparison.folder import Folder, conditions
+from learn.comparison.folder import Folder
 from learn.comparison.pictures import save
+from learn.comparison.preparation import open_folder, read_single
 from learn.comparison.search.spaces import untuned
 from learn.comparison.winner import settings_of
-from learn.executor import Executor
 from learn.metrics import Scores, scores
 from learn.models import chosen, pipeline
-from learn.request import Request, pressed_for
+from learn.request import Request
 
 SHUFFLES = 5
+"""Times that an input is shuffled: enough for a mean and its scatter."""
+
 SIZES = (30, 23, 20, 16, 12, 8, 6, 4, 3, 2, 1)
 """Numbers of inputs that are kept, the strongest first."""
 
 
 @dataclass(frozen=True)
 class Worth:
-    """What shuffling an input takes from R2 on the test rows, mean and deviation [%]."""
+    """The loss of R2 on the test rows when an input is shuffled.
+
+    Attributes
+    ----------
+    name : str
+        Name of the input.
+    mean, deviation : float
+        Mean and standard deviation of the loss over the shuffles [%].
+    """
 
     name: str
     mean: float
@@ -46,10 +56,14 @@ class Selection:
 
     Attributes
     ----------
-    inputs : how many
-    dropped : those that the previous, larger selection still had
-    test : scores on the test rows
-    fit_seconds, predict_seconds : median times of the fit and of predicting the test rows [s]
+    inputs : int
+        Number of inputs.
+    dropped : tuple of str
+        Inputs that the previous, larger selection still had.
+    test : Scores
+        Scores on the test rows.
+    fit_seconds, predict_seconds : float
+        Median times of the fit and of predicting the test rows [s].
     """
 
     inputs: int
@@ -58,23 +72,34 @@ class Selection:
     fit_seconds: float
     predict_seconds: float
 
+    def line(self) -> str:
+        """Return the selection in words."""
+        return (
+            f"{self.inputs:2} inputs: R2 {self.test.r2:.3f} %, nMAE {self.test.nmae:.2f} %,"
+            f" fit {self.fit_seconds:.3g} s, prediction {self.predict_seconds:.3g} s;"
+            f" without {', '.join(self.dropped) or '-'}"
+        )
+
 
 def rank_inputs(rows: dataset.Dataset, parts: split.Split, build: Callable[[], Any]) -> list[Worth]:
     """Rank the inputs of a model by permutation importance.
 
     Parameters
     ----------
-    rows, parts : the data
-    build : makes the unfitted pipeline
+    rows, parts : Dataset, Split
+        The data.
+    build : callable
+        Returns the unfitted pipeline.
 
     Returns
     -------
-    The inputs, the most important first
+    list of Worth
+        The inputs, the most important first.
     """
     from sklearn.inspection import permutation_importance
 
     fitted = build().fit(rows.inputs[parts.train], rows.target[parts.train])
-    found = permutation_importance(
+    importance = permutation_importance(
         fitted,
         rows.inputs[parts.test],
         rows.target[parts.test],
@@ -82,13 +107,13 @@ def rank_inputs(rows: dataset.Dataset, parts: split.Split, build: Callable[[], A
         n_repeats=SHUFFLES,
         random_state=parts.seed,
     )
-    worth = [
+    worths = [
         Worth(name, 100 * float(mean), 100 * float(deviation))
         for name, mean, deviation in zip(
-            rows.names, found.importances_mean, found.importances_std, strict=True
+            rows.names, importance.importances_mean, importance.importances_std, strict=True
         )
     ]
-    return sorted(worth, key=lambda each: -each.mean)
+    return sorted(worths, key=lambda worth: -worth.mean)
 
 
 def select(
@@ -98,35 +123,40 @@ def select(
     ranked: list[str],
     sizes: Iterable[int] = SIZES,
 ) -> list[Selection]:
-    """Fit a model to ever fewer of its strongest inputs.
+    """Fit a model to fewer and fewer of its strongest inputs.
 
     Parameters
     ----------
-    rows, parts : the data
-    build : makes the unfitted pipeline
-    ranked : names of the inputs, the most important first
-    sizes : numbers of inputs to keep, falling
+    rows, parts : Dataset, Split
+        The data.
+    build : callable
+        Returns the unfitted pipeline.
+    ranked : list of str
+        Names of the inputs, the most important first.
+    sizes : iterable of int
+        Numbers of inputs to keep, falling.
     """
-    found = []
+    selections = []
     before = list(ranked)
     for size in sizes:
         if size > len(ranked):
             continue
         kept = tuple(name for name in rows.names if name in ranked[:size])
-        some = rows.keeping(kept)
-        train, truth = some.inputs[parts.train], some.target[parts.train]
-        test = some.inputs[parts.test]
+        fewer = rows.keeping(kept)
+        train, truth = fewer.inputs[parts.train], fewer.target[parts.train]
+        test = fewer.inputs[parts.test]
         model = build()
         fit = _seconds(partial(model.fit, train, truth))
         predict = _seconds(partial(model.predict, test))
-        score = scores(some.target[parts.test], model.predict(test))
+        score = scores(fewer.target[parts.test], model.predict(test))
         dropped = tuple(name for name in before if name not in kept)
-        found.append(Selection(size, dropped, score, fit, predict))
+        selections.append(Selection(size, dropped, score, fit, predict))
         before = list(kept)
-    return found
+    return selections
 
 
 def _seconds(action: Callable[[], Any], times: int = 3) -> float:
+    """Return the median time of an action [s]."""
     taken = []
     for _ in range(times):
         began = perf_counter()
@@ -136,26 +166,29 @@ def _seconds(action: Callable[[], Any], times: int = 3) -> float:
 
 
 def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
-    """Rank, select, and write both with a picture.
+    """Rank the inputs, fit the model to fewer of them, and write tables and a picture.
 
     Parameters
     ----------
-    request : data, folder and one model
-    say : called with lines for the user
+    request : Request
+        Data, folder and one model.
+    say : callable
+        Prints a line for the user.
 
     Returns
     -------
-    The files
+    list of Path
+        The files.
+
+    Raises
+    ------
+    InputError
+        For input that cannot be used, or too little memory.
     """
-    target = request.targets[0]
-    pressed = pressed_for(request, Executor())
-    rows = dataset.read(request.database, target, request.area_max, request.features, pressed)
-    parts = split.draw(rows, request.seed, request.train_rows)
     (model,) = chosen(list(request.models))
+    rows, parts = read_single(request, request.targets[0])
     memory.check(model.name, parts.train.size)
-    folder = Folder(request.output / dataset.short_name(rows.target_name))
-    agreed = conditions(rows, parts, request.normalisation, {"area_max": request.area_max})
-    folder.begin(rows, parts, agreed)
+    folder = open_folder(request, rows, parts)
     settings, origin = _settings(folder, model.name, request.features)
     say(f"{model.title}, {origin}: {settings}")
 
@@ -165,44 +198,48 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
         )
         return _of_scaled_target(bare) if features.chosen(rows.features).scaled else bare
 
-    worth = rank_inputs(rows, parts, build)
-    selections = select(rows, parts, build, [each.name for each in worth])
-    for each in worth:
-        say(f"  {each.name:38} {each.mean:9.4f} +- {each.deviation:.4f} % of R2")
+    worths = rank_inputs(rows, parts, build)
+    for worth in worths:
+        say(f"  {worth.name:38} {worth.mean:9.4f} +- {worth.deviation:.4f} % of R2")
+    selections = select(rows, parts, build, [worth.name for worth in worths])
     for selection in selections:
-        say(
-            f"  {selection.inputs:2} inputs: R2 {selection.test.r2:.3f} %, nMAE"
-            f" {selection.test.nmae:.2f} %, fit {selection.fit_seconds:.3g} s, prediction"
-            f" {selection.predict_seconds:.3g} s; without {', '.join(selection.dropped) or '-'}"
-        )
-    score_names = list(asdict(selections[0].test))
+        say(f"  {selection.line()}")
+    return [
+        *_write_tables(folder, model.name, worths, selections),
+        _draw(worths, selections, model.title, folder.path / "importance.png"),
+    ]
+
+
+def _write_tables(
+    folder: Folder, model: str, worths: list[Worth], selections: list[Selection]
+) -> list[Path]:
+    """Write importance.csv and selection.csv."""
     return [
         folder.write_table(
             "importance.csv",
             ["input", "r2_loss_percent", "deviation"],
-            [(each.name, each.mean, each.deviation) for each in worth],
+            [(worth.name, worth.mean, worth.deviation) for worth in worths],
         ),
         folder.write_table(
             "selection.csv",
-            ["model", "inputs", *score_names, "fit_s", "predict_test_s", "dropped"],
+            [
+                *("model", "inputs", *asdict(selections[0].test)),
+                *("fit_s", "predict_test_s", "dropped"),
+            ],
             [
                 (
-                    model.name,
-                    each.inputs,
-                    *asdict(each.test).values(),
-                    each.fit_seconds,
-                    each.predict_seconds,
-                    " ".join(each.dropped),
+                    *(model, selection.inputs, *asdict(selection.test).values()),
+                    *(selection.fit_seconds, selection.predict_seconds),
+                    " ".join(selection.dropped),
                 )
-                for each in selections
+                for selection in selections
             ],
         ),
-        _draw(worth, selections, model.title, folder.path / "importance.png"),
     ]
 
 
 def _of_scaled_target(model: Any) -> Any:
-    """A model that is trained on the target's deviations from its mean, as in a search."""
+    """Wrap a model so that it is trained on the standardised target, as in a search."""
     from sklearn.compose import TransformedTargetRegressor
     from sklearn.preprocessing import StandardScaler
 
@@ -210,32 +247,36 @@ def _of_scaled_target(model: Any) -> Any:
 
 
 def _settings(folder: Folder, model: str, features: str) -> tuple[dict[str, Any], str]:
-    """Settings of the tuned model, or what serves in their place."""
+    """Return the settings of the tuned model, or untuned ones, and their origin."""
     result = folder.result("tuned", model)
-    found = settings_of(folder, model)
-    if found and result and result["test"]:
-        return found[0], "tuned here"
+    tuned = settings_of(folder, model)
+    if tuned and result and result["test"]:
+        return tuned[0], "tuned here"
     origin, settings = untuned(model, features)
-    settings.pop("criterion", None)  # the default, by another name
+    settings.pop("criterion", None)  # another name of the default
     return settings, origin
 
 
-def _draw(worth: list[Worth], selections: list[Selection], title: str, path: Path) -> Path:
+def _draw(worths: list[Worth], selections: list[Selection], title: str, path: Path) -> Path:
+    """Draw the worth of the inputs, and errors and times over the number of inputs."""
     figure = new_figure(12, 5.5)
     left, right = figure.subplots(1, 2)
-    places = np.arange(len(worth))[::-1]
+    places = np.arange(len(worths))[::-1]
     left.barh(
         places,
-        [max(each.mean, 1e-6) for each in worth],
-        xerr=[each.deviation for each in worth],
+        [max(worth.mean, 1e-6) for worth in worths],
+        xerr=[worth.deviation for worth in worths],
         color="tab:blue",
     )
-    left.set_yticks(places, [each.name for each in worth], fontsize=8)
+    left.set_yticks(places, [worth.name for worth in worths], fontsize=8)
     left.set(xscale="log", xlabel="loss of R2 when shuffled [%]", title=title)
-    sizes = [each.inputs for each in selections]
-    right.plot(sizes, [100 - each.test.r2 for each in selections], "o-", label="100 - R2 [%]")
-    right.plot(sizes, [each.test.nmae for each in selections], "s-", label="nMAE [%]")
-    right.plot(sizes, [each.fit_seconds for each in selections], "k:", label="fit [s]")
+    sizes = [selection.inputs for selection in selections]
+    for style, label, values in (
+        ("o-", "100 - R2 [%]", [100 - selection.test.r2 for selection in selections]),
+        ("s-", "nMAE [%]", [selection.test.nmae for selection in selections]),
+        ("k:", "fit [s]", [selection.fit_seconds for selection in selections]),
+    ):
+        right.plot(sizes, values, style, label=label)
     right.set(yscale="log", xlabel="inputs kept, the strongest first", title="fitted anew")
     right.legend()
     return save(figure, path)

@@ -1,4 +1,4 @@
-"""The paper's own numbers, to stand beside ours: Tables 3 and 4."""
+"""The paper's own numbers, which stand beside ours: Tables 3 and 4."""
 
 from learn.metrics import Scores
 

@@ -12,20 +12,38 @@ from learn.comparison.folder import KINDS, Folder
 from learn.models import MODELS
 
 COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}
+"""Colours of the kinds of results."""
+
 DPI = 120
+"""Dots per inch: pictures are about 1,400 wide then."""
 
 
 def save(figure: Any, path: Path) -> Path:
-    """Write a figure as PNG, under its name only once it is whole."""
+    """Write a figure as PNG, and return its path; a file appears only once it is whole.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    path : Path
+        The file.
+    """
     return figures.save(figure, path, dpi=DPI)
 
 
 def draw(folder: Folder) -> list[Path]:
-    """Draw all that a folder has results for.
+    """Draw the results of a folder.
+
+    Parameters
+    ----------
+    folder : Folder
+        The folder of a target.
 
     Returns
     -------
-    parity.png (like figures 8 and 10), scores.png and times.png (like figure 9)
+    list of Path
+        parity.png (like figures 8 and 10), scores.png and times.png (like figure 9); none if the
+        folder has no results.
     """
     record = folder.record()
     shown = [
@@ -44,10 +62,11 @@ def draw(folder: Folder) -> list[Path]:
 
 
 Shown = list[tuple[str, str, dict[str, Any]]]
+"""Model, kind and result of all that is drawn."""
 
 
 def _parity(folder: Folder, shown: Shown, quantity: str) -> Any:
-    """Prediction over truth, baseline and tuned, and the line on which they would be equal."""
+    """Draw predictions over the truth, baseline and tuned, and the line of equality."""
     models = list(dict.fromkeys(model for model, _, _ in shown))
     columns = min(3, len(models))
     rows = -(-len(models) // columns)
@@ -67,7 +86,7 @@ def _parity(folder: Folder, shown: Shown, quantity: str) -> Any:
 
 
 def _scores(shown: Shown, target: str) -> Any:
-    """Every score of every model; the worst of each score fills the height."""
+    """Draw every score of every model; the worst model of a score fills the height."""
     wanted = tables.names(target)
     figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(wanted))
     axes = figure.subplots(len(wanted), 1, sharex=True, squeeze=False)[:, 0]
@@ -81,7 +100,7 @@ def _scores(shown: Shown, target: str) -> Any:
 
 
 def _times(shown: Shown) -> Any:
-    """Times of fit and prediction, on a logarithmic axis."""
+    """Draw times of fit and prediction on a logarithmic axis."""
     titles = {"fit": "fit [s]", "test": "prediction of the test set [s]", "row": "of one row [s]"}
     figure = new_figure(1.6 + 1.15 * len(MODELS), 7)
     axes = figure.subplots(len(titles), 1, sharex=True)
@@ -93,6 +112,7 @@ def _times(shown: Shown) -> Any:
 
 
 def _bars(axis: Any, shown: Shown, values: dict[tuple[str, str], float], form: str) -> None:
+    """Draw a pair of bars for each model: baseline and tuned."""
     models = list(dict.fromkeys(model for model, _, _ in shown))
     for shift, kind in zip((-0.2, 0.2), KINDS, strict=True):
         there = [(place, values[m, kind]) for place, m in enumerate(models) if (m, kind) in values]

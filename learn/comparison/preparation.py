@@ -1,12 +1,14 @@
-"""Prepare a target before any fit: split its rows, refuse too large models, open the folder."""
+"""Prepare a target before any fit: split its rows, check the memory, open its folder."""
 
 from gen.runtime.progress import RunProgress
 from learn import dataset, memory, split
 from learn.comparison.folder import Folder, conditions
 from learn.comparison.training_data import Training
 from learn.dataset import Dataset
+from learn.executor import Executor
 from learn.models import Model
-from learn.request import Request
+from learn.request import Request, pressed_for
+from learn.split import Split
 from learn.target import scaling_of
 
 
@@ -43,10 +45,8 @@ def prepare(
         split.check_folds(parts)
     for model in models:
         memory.check(model.name, parts.train.size, baseline=not searched)
-    folder = Folder(request.output / dataset.short_name(rows.target_name))
-    agreed = conditions(rows, parts, request.normalisation, {"area_max": request.area_max})
     with RunProgress(1) as progress:
-        folder.begin(rows, parts, agreed)
+        folder = open_folder(request, rows, parts)
         progress.say(
             f"{request.database}: {rows.target_name}, {parts.train.size} training rows,"
             f" {parts.test.size} test rows, {rows.features} features"
@@ -55,8 +55,49 @@ def prepare(
             progress.say(f"  {line}")
         if not parts.by_surface:
             progress.say("  all rows share one surface: they are split one by one")
+    return folder, _training(request, rows, parts)
+
+
+def read_single(request: Request, target: str) -> tuple[Dataset, Split]:
+    """Read and split the rows of a report that is made on one process.
+
+    Parameters
+    ----------
+    request : Request
+        Database, features and split.
+    target : str
+        Name of the target.
+    """
+    pressed = pressed_for(request, Executor())
+    rows = dataset.read(request.database, target, request.area_max, request.features, pressed)
+    return rows, split.draw(rows, request.seed, request.train_rows)
+
+
+def open_folder(request: Request, rows: Dataset, parts: Split) -> Folder:
+    """Open the folder of a target.
+
+    Parameters
+    ----------
+    request : Request
+        Place and choices of the comparison.
+    rows, parts : Dataset, Split
+        The rows of the target.
+
+    Raises
+    ------
+    InputError
+        If the folder belongs to another comparison or cannot be written.
+    """
+    folder = Folder(request.output / dataset.short_name(rows.target_name))
+    agreed = conditions(rows, parts, request.normalisation, {"area_max": request.area_max})
+    folder.begin(rows, parts, agreed)
+    return folder
+
+
+def _training(request: Request, rows: Dataset, parts: Split) -> Training:
+    """Take the training and test rows out of a dataset."""
     target_scaling = scaling_of(rows, parts.train)
-    training = Training(
+    return Training(
         inputs=rows.inputs[parts.train],
         target=target_scaling.scaled(rows.target[parts.train]),
         folds=parts.folds,
@@ -66,4 +107,3 @@ def prepare(
         seed=request.seed,
         scaling=target_scaling,
     )
-    return folder, training

@@ -1,4 +1,4 @@
-"""What the JSON files of a comparison folder hold: checked whenever one of them is read."""
+"""The contents of a comparison folder's JSON files, checked whenever one of them is read."""
 
 from typing import Annotated
 
@@ -8,7 +8,7 @@ from gen.runtime.documents import Document
 from learn.split import FOLDS
 
 MOST = 2**53
-"""Numbers of rows, fits and candidates stay below."""
+"""Largest number of rows, fits or candidates that is accepted."""
 
 Count = Annotated[int, Field(ge=0, le=MOST)]
 Seconds = Annotated[float, Field(ge=0, le=1e15)]
@@ -17,7 +17,7 @@ Setting = bool | int | float | str | list[int] | None
 
 
 class Conditions(Document):
-    """What results rest on: see `learn.comparison.folder.conditions`."""
+    """The conditions of results: see `learn.comparison.folder.conditions`."""
 
     database_sha256: str
     target: str
@@ -34,7 +34,7 @@ class Conditions(Document):
 
 
 class Comparison(Document):
-    """comparison.json."""
+    """The file comparison.json."""
 
     conditions: Conditions
     unit: str
@@ -63,7 +63,7 @@ class Times(Document):
 
 
 class Search(Document):
-    """How a winner was found."""
+    """The description of a search in the result of its winner."""
 
     how: str
     grid: str = "Table 2"
@@ -79,13 +79,13 @@ class Search(Document):
 
 
 class NoSearch(Document):
-    """What a baseline has in place of a search."""
+    """The empty object that a baseline has in place of a search."""
 
     model_config = ConfigDict(extra="forbid")
 
 
 class Result(Document):
-    """baseline/MODEL.json and tuned/MODEL.json."""
+    """The files baseline/MODEL.json and tuned/MODEL.json."""
 
     model: str
     settings: dict[str, Setting]
@@ -102,13 +102,13 @@ class Result(Document):
     @model_validator(mode="after")
     def _times_belong_to_scores(self) -> "Result":
         times = self.times.fit, self.times.test, self.times.row
-        if self.test is not None and not all(0 <= each <= 1e15 for each in times):
+        if self.test is not None and not all(0 <= seconds <= 1e15 for seconds in times):
             raise ValueError("there are scores without times of fit and predictions")
         return self
 
 
 class Failure(Document):
-    """tuned/MODEL.json where no candidate could be fitted."""
+    """The file tuned/MODEL.json where no candidate could be fitted."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -118,7 +118,7 @@ class Failure(Document):
 
 
 class WholeGrid(Document):
-    """whole-grid/MODEL.json: see `learn.comparison.search.whole_grid.Cost`."""
+    """The file whole-grid/MODEL.json: see `learn.comparison.search.whole_grid.Cost`."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -131,7 +131,7 @@ class WholeGrid(Document):
 
 
 class Trial(Document):
-    """A line of trials/MODEL.jsonl: see `learn.comparison.search.trials.Trial`."""
+    """A line of the file trials/MODEL.jsonl: see `learn.comparison.search.trials.Trial`."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -149,4 +149,4 @@ KINDS: dict[str, tuple[type[Document], ...]] = {
     "tuned": (Result, Failure),
     "whole-grid": (WholeGrid,),
 }
-"""What the results in each folder may be."""
+"""The documents that each folder of results may hold."""

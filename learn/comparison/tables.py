@@ -14,18 +14,29 @@ from rich.table import Table
 from gen.runtime.console import wide_console
 from learn.comparison import paper
 from learn.comparison.folder import KINDS, Folder
-from learn.comparison.search.spaces import TABLE_2
+from learn.comparison.search.spaces import TABLE_2, WHOLE
 from learn.models import MODELS
 
 SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}
-"""The four scores and what the paper calls them [%]."""
+"""The four scores and their names in the paper [%]."""
 
 OUR_AREA = "area_percent"
 """The target of the paper's tables: beside any other its numbers would mislead."""
 
+SEARCHED = {
+    "how": "searched",
+    "rows": "rows",
+    "candidates": "candidates",
+    "candidates_differing": "candidates_differing",
+    "candidates_scored": "candidates_scored",
+    "fits_nominal": "fits_nominal",
+    "fits": "fits",
+}
+"""The extent of a search: its keys in a result, and its columns in tuning.csv."""
+
 
 class WholeGrid(NamedTuple):
-    """What a whole grid takes: seconds and their standard error; see `whole_grid.Cost`."""
+    """The time of a whole grid [s] and its standard error; see `search.whole_grid.Cost`."""
 
     grid: str
     seconds: float
@@ -36,39 +47,48 @@ class WholeGrid(NamedTuple):
 
 
 def names(target: str) -> list[str]:
-    """Return the scores that make sense for a target: nMSE carries the unit of all but the area."""
+    """Return the scores that are free of units for a target: nMSE is for the area only.
+
+    Parameters
+    ----------
+    target : str
+        Column of the target.
+    """
     return [name for name in SCORES if name != "nmse" or target == OUR_AREA]
 
 
 def improvement(baseline: float, tuned: float, name: str) -> float:
-    """Return by how much tuning improves a score [% of the baseline]; positive is better."""
+    """Return the improvement of a score by tuning [% of the baseline]; positive is better.
+
+    Parameters
+    ----------
+    baseline, tuned : float
+        The score before and after.
+    name : str
+        Name of the score.
+    """
     change = 100 * (tuned - baseline) / abs(baseline) if baseline else 0.0
     return change if name == "r2" else 0.0 - change
 
 
 def write(folder: Folder) -> list[Path]:
-    """Write scores.csv, times.csv, tuning.csv and comparison of settings into a folder.
+    """Write the tables of scores, times and searches into a folder.
+
+    Parameters
+    ----------
+    folder : Folder
+        The folder of a target.
 
     Returns
     -------
-    The files
+    list of Path
+        scores.csv, times.csv, tuning.csv, tuning-times.csv and whole-grids.csv.
     """
     target = str(folder.record()["conditions"]["target"])
     header = ["model", "result", *names(target), *(f"train_{name}" for name in names(target))]
     paper_header = [f"paper_{name}" for name in names(target)] if target == OUR_AREA else []
     times = ["model", "result", "fit_s", "fits", "predict_test_s", "predict_row_s"]
-    search = [
-        "model",
-        "grid",
-        "searched",
-        "rows",
-        "candidates",
-        "candidates_differing",
-        "candidates_scored",
-        "fits_nominal",
-        "fits",
-        "settings",
-    ]
+    search = ["model", "grid", *SEARCHED.values(), "settings"]
     return [
         folder.write_table(
             "scores.csv", [*header, *paper_header, "failure"], _score_rows(folder, target)
@@ -87,7 +107,13 @@ def write(folder: Folder) -> list[Path]:
 
 
 def show(folder: Folder) -> None:
-    """Print the tables."""
+    """Print the tables of a folder.
+
+    Parameters
+    ----------
+    folder : Folder
+        The folder of a target.
+    """
     record = folder.record()
     conditions = record["conditions"]
     console = wide_console(140)
@@ -110,7 +136,13 @@ def show(folder: Folder) -> None:
 
 
 def results(folder: Folder) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Give model, kind and result of all that a folder holds, in Table 4's order."""
+    """Yield model, kind and result of each result in a folder, in Table 4's order.
+
+    Parameters
+    ----------
+    folder : Folder
+        The folder of a target.
+    """
     for model in MODELS:
         for kind in KINDS:
             result = folder.result(kind, model)
@@ -119,17 +151,19 @@ def results(folder: Folder) -> Iterator[tuple[str, str, dict[str, Any]]]:
 
 
 def _score_rows(folder: Folder, target: str) -> Iterator[list[object]]:
+    """Yield the lines of scores.csv."""
     for model, kind, result in results(folder):
         row: list[object] = [model, kind]
         for part in ("test", "train"):
-            found = result.get(part) or {}
-            row += [found.get(name, "") for name in names(target)]
+            scored = result.get(part) or {}
+            row += [scored.get(name, "") for name in names(target)]
         if target == OUR_AREA:
             row += [getattr(paper.TEST[kind][model], name) for name in names(target)]
         yield [*row, result.get("failure", "")]
 
 
 def _time_rows(folder: Folder) -> Iterator[list[object]]:
+    """Yield the lines of times.csv."""
     for model, kind, result in results(folder):
         times = result.get("times")
         if times:
@@ -137,26 +171,17 @@ def _time_rows(folder: Folder) -> Iterator[list[object]]:
 
 
 def _search_rows(folder: Folder) -> Iterator[list[object]]:
+    """Yield the lines of tuning.csv."""
     for model in MODELS:
         result = folder.result("tuned", model)
         if result and "search" in result:
-            found = result["search"]
-            numbers = [
-                found[name]
-                for name in (
-                    "how",
-                    "rows",
-                    "candidates",
-                    "candidates_differing",
-                    "candidates_scored",
-                    "fits_nominal",
-                    "fits",
-                )
-            ]
-            yield [model, found.get("grid", TABLE_2), *numbers, _settings(result)]
+            search = result["search"]
+            extent = [search[name] for name in SEARCHED]
+            yield [model, search.get("grid", TABLE_2), *extent, _settings(result)]
 
 
 def _search_time_rows(folder: Folder) -> Iterator[list[object]]:
+    """Yield the lines of tuning-times.csv."""
     for model in MODELS:
         result = folder.result("tuned", model)
         if result and "times" in result:
@@ -164,11 +189,12 @@ def _search_time_rows(folder: Folder) -> Iterator[list[object]]:
 
 
 def _settings(result: dict[str, Any]) -> str:
+    """Return the settings of a result in one line."""
     return ", ".join(f"{name}={value}" for name, value in sorted(result["settings"].items()))
 
 
 def _score_table(folder: Folder, target: str) -> Table:
-    """Like Table 4; the paper's numbers in brackets."""
+    """Return a table like Table 4, with the paper's numbers in brackets."""
     table = Table(
         title=escape("Scores on the test rows [%] and times [s]; the paper's in brackets")
     )
@@ -194,6 +220,7 @@ def _score_table(folder: Folder, target: str) -> Table:
 
 
 def _score_cells(model: str, kind: str, result: dict[str, Any], target: str) -> list[str]:
+    """Return a line of this table."""
     cells = [MODELS[model].title, kind]
     scored, times = result.get("test"), result.get("times") or {}
     if not scored:
@@ -217,7 +244,7 @@ def _seconds(value: float) -> str:
 
 
 def _search_table(folder: Folder, target: str) -> Table:
-    """Like Table 3, with what was searched."""
+    """Return a table like Table 3, with the extent of the searches."""
     table = Table(
         title=escape("Searches: sum of the fits' times [s]; the paper's tuning time in brackets")
     )
@@ -228,47 +255,53 @@ def _search_table(folder: Folder, target: str) -> Table:
     for model, kind, result in results(folder):
         if kind != "tuned":
             continue
-        found = result.get("search")
-        if not found:
+        search = result.get("search")
+        if not search:
             table.add_row(MODELS[model].title, "failed")
             continue
         theirs = f" ({paper.TUNING_SECONDS[model]:.0f})" if target == OUR_AREA else ""
         table.add_row(
             MODELS[model].title,
-            str(found.get("grid", TABLE_2)),
-            str(found["how"]),
+            str(search.get("grid", TABLE_2)),
+            str(search["how"]),
             _settings(result),
-            str(found["candidates"]),
-            str(found["candidates_differing"]),
-            str(found["fits"]),
-            str(found["fits_nominal"]),
+            str(search["candidates"]),
+            str(search["candidates_differing"]),
+            str(search["fits"]),
+            str(search["fits_nominal"]),
             f"{_seconds(result['times']['search'])}{theirs}",
         )
     return table
 
 
 def _grid_costs(folder: Folder) -> Iterator[tuple[str, WholeGrid]]:
-    """Give what whole grids take, where that is known."""
+    """Yield the models whose whole grids' times are known, and these times."""
     every = folder.record()["conditions"]["train_rows"]
     for model in MODELS:
         result = folder.result("tuned", model) or {}
         estimate = folder.result("whole-grid", model)
-        found = result.get("search") or {}
-        if found.get("how") == "whole grid":
-            seconds, fits = result["times"]["search"], found["fits"]
-            yield model, WholeGrid(found.get("grid", TABLE_2), seconds, 0.0, fits, fits, every)
+        search = result.get("search") or {}
+        if search.get("how") == WHOLE:
+            seconds, fits = result["times"]["search"], search["fits"]
+            yield model, WholeGrid(search.get("grid", TABLE_2), seconds, 0.0, fits, fits, every)
         elif estimate is not None:
             yield model, WholeGrid(**{"rows": every, **estimate})
 
 
 def hours(seconds: float) -> str:
-    """Write a time in hours, without an exponent where it is long."""
+    """Return a time in hours as text, without an exponent.
+
+    Parameters
+    ----------
+    seconds : float
+        The time [s].
+    """
     number = seconds / 3600
     return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
 
 
 def _grid_cost_table(folder: Folder) -> Table:
-    """Hours of whole grids on one thread."""
+    """Return a table of the times of whole grids on one thread [h]."""
     table = Table(
         title=escape("Whole grids, one fit after the other on one thread; the paper's in brackets")
     )

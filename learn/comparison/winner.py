@@ -1,4 +1,4 @@
-"""Settings of a search's winner, as a comparison folder holds them: only what was searched."""
+"""Settings of a search's winner, as a comparison folder holds them: only values of the grid."""
 
 from typing import Any
 
@@ -9,25 +9,28 @@ from learn.models import MODELS
 
 
 def settings_of(folder: Folder, model: str) -> tuple[dict[str, Any], dict[str, Any]] | None:
-    """Read the settings that a search has found.
+    """Read the settings of a search's winner.
 
-    Somebody may have edited the file, and a library may do anything with settings that nobody has
-    searched: use up all memory, never end.
+    Somebody may have edited the file, and with settings outside the grid a library may use up all
+    memory or never end.
 
     Parameters
     ----------
-    folder : of a target
-    model : name of the model
+    folder : Folder
+        Folder of a target.
+    model : str
+        Name of the model.
 
     Returns
     -------
-    (settings, refit) : those of the winner, and those in which its last fit differed; None if the
-        folder has no winner
+    (settings, refit) or None
+        Settings of the winner, and those in which its last fit differed; None if the folder has no
+        winner.
 
     Raises
     ------
     InputError
-        If the settings are none of those that were searched.
+        If the settings are not of the grid.
     """
     result = folder.result("tuned", model)
     if result is None or "settings" not in result:
@@ -45,7 +48,7 @@ def settings_of(folder: Folder, model: str) -> tuple[dict[str, Any], dict[str, A
 
 
 def _with_tuples(settings: dict[str, Any]) -> dict[str, Any]:
-    """JSON knows no tuples: layers of a perceptron come back as a list."""
+    """Turn lists into tuples: JSON stores the layers of a perceptron as a list."""
     return {
         name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()
     }

@@ -17,8 +17,9 @@ import time
 import numpy as np
 
 from gen.runtime.errors import InputError
-from learn.comparison.search.grid_search import WHOLE, GridSearch, SearchResult
+from learn.comparison.search.grid_search import GridSearch, SearchResult
 from learn.comparison.search.scores import GridScores
+from learn.comparison.search.spaces import WHOLE
 from learn.comparison.search.task import Task, expected_work
 from learn.models import Model
 from learn.split import FOLDS

@@ -14,15 +14,13 @@ from gen.runtime.progress import RunProgress
 from learn.comparison.search.fits import fit
 from learn.comparison.search.pruning import Grid, key
 from learn.comparison.search.scores import GridScores, rank
+from learn.comparison.search.spaces import WHOLE
 from learn.comparison.search.task import Task, expected_work
 from learn.comparison.search.trials import Trial, Trials
 from learn.comparison.training_data import Training
 from learn.executor import Executor
 from learn.models import Model
 from learn.split import FOLDS
-
-WHOLE = "whole grid"
-"""The words in a result for a search that left nothing out."""
 
 
 @dataclass(frozen=True)

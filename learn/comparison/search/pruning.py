@@ -47,7 +47,7 @@ class Grid:
 
     @cached_property
     def family_of(self) -> dict[int, int]:
-        """The family of each canonical settings, by their numbers."""
+        """The family of every differing candidate, by its number."""
         return {number: place for place, family in enumerate(self.families) for number in family}
 
     def served_by(self, family: int) -> tuple[Settings, ...]:

@@ -163,6 +163,9 @@ SCALED_OPTIMA: dict[str, dict[str, Any]] = {
 }
 """Points of these grids that serve where nothing was searched."""
 
+WHOLE = "whole grid"
+"""The words in a result for a search that left no candidate out."""
+
 TABLE_2 = "Table 2"
 """Name of the paper's grids in results and tables."""
 
