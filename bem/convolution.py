@@ -1,6 +1,6 @@
-"""The half-space convolution by FFTW: the only home of pyfftw.
+"""The half-space convolution by FFTW; no other module imports pyfftw.
 
-Every plan is made with FFTW_ESTIMATE: FFTW_MEASURE chooses by timing, so that two processes
+Every plan is made with FFTW_ESTIMATE, because FFTW_MEASURE chooses by timing, so that two processes
 could differ in the last bits of a result.
 """
 
@@ -13,50 +13,63 @@ from weakref import WeakSet
 
 import numpy as np
 import pyfftw
-from numpy.typing import NDArray
 from scipy import fft
 
+from bem.arrays import Field, Nodes, Real
 from bem.influence import Kernel, influence_coefficients
 from bem.sections import unforked
 
-Real = NDArray[Any]  # of float64 or float32, as the filter is
-KEPT_BYTES = 256 * 2**20  # what filters kept for the next solves may occupy, on all threads
-FEWEST_KEPT = 4  # filters of a thread that are kept whatever they occupy: those of one solve
-PLAN_BYTES = 5 * 2**10  # of one of FFTW's plans, whose own tables are out of sight
-BATCH_BYTES = 256 * 2**10  # of the columns that are filtered at a time
-COLUMN_GAP = 8  # entries left unused after a column
+# Memory of the filters that all threads keep for later solves.
+KEPT_BYTES = 256 * 2**20
+
+# Filters that a thread keeps whatever their memory is: one solve needs as many.
+FEWEST_KEPT = 4
+
+# Memory of one of FFTW's plans, estimated because FFTW does not tell.
+PLAN_BYTES = 5 * 2**10
+
+# Memory of the columns that are filtered at a time: they stay in the processor's cache.
+BATCH_BYTES = 256 * 2**10
+
+# Entries left unused after a column, so that columns do not lie a power of two apart.
+COLUMN_GAP = 8
 
 
 class Filter:
-    """A real, even, two-dimensional spectrum applied to fields by pruned FFTs.
+    """A real, even, two-dimensional spectrum that is applied to fields by pruned FFTs.
 
-    Rows that are zero on the way in are not transformed, rows that nobody reads on the way out
-    are not either: the padding costs a half of the second axis and nothing of the first.
+    Neither rows of zeros in the input nor unused rows of the output are transformed. The padding
+    therefore costs half of the second axis and nothing of the first.
 
-    Waves along the second axis are kept column by column, with a few unused entries between one
-    column and the next: columns a power of two apart would all fall into the same sets of the
-    processor's cache. They are filtered a batch at a time, in a buffer that the cache holds.
+    Waves along the second axis are stored column by column, with a few unused entries after a
+    column, because columns a power of two apart would compete for the same sets of the processor's
+    cache. They are filtered in batches, in a buffer that the cache holds.
 
     Parameters
     ----------
-    shape : (nx, ny) of the fields it is applied to
-    spectrum : (px, qy) with qy = py//2 + 1, real transform of a kernel of even periods
-        (px, py) that is even in both directions
-    dtype : "float64", or "float32" for less time (`pytest bench -k convolution`) at 1e-7
+    shape : tuple of int
+        Shape (nx, ny) of the fields that it is applied to.
+    spectrum : ndarray, shape (px, qy)
+        Real transform, qy = py//2 + 1, of a kernel with even periods (px, py) that is even in both
+        directions.
+    dtype : str
+        Precision: "float64", or "float32", which takes less time (`pytest bench -k convolution`)
+        and rounds to 1e-7.
 
     Attributes
     ----------
-    field : (nx, py) buffer of `transform`
-    bytes : memory that it occupies
-    largest : the largest value of the spectrum, which no eigenvalue exceeds
+    field : ndarray, shape (nx, py)
+        Buffer of `transform`.
+    bytes : int
+        Memory that the filter occupies.
+    largest : float
+        Largest value of the spectrum, which no eigenvalue exceeds.
     """
 
-    def __init__(
-        self, shape: tuple[int, int], spectrum: NDArray[np.float64], dtype: str = "float64"
-    ) -> None:
+    def __init__(self, shape: tuple[int, int], spectrum: Field, dtype: str = "float64") -> None:
         period, columns = spectrum.shape[0], spectrum.shape[1]
         across = 2 * (columns - 1)
-        # Every coefficient twice, so that a real product serves real and imaginary parts.
+        # Coefficients are repeated, so that a real product serves real and imaginary parts.
         self._factors = np.repeat(spectrum.T / (period * across), 2, axis=1).astype(dtype)
         self.shape = shape
         self.largest = float(spectrum.max())
@@ -74,7 +87,7 @@ class Filter:
         self.bytes = sum(array.nbytes for array in arrays) + plans * PLAN_BYTES
 
     def _plan_columns(self) -> list[tuple[Callable[[], None], Real, Real, Callable[[], None], Any]]:
-        """Per batch of columns: forward, its waves and factors, backward, what to clear."""
+        """Plan each batch of columns: forward, waves, factors, backward, rows to clear."""
         columns, period = self._waves.shape
         size = min(max(BATCH_BYTES // (period * self._waves.itemsize), 1), columns)
         buffer = pyfftw.empty_aligned((size, period), self._waves.dtype)
@@ -94,52 +107,55 @@ class Filter:
         return batches
 
     def transform(self) -> None:
-        """Filter `field` [:, :ny], zero beyond, in place; beyond it is left undefined."""
+        """Filter `field`[:, :ny] in place; the rest must be zero and is undefined afterwards."""
         try:
             self._transform()
-        except BaseException:  # Ctrl-C, say: the filter is kept, and its next user finds it as new
+        except BaseException:  # on Ctrl-C, for example: the filter is used again
             self._waves.fill(0)
             raise
 
     def _transform(self) -> None:
+        """Transform rows, filter columns, transform rows back."""
         self._rows_in()
         for forward, waves, factors, backward, beyond in self._batches:
             forward()
             np.multiply(waves, factors, out=waves)
             backward()
-            beyond.fill(0)  # rows beyond nx are zero on the way in
+            beyond.fill(0)  # rows beyond nx are zero in the next input
         self._rows_out()
 
     def __call__(self, field: Real) -> Real:
         """Filter a whole (nx, ny) field."""
-        self.field.fill(0)  # what its last user left
+        self.field.fill(0)  # the filter is shared: clear the last input
         inside = self.field[:, : self.shape[1]]
         inside[:] = field
         self.transform()
         result: Real = inside.copy()
         return result
 
-    def places(self, nodes: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Where nodes, as flat indices of (nx, ny), stand in the flat `field`."""
+    def places(self, nodes: Nodes) -> Nodes:
+        """Return the indices in the flat `field` of nodes given as flat indices of (nx, ny)."""
         return _places(self.shape, self.field.shape[1])[nodes]
 
 
 class Selection:
-    """A `Filter` between values on some nodes, everything else being zero.
+    """A `Filter` applied to values on some nodes, with zero on all other nodes.
 
     Parameters
     ----------
-    operator : the filter of the whole field
-    nodes : (m,) flat indices into its (nx, ny)
+    operator : Filter
+        The filter of the whole field.
+    nodes : ndarray, shape (m,)
+        Flat indices into its (nx, ny).
     """
 
-    def __init__(self, operator: Filter, nodes: NDArray[np.intp]) -> None:
+    def __init__(self, operator: Filter, nodes: Nodes) -> None:
         self._operator = operator
         self._places = operator.places(nodes)
         self._field = operator.field.reshape(-1)
 
     def __call__(self, values: Real) -> Real:
-        """(m,) values on the nodes -> (m,) filtered values on the same nodes."""
+        """Filter (m,) values on the nodes, and return (m,) values on the same nodes."""
         return self._apply(self._places, values)[self._places]
 
     def everywhere(self, values: Real) -> Real:
@@ -148,17 +164,18 @@ class Selection:
         field: Real = self._operator.field[:, : self._operator.shape[1]].copy()
         return field
 
-    def spread(self, some: NDArray[np.intp], values: Real) -> Real:
-        """(a,) values on nodes[some] -> (m,) filtered values on all the nodes."""
+    def spread(self, some: Nodes, values: Real) -> Real:
+        """Filter (a,) values on nodes[some], and return (m,) values on all the nodes."""
         return self._apply(self._places[some], values)[self._places]
 
-    def within(self, some: NDArray[np.intp], values: Real) -> Real:
-        """(a,) values on nodes[some] -> (a,) filtered values on the same nodes."""
+    def within(self, some: Nodes, values: Real) -> Real:
+        """Filter (a,) values on nodes[some], and return (a,) values on the same nodes."""
         places = self._places[some]
         return self._apply(places, values)[places]
 
-    def _apply(self, places: NDArray[np.intp], values: Real) -> Real:
-        self._field.fill(0)  # the filter is shared: clear what its last user left
+    def _apply(self, places: Nodes, values: Real) -> Real:
+        """Filter values at some places; the result is the filter's own buffer."""
+        self._field.fill(0)  # the filter is shared: clear the last input
         self._field[places] = values
         self._operator.transform()
         filtered: Real = self._field
@@ -166,13 +183,13 @@ class Selection:
 
 
 @lru_cache(maxsize=4)
-def _places(shape: tuple[int, int], across: int) -> NDArray[np.intp]:
-    """Where each node of (nx, ny) stands in a flat field of so many columns."""
+def _places(shape: tuple[int, int], across: int) -> Nodes:
+    """Return the index of every node of (nx, ny) in a flat field with `across` columns."""
     return np.arange(shape[0] * across).reshape(shape[0], across)[:, : shape[1]].reshape(-1)
 
 
 def _plan(source: Real, target: Real, axis: int, *, backward: bool = False) -> Callable[[], None]:
-    """A transform along one axis; a backward one may destroy what it transforms."""
+    """Plan a transform along one axis; a backward one may destroy its input."""
     direction = "FFTW_BACKWARD" if backward else "FFTW_FORWARD"
     flags = ("FFTW_ESTIMATE", "FFTW_DESTROY_INPUT") if backward else ("FFTW_ESTIMATE",)
     plan = pyfftw.FFTW(source, target, axes=(axis,), direction=direction, flags=flags)
@@ -183,32 +200,42 @@ def _plan(source: Real, target: Real, axis: int, *, backward: bool = False) -> C
 def displacement_filter(
     shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0, dtype: str = "float64"
 ) -> Filter:
-    """H: pressure -> displacement, exact for free (non-periodic) boundaries.
+    """Return H as a filter, which is exact for free (non-periodic) boundaries.
 
     Parameters
     ----------
-    shape : (nx, ny) nodes
-    kernel : see `bem.influence.influence_coefficients`
-    aspect : second side of a cell over its first [1]
-    dtype : "float64" or "float32"
+    shape : tuple of int
+        Nodes (nx, ny) of the grid.
+    kernel : str
+        Influence coefficients, see `bem.influence.influence_coefficients`.
+    aspect : float
+        Second side of a cell over its first [1].
+    dtype : str
+        Precision, "float64" or "float32".
 
     Returns
     -------
-    Filter of (nx, ny) pressure into (nx, ny) displacement [first side of a cell / E*]; shared
-    between its callers on one thread: use it and leave it
+    Filter
+        Maps an (nx, ny) pressure to an (nx, ny) displacement [first side of a cell / E*]. All
+        callers on one thread share it, so that its buffer must not be kept.
     """
     return kept_filter(_make_displacement_filter, shape, kernel, aspect, dtype)
 
 
 def kept_filter(make: Callable[..., Filter], *arguments: Any) -> Filter:
-    """The filter that `make` makes from these arguments, kept on this thread for the next call."""
+    """Return the filter that `make` makes from the arguments; this thread keeps it for later."""
     return _FILTERS.get(make, arguments)
 
 
 def fast_period(nodes: int) -> int:
-    """Smallest even period with small prime factors that the kernel of `nodes` nodes allows.
+    """Return the smallest even period with small prime factors that a grid's kernel allows.
 
-    The kernel is even, so 2 nodes - 2 is exact: a power of two for 2^k + 1 nodes.
+    The kernel is even, so that 2 nodes - 2 is exact, a power of two for 2^k + 1 nodes.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes of the grid along an axis.
     """
     return 2 * int(fft.next_fast_len(max(nodes - 1, 1), real=True))
 
@@ -216,17 +243,18 @@ def fast_period(nodes: int) -> int:
 def _make_displacement_filter(
     shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str
 ) -> Filter:
+    """Tabulate the spectrum of H."""
     table = influence_coefficients(shape, kernel, aspect)
     offsets = []
     for nodes in shape:
         index = np.arange(fast_period(nodes))
-        # Offsets beyond the grid never meet a node: any value serves there.
+        # Offsets beyond the grid never connect two nodes, so that any value will do there.
         offsets.append(np.minimum(np.minimum(index, len(index) - index), nodes - 1))
     return Filter(shape, fft.rfft2(table[np.ix_(*offsets)]).real, dtype)
 
 
 class _Kept:
-    """The filters of one thread, the one used last at the end, and what they occupy."""
+    """The filters of one thread in the order of their last use, and their memory."""
 
     def __init__(self) -> None:
         self.filters: OrderedDict[tuple[Any, ...], Filter] = OrderedDict()
@@ -234,9 +262,9 @@ class _Kept:
 
 
 class _Filters(threading.local):
-    """The filters used last on this thread, as many as `KEPT_BYTES` of all threads allow.
+    """The filters last used on this thread, as many as `KEPT_BYTES` for all threads allow.
 
-    They are scratch space too, so that no thread can use another's.
+    Filters hold scratch space too, so that no two threads can share one.
     """
 
     _threads: ClassVar[WeakSet[_Kept]] = WeakSet()
@@ -248,11 +276,12 @@ class _Filters(threading.local):
             self._threads.add(self._kept)
 
     def get(self, make: Callable[..., Filter], arguments: tuple[Any, ...]) -> Filter:
+        """Return a kept filter, or make one and keep it."""
         filters, key = self._kept.filters, (make, *arguments)
-        found = filters.get(key)
-        if found is not None:
+        kept = filters.get(key)
+        if kept is not None:
             filters.move_to_end(key)
-            return found
+            return kept
         with unforked():  # plans and transforms are made under locks
             made = filters[key] = make(*arguments)
             self._kept.bytes += made.bytes
@@ -260,7 +289,7 @@ class _Filters(threading.local):
         return made
 
     def _forget(self) -> None:
-        """Let this thread's oldest filters go while those of all threads are too large."""
+        """Drop this thread's oldest filters while those of all threads take too much memory."""
         with self._changing:
             excess = sum(kept.bytes for kept in self._threads) - KEPT_BYTES
         while excess > 0 and len(self._kept.filters) > FEWEST_KEPT:

@@ -5,55 +5,62 @@ length and every material: a caller multiplies by spacing / E*.
 """
 
 from functools import lru_cache
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bem.arrays import Field, Nodes, Real, Values
+
 Kernel = Literal["uniform-pressure", "concentrated-force"]
 KERNELS: tuple[Kernel, ...] = get_args(Kernel)
 
-Nodes = NDArray[np.intp]
-Real = NDArray[Any]  # of float64 or float32
-
-# Distance in units of the cell's longer side -> Gauss-Legendre points a side that integrate
-# 1/r over the cell to the last digit from there on (the error falls as (2 d)^(-2 points)).
+# Pairs of a distance, in units of the cell's longer side, and the Gauss-Legendre points a side that
+# integrate 1/r over the cell to the last digit from there on: the error falls as (2 d)^(-2 points).
 QUADRATURE = ((3.0, 8), (16.0, 5), (128.0, 3))
 
-# Boxes round what may touch come in many shapes. They are cut from square tables of 9 2^j or
-# 12 2^j a side, of which the former hold 2^(j + 3) + 1 nodes and the circulant next to them: all
-# boxes of these nodes a side, and larger ones unless the square has so many times their nodes.
+# Longest side of a square table that boxes of any shape are cut from. The boxes of nodes that may
+# touch come in many shapes, and such a table serves all of them at little cost.
 ALWAYS_SHARED = 288
+
+# Largest ratio of the nodes of a square table to those of a box cut from it, for longer sides:
+# above it a table of the box's own shape is cheaper.
 LARGEST_WASTE = 4
 
-# Rows gathered at a time, whose places fit into the cache; and the largest grid for which the
-# coefficients of all offsets, of either sign, are kept for that: their places take one subtraction.
+# Rows of a matrix gathered at a time: their indices fit into the cache.
 ROWS = 64
+
+# Largest grid for which the coefficients of offsets of either sign are tabulated: an index then
+# takes a single subtraction, and the table four times the memory.
 MIRRORED_NODES = 2**20
 
 
 def influence_coefficients(
     shape: tuple[int, int], kernel: Kernel = "uniform-pressure", aspect: float = 1.0
-) -> NDArray[np.float64]:
-    """Displacement at a cell's centre from unit pressure on the cell (i, j) away.
+) -> Field:
+    """Compute the displacement at a cell's centre by unit pressure on the cell (i, j) away.
 
     Parameters
     ----------
-    shape : (nx, ny) nodes of the grid
-    kernel : "uniform-pressure", a constant pressure on a rectangular cell (Love 1929; Pohrt and
-        Li 2014, eq. 12), or "concentrated-force", the point force asin(a/r)/(pi a) of MIRCO with
-        a = half a cell, whose diagonal lacks a factor pi/2
-    aspect : second side of a cell over its first side [1]
+    shape : tuple of int
+        Nodes (nx, ny) of the grid.
+    kernel : str
+        "uniform-pressure", a constant pressure on a rectangular cell (Love 1929; Pohrt and Li
+        2014, eq. 12), or "concentrated-force", the point force asin(a/r)/(pi a) of MIRCO with
+        a = half a cell, whose diagonal lacks a factor pi/2.
+    aspect : float
+        Second side of a cell over its first side [1].
 
     Returns
     -------
-    (nx, ny) displacement [first side of a cell x pressure / E*], read-only; the coefficient of
-    the offset (-i, -j) is that of (i, j)
+    ndarray, shape (nx, ny)
+        Displacement, read-only [first side of a cell x pressure / E*]. The offset (-i, -j) has the
+        coefficient of (i, j).
 
     Raises
     ------
     ValueError
-        for an unknown kernel
+        If the kernel is unknown.
     """
     side = _shared_side(max(shape))
     shared = side <= ALWAYS_SHARED or side * side <= LARGEST_WASTE * shape[0] * shape[1]
@@ -62,7 +69,10 @@ def influence_coefficients(
 
 
 def _shared_side(nodes: int) -> int:
-    """The smallest of 144, 192, 288, 384, 576, ... that holds so many nodes."""
+    """Return the smallest of the sides 144, 192, 288, 384, 576, ... that holds the nodes.
+
+    Every second of them, 9 2^j, holds a box of 2^(j + 3) + 1 nodes a side and its circulant.
+    """
     side = 144
     while side * 4 // 3 < nodes:
         side *= 2
@@ -70,7 +80,8 @@ def _shared_side(nodes: int) -> int:
 
 
 @lru_cache(maxsize=8)
-def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> NDArray[np.float64]:
+def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
+    """Compute the coefficients of all offsets (i, j) with i, j >= 0 on a grid of a shape."""
     rows, columns = np.ogrid[: shape[0], : shape[1]]
     if kernel == "uniform-pressure":
         table = _uniform_pressure(rows, columns, aspect)
@@ -82,10 +93,8 @@ def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> NDArray[np.
     return table
 
 
-def _uniform_pressure(
-    rows: NDArray[np.int64], columns: NDArray[np.int64], aspect: float
-) -> NDArray[np.float64]:
-    """Closed form near the loaded cell, where it is exact; quadrature where it would cancel."""
+def _uniform_pressure(rows: NDArray[np.int64], columns: NDArray[np.int64], aspect: float) -> Field:
+    """Use the closed form near the loaded cell, and quadrature where its terms would cancel."""
     if aspect == 1.0:  # sorted offsets make the table symmetric to the last bit
         x, y = np.maximum(rows, columns) * 1.0, np.minimum(rows, columns) * 1.0
     else:
@@ -101,10 +110,8 @@ def _uniform_pressure(
     return table
 
 
-def _closed_form(
-    x: NDArray[np.float64], y: NDArray[np.float64], aspect: float
-) -> NDArray[np.float64]:
-    """Integral of 1/(pi r) over a cell of sides 1 and `aspect` at (x, y) (Love 1929)."""
+def _closed_form(x: Values, y: Values, aspect: float) -> Values:
+    """Integrate 1/(pi r) over a cell of sides 1 and `aspect` at (x, y) (Love 1929)."""
     total = np.zeros_like(x)
     for sign_x in (1, -1):
         for sign_y in (1, -1):
@@ -115,10 +122,8 @@ def _closed_form(
     return total / np.pi
 
 
-def _quadrature(
-    x: NDArray[np.float64], y: NDArray[np.float64], aspect: float, points: int
-) -> NDArray[np.float64]:
-    """Integral of 1/(pi r) over the cell by Gauss and Legendre's rule, `points` a side."""
+def _quadrature(x: Values, y: Values, aspect: float, points: int) -> Values:
+    """Integrate 1/(pi r) over the cell by the Gauss-Legendre rule, with `points` a side."""
     nodes, weights = np.polynomial.legendre.leggauss(points)
     total = np.zeros_like(x)
     for node_x, weight_x in zip(nodes / 2, weights / 2, strict=True):
@@ -130,27 +135,36 @@ def _quadrature(
 
 def _concentrated_force(
     rows: NDArray[np.int64], columns: NDArray[np.int64], aspect: float
-) -> NDArray[np.float64]:
-    """Point force per cell, u = F asin(a/r)/(pi a), F/(pi a) on the diagonal (MIRCO)."""
-    radius = 0.5 * np.sqrt(aspect)  # half a cell; of a square of the same area where it is oblong
+) -> Field:
+    """Compute u = F asin(a/r)/(pi a) of a point force a cell, F/(pi a) on the diagonal (MIRCO)."""
+    radius = 0.5 * np.sqrt(
+        aspect
+    )  # half a cell, or half of a square of the same area if the cell is oblong
     distance = np.hypot(rows, columns * aspect)
     distance[0, 0] = radius
-    table: NDArray[np.float64] = np.arcsin(radius / distance) * (aspect / (np.pi * radius))
+    table: Field = np.arcsin(radius / distance) * (aspect / (np.pi * radius))
     table[0, 0] = aspect / (np.pi * radius)
     return table
 
 
 class InfluenceMatrix:
-    """H between nodes of a grid, entry by entry.
+    """The influence matrix H between nodes of a grid, entry by entry.
 
     Parameters
     ----------
-    shape, kernel, aspect : see `bem.influence.influence_coefficients`
-    dtype : "float64" or "float32"
+    shape : tuple of int
+        Nodes (nx, ny) of the grid.
+    kernel : str
+        Influence coefficients, see `influence_coefficients`.
+    aspect : float
+        Second side of a cell over its first side [1].
+    dtype : str
+        Precision of the entries, "float64" or "float32".
 
     Attributes
     ----------
-    dtype : of the entries
+    dtype : numpy.dtype
+        Precision of the entries.
     """
 
     def __init__(
@@ -162,12 +176,12 @@ class InfluenceMatrix:
         self._coefficients = _coefficients(shape, kernel, aspect, dtype, self._mirrored)
 
     def between(self, nodes: Nodes, loaded: Nodes) -> Real:
-        """(a,), (b,) flat indices -> (a, b) displacement of nodes from unit pressure on loaded."""
-        found: Real = self._coefficients.take(self._offsets(nodes, loaded), mode="clip")
-        return found
+        """Return the (a, b) displacements of (a,) nodes by unit pressure on (b,) loaded nodes."""
+        entries: Real = self._coefficients.take(self._offsets(nodes, loaded), mode="clip")
+        return entries
 
     def among(self, nodes: Nodes) -> Real:
-        """(n,) flat indices -> (n, n) in Fortran's order; what is above the diagonal is not set."""
+        """Return the lower triangle of the (n, n) matrix of (n,) nodes, in Fortran's order."""
         n = len(nodes)
         matrix = np.empty((n, n), self.dtype)
         for first in range(0, n, ROWS):
@@ -177,14 +191,15 @@ class InfluenceMatrix:
         return matrix.T
 
     def _offsets(self, nodes: Nodes, loaded: Nodes) -> Nodes:
-        """(a,), (b,) -> (a, b) where the coefficients of the offsets stand."""
+        """Return the (a, b) indices into the table for the offsets of (a,) from (b,) nodes."""
         rows, columns = self._shape
         here, there = np.divmod(nodes, columns), np.divmod(loaded, columns)
         if self._mirrored:
             width = 2 * columns - 1
             centre = (rows - 1) * width + columns - 1
-            places = here[0] * width + here[1], there[0] * width + there[1] - centre
-            offsets: Nodes = np.subtract.outer(*places)
+            offsets: Nodes = np.subtract.outer(
+                here[0] * width + here[1], there[0] * width + there[1] - centre
+            )
             return offsets
         offsets = np.abs(np.subtract.outer(here[0], there[0]))
         offsets *= columns
@@ -196,7 +211,7 @@ class InfluenceMatrix:
 def _coefficients(
     shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str, mirrored: bool
 ) -> Real:
-    """Flat coefficients of all offsets, or of those that are not negative."""
+    """Return the flat table of coefficients, for offsets of either sign if `mirrored`."""
     table = influence_coefficients(shape, kernel, aspect).astype(dtype)
     if mirrored:
         table = np.concatenate([table[:0:-1], table])

@@ -1,8 +1,8 @@
-"""Sections of compiled code: on one BLAS thread, and never in the middle of a fork.
+"""Sections of compiled code that run on one BLAS thread and that no fork interrupts.
 
-A pool of BLAS threads spins longer than the small matrices here take on one thread, and sums in
-another order for every number of threads. BLAS, FFTW's planner and the Fourier transforms of scipy
-hold locks of their own: a child that is forked while another thread holds one waits for it forever.
+For the small matrices here, a pool of BLAS threads takes longer than a single thread, and the order
+of its sums depends on the number of threads. BLAS, FFTW's planner and the Fourier transforms of
+scipy hold locks: a child that is forked while another thread holds one would wait for it forever.
 """
 
 import os
@@ -12,11 +12,12 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
 
-BlasThreads = tuple[Any, int]  # a library's controller, and how many threads it has
+# The controller of a BLAS library and its number of threads.
+BlasThreads = tuple[Any, int]
 
 
 class _Sections:
-    """The threads that are inside of a section, and what BLAS was set to before."""
+    """The threads inside a section, and the numbers of BLAS threads before the first of them."""
 
     def __init__(self) -> None:
         self.changed = threading.Condition()
@@ -25,11 +26,13 @@ class _Sections:
         self.threads_before: list[BlasThreads] = []
 
     def enter(self) -> None:
+        """Count the current thread as inside."""
         with self.changed:
             thread = threading.get_ident()
             self.depths[thread] = self.depths.get(thread, 0) + 1
 
     def leave(self) -> None:
+        """Count the current thread as outside, and wake a fork that waits for it."""
         with self.changed:
             thread = threading.get_ident()
             self.depths[thread] -= 1
@@ -38,17 +41,17 @@ class _Sections:
                 self.changed.notify_all()
 
     def limit(self) -> None:
-        """Set BLAS to one thread, unless another thread of ours has done so already."""
+        """Set BLAS to one thread, unless another section has done so already."""
         pools = _blas_pools()
         with self.changed:
             self.dense += 1
             if self.dense == 1:
-                found = [(pool, pool.get_num_threads()) for pool in pools]
-                self.threads_before = [each for each in found if each[1] != 1]
+                before = [(pool, pool.get_num_threads()) for pool in pools]
+                self.threads_before = [(pool, threads) for pool, threads in before if threads != 1]
                 _set_threads([(pool, 1) for pool, _ in self.threads_before])
 
     def restore(self) -> None:
-        """Give BLAS its threads back once nobody is inside any more."""
+        """Restore the numbers of BLAS threads once the last dense section has ended."""
         with self.changed:
             self.dense -= 1
             if not self.dense:
@@ -66,7 +69,7 @@ class _Sections:
 
 
 _SECTIONS = _Sections()
-if hasattr(os, "register_at_fork"):  # every system that forks
+if hasattr(os, "register_at_fork"):  # on every system that has fork
     os.register_at_fork(
         before=_SECTIONS.hold,
         after_in_parent=_SECTIONS.resume,
@@ -86,10 +89,10 @@ def unforked() -> Iterator[None]:
 
 @contextmanager
 def on_one_blas_thread() -> Iterator[None]:
-    """Run dense linear algebra on one thread of BLAS; a fork waits until it has ended.
+    """Run dense linear algebra on one BLAS thread; a fork waits until it has ended.
 
-    The number of BLAS threads belongs to the whole process: BLAS that other threads call meanwhile
-    is on one thread too, and a number that they set meanwhile may be lost.
+    The number of BLAS threads is a setting of the whole process. BLAS that other threads call in
+    the meantime runs on one thread too, and a number that they set may be lost.
     """
     with unforked():
         _SECTIONS.limit()
@@ -100,9 +103,9 @@ def on_one_blas_thread() -> Iterator[None]:
 
 
 def _set_threads(wanted: list[BlasThreads]) -> None:
-    """Set numbers of threads, from whichever thread the last one was set."""
+    """Set the numbers of BLAS threads from any thread of Python."""
     for pool, threads in wanted:
-        # OpenBLAS hears one thread of Python until that ends or is told to let go.
+        # OpenBLAS obeys a single thread of Python until that thread ends or lets go.
         let_go = getattr(pool, "clear_controlling_thread", lambda force: None)
         let_go(force=True)
         pool.set_num_threads(threads)
@@ -111,8 +114,8 @@ def _set_threads(wanted: list[BlasThreads]) -> None:
 
 @lru_cache(maxsize=1)
 def _blas_pools() -> list[Any]:
-    """The BLAS libraries of numpy and scipy, to be asked for and given numbers of threads."""
-    import scipy.linalg  # noqa: F401  loads its BLAS, which only then can be found
+    """Return the controllers of the BLAS libraries of numpy and scipy."""
+    import scipy.linalg  # noqa: F401  loads its BLAS, so that threadpoolctl sees it
     from threadpoolctl import ThreadpoolController
 
     pools: list[Any] = ThreadpoolController().select(user_api="blas").lib_controllers
