@@ -1,7 +1,7 @@
 """Read measured topographies: heights and lengths of an instrument's file, converted to um.
 
-`gen.surface` reads .npy files and text, `gen.measured.text` the headers above text;
-SurfaceTopography, whose home is here, reads all further formats.
+`gen.measured.grid_file` reads .npy files and text; SurfaceTopography, whose home is here, reads all
+further formats.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from gen import surface
 from gen.arrays import Heights
-from gen.measured import text
+from gen.measured import grid_file, text
 from gen.measured.channel import Channel, choice_in_words, choose_channel
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
@@ -276,7 +275,7 @@ def _sides_of(path: Path, shape: tuple[int, ...], side: str) -> Sides:
 
 def _own_scan(path: Path, wanted: str) -> _Scan:
     """Read the map in a .npy or text file, with the entries of its header."""
-    matrices = surface.read(path)
+    matrices = grid_file.read(path)
     units = [matrix.value_unit for matrix in matrices]
     channels = [
         Channel(place, matrix.channel or f"matrix {place}", not unit or unit in UNITS, unit)
@@ -286,7 +285,7 @@ def _own_scan(path: Path, wanted: str) -> _Scan:
     matrix, (factor, unit) = matrices[taken], units[taken]
     # An overflow is refused by `read`; a signalling NaN is a hole like every NaN.
     with np.errstate(over="ignore", invalid="ignore"):
-        heights = factor * surface.checked(matrix.numbers, path, holes=True)
+        heights = factor * grid_file.checked(matrix.numbers, path, holes=True)
     widths, remarks = matrix.widths, matrix.remarks
     origin = choice_in_words(channels, taken)
     if widths is None:
@@ -344,7 +343,7 @@ def _is_foreign(path: Path) -> bool:
             start = file.read(1024)
     except (OSError, ValueError):
         return False
-    binary = any(character in start for character in surface.CONTROL_CHARACTERS)
+    binary = any(character in start for character in grid_file.CONTROL_CHARACTERS)
     return path.suffix.lower() == ".dat" and binary and not start.startswith(b"\x93NUMPY")
 
 

@@ -1,0 +1,206 @@
+"""Heights in .npy files and text: read as they are, or refused in one line."""
+
+import io
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from gen.measured.grid_file import load
+from gen.runtime.errors import InputError
+from gen.surface import generate
+
+MIRCO = Path(__file__).parents[4] / "shared" / "mirco"
+
+
+def write(folder: Path, name: str, content: bytes | str) -> Path:
+    path = folder / name
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+def npy(array: object) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array, allow_pickle=True)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("name", "nodes", "corner", "highest"),
+    [("sup2.dat", 5, 57.299175, 108.39591), ("sup5.dat", 33, 52.358399, None)],
+)
+def test_reads_the_topologies_of_mirco(name, nodes, corner, highest):
+    path = MIRCO / name
+    if not path.exists():
+        pytest.skip(f"{path} is absent")
+    heights = load(path)
+    assert heights.shape == (nodes, nodes)
+    assert heights[0, 0] == heights[0, -1] == heights[-1, 0] == heights[-1, -1] == corner
+    assert highest is None or heights.max() == highest
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1 2 3\n4 5 6\n",
+        "  1\t2   3  \r\n\r\n4 5 6",
+        "1,2,3\n4, 5, 6,\n",
+        "   1.0e+00;   2.0e+00;   3.0e+00;\n   4.0e+00;   5.0e+00;   6.0e+00;\n",
+        "# width 3, height 2; from a profilometer\n1;2;3 # first\n\n4;5;6\n# end\n",
+        "\ufeff1 2 3\n4 5 6",
+    ],
+)
+def test_reads_text_with_any_separator_and_comments(tmp_path, text):
+    heights = load(write(tmp_path, "heights.txt", text))
+    assert np.array_equal(heights, [[1, 2, 3], [4, 5, 6]])
+    assert heights.dtype == np.float64
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    array=hnp.arrays(
+        st.sampled_from(["<f8", ">f8", "<f4", "<f2", "<i4", "|u1"]),
+        hnp.array_shapes(min_dims=2, max_dims=2, min_side=2, max_side=6),
+        elements={"min_value": 0, "max_value": 255},
+    ),
+    fortran=st.booleans(),
+)
+def test_reads_real_npy_of_any_width_byte_order_and_layout(array, fortran, tmp_path_factory):
+    stored = np.asfortranarray(array) if fortran else array
+    heights = load(write(tmp_path_factory.mktemp("npy"), "heights.npy", npy(stored)))
+    assert np.array_equal(heights, array)
+    assert heights.dtype == np.float64
+    assert heights.dtype.isnative
+    assert heights.flags.c_contiguous
+
+
+def test_heights_are_not_shifted_and_survive_the_round_trip(tmp_path):
+    heights = generate("midpoint", 17, 0.7, 12.0, np.random.default_rng(5)) - 1e3
+    assert np.array_equal(load(write(tmp_path, "heights.npy", npy(heights))), heights)
+    np.savetxt(tmp_path / "heights.csv", heights, delimiter=",", fmt="%.17g", header="um")
+    assert np.array_equal(load(tmp_path / "heights.csv"), heights)
+
+
+def test_npy_is_known_by_its_content_whatever_its_name(tmp_path):
+    assert load(write(tmp_path, "heights.dat", npy(np.eye(3)))).shape == (3, 3)
+
+
+GOOD = npy(np.eye(4))
+TERABYTES = GOOD.replace(b"(4, 4), }" + b" " * 12, b"(9999999, 9999999), }")  # header as long
+FAULTS = {
+    "no array": ("a.npy", b"1 2\n3 4\n", r"not a whole \.npy file \(.*magic"),
+    "empty npy": ("a.npy", b"", r"not a whole \.npy file \("),
+    "header alone": ("a.npy", GOOD[:40], r"not a whole \.npy file \("),
+    "cut off": ("a.npy", GOOD[:-9], r"not a whole \.npy file \("),
+    "broken header": ("a.npy", GOOD.replace(b"'descr'", b"'{([\x00'"), r"not a whole \.npy"),
+    "claims terabytes": ("a.npy", TERABYTES, r"not a whole \.npy file \("),
+    "objects": ("a.npy", npy(np.array([[1, "a"], [None, 2]], dtype=object)), "Object arrays"),
+    "pickle": ("a.npy", pickle.dumps([[1.0, 2.0], [3.0, 4.0]]), r"not a whole \.npy file"),
+    "zip": ("a.npy", b"PK\x03\x04" + b"\x00" * 40, r"not a whole \.npy file"),
+    "complex": ("a.npy", npy(np.eye(3) * 1j), "holds complex128 values; save real numbers"),
+    "truth values": ("a.npy", npy(np.eye(3) > 0), "holds bool values; save real numbers"),
+    "texts": ("a.npy", npy(np.array([["1", "2"], ["3", "4"]])), "holds <U1 values; save real"),
+    "dates": ("a.npy", npy(np.zeros((2, 2), "M8[s]")), r"holds datetime64\[s\] values"),
+    "one number": ("a.npy", npy(np.float64(3.0)), "holds a single number; give 2-D heights"),
+    "one axis": ("a.npy", npy(np.zeros(9)), "holds 9; give 2-D heights, 2 x 2 or more"),
+    "three axes": ("a.npy", npy(np.zeros((3, 3, 3))), "holds 3 x 3 x 3; give 2-D heights"),
+    "no rows": ("a.npy", npy(np.zeros((0, 5))), "holds no heights; give 2-D heights"),
+    "one row": ("a.npy", npy(np.zeros((1, 5))), "holds 1 x 5; give 2-D heights"),
+    "one column": ("a.npy", npy(np.zeros((5, 1))), "holds 5 x 1; give 2-D heights"),
+    "not finite": (
+        "a.npy",
+        npy(np.array([[1, np.nan], [np.inf, -np.inf]])),
+        "3 of 4 heights are NaN or infinite",
+    ),
+    "nan in text": ("a.txt", "1 2\nnan 1e999\n", "2 of 4 heights are NaN or infinite"),
+    "words": ("a.txt", "# heights\n1 2\n3 x4\n", "line 3: 'x4' is not a number; give numbers sep"),
+    "complex text": ("a.txt", "1 2\n3 4j\n", "line 2: '4j' is not a number"),
+    "decimal commas": ("a.csv", "1,5;2,5\n3,5;4,5\n", "line 1: '1,5' is not a number"),
+    "more decimal commas": ("a.csv", "1,5 2,5\n3,5 4,5\n", "line 1: '5 2' is not a number"),
+    "a gap": ("a.csv", "1,2,3\n4,,6\n", "line 2: '' is not a number"),
+    "ragged": ("a.dat", "1;2;3;\n\n4;5;\n", "line 3: 2 numbers where the first row has 3; give"),
+    "empty text": ("a.txt", "", "holds no heights; give 2-D heights"),
+    "comments alone": ("a.txt", "# nothing\n\n", "holds no heights; give 2-D heights"),
+    "one line": ("a.txt", "1 2 3\n", "holds 1 x 3; give 2-D heights"),
+    "image": ("a.png", b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", r"is neither \.npy nor text"),
+    "HDF5": ("a.h5", b"\x89HDF\r\n\x1a\n\x00\x00", r"is neither \.npy nor text"),
+    "utf-16": ("a.txt", "1 2\n3 4\n".encode("utf-16"), r"is neither \.npy nor text"),
+    "latin-1": ("a.txt", b"1 2\n3 \xb5\n", "line 2: '\ufffd' is not a number"),
+}
+
+
+@pytest.mark.parametrize(("name", "content", "fault"), FAULTS.values(), ids=FAULTS)
+def test_files_that_hold_no_heights_are_refused_in_one_line(tmp_path, name, content, fault):
+    path = write(tmp_path, name, content)
+    with pytest.raises(InputError, match=fault) as refusal:
+        load(path)
+    message = str(refusal.value)
+    assert message.startswith(str(path))
+    assert "\n" not in message
+    assert any(allowed in message for allowed in ("; give", "; save"))
+    assert len(message) < len(str(path)) + 220
+
+
+@pytest.mark.skipif(
+    np.finfo(np.longdouble).max == np.finfo(np.float64).max, reason="no wide floats"
+)
+def test_heights_beyond_double_precision_are_refused(tmp_path):
+    path = write(tmp_path, "a.npy", npy(np.full((2, 2), np.finfo(np.longdouble).max)))
+    with pytest.raises(InputError, match="4 of 4 heights are NaN or infinite"):
+        load(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [
+        ("absent.npy", "No such file or directory"),
+        ("folder", "Is a directory"),
+        ("x" * 300, "File name too long"),
+        ("nu\0l", "null byte"),
+    ],
+)
+def test_paths_that_cannot_be_read_are_refused(tmp_path, name, fault):
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(
+        InputError, match=rf"cannot be read \(.*{fault}.*; give a \.npy or text file"
+    ):
+        load(tmp_path / name)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    edits=st.lists(st.tuples(st.integers(0, len(GOOD) - 1), st.integers(0, 255)), max_size=4),
+    length=st.integers(0, len(GOOD)),
+    name=st.sampled_from(["a.npy", "a.dat"]),
+)
+def test_no_broken_npy_raises_anything_else(edits, length, name, tmp_path_factory):
+    content = bytearray(GOOD)
+    for position, byte in edits:
+        content[position] = byte
+    assert_heights_or_refusal(tmp_path_factory.mktemp("npy"), name, bytes(content[:length]))
+
+
+@settings(max_examples=150, deadline=None)
+@given(text=st.text("0123456789.,;# \n\teE+-naif_é", max_size=40) | st.binary(max_size=40))
+def test_no_text_raises_anything_else(text, tmp_path_factory):
+    assert_heights_or_refusal(tmp_path_factory.mktemp("text"), "a.txt", text)
+
+
+def assert_heights_or_refusal(folder: Path, name: str, content: bytes | str) -> None:
+    outcome = heights_or_refusal(write(folder, name, content))
+    if isinstance(outcome, str):
+        assert "\n" not in outcome
+    else:
+        assert min(outcome.shape) >= 2
+        assert np.isfinite(outcome).all()
+
+
+def heights_or_refusal(path: Path) -> np.ndarray | str:
+    try:
+        return load(path)
+    except InputError as refusal:
+        return str(refusal)
