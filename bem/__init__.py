@@ -1,8 +1,7 @@
 """Contact of a rigid rough surface with an elastic half-space: arrays in, arrays out."""
 
 from bem.contact import Contact, NotConverged, solve
-from bem.equilibrium import NoSolution
 from bem.ladder import ladder
-from bem.problem import OutOfRange, Problem
+from bem.problem import NoSolution, OutOfRange, Problem
 
 __all__ = ["Contact", "NoSolution", "NotConverged", "OutOfRange", "Problem", "ladder", "solve"]

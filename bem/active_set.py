@@ -29,6 +29,10 @@ IDLE_ROUNDS = 4
 # Exact residuals in a row, none below half of the smallest, after which only rounding is left.
 IDLE_RENEWALS = 5
 
+# Largest violation at which a pressure above the hardness will stay above it, and an elastic solve
+# is given up.
+CERTAIN = 1e-2
+
 # Contact sets in a row without a new smallest violation that count as cycling.
 PATIENCE = 8
 
@@ -74,6 +78,7 @@ def solve_complementarity(
     max_iterations: int,
     start: Iterate | None = None,
     pace: Pace = FROM_SCRATCH,
+    hardness: float = np.inf,
 ) -> tuple[Iterate, bool]:
     """Find p >= 0 with w = H p - u >= 0 and p w = 0.
 
@@ -98,6 +103,9 @@ def solve_complementarity(
         before its residual has been recomputed.
     pace : Pace
         When and how far contact sets change.
+    hardness : float
+        Pressure above which the elastic solution is not wanted: the solve ends as soon as it is
+        certain enough that some node exceeds it.
 
     Returns
     -------
@@ -120,6 +128,8 @@ def solve_complementarity(
             descend(operators, interference, iterate, steps)
             violation, safe_steps = iterate.violation(), 2 * safe_steps
             progress.begin_again()
+        if violation <= CERTAIN and iterate.pressure.max(initial=0.0) > hardness:
+            return iterate, False
         floor = max(rtol, ROUNDING * renewed)
         ended = progress.ends() or iterate.effort.iterations >= max_iterations
         if ended or not violation > floor:  # a violation that is nan also ends the loop
@@ -157,7 +167,7 @@ def _take_first_contact(
     `bounds` are the tolerance of the solve and its bound on iterations.
     """
     rtol, max_iterations = bounds
-    take_first_steps(operators, interference, iterate, pace.first_steps)
+    take_first_steps(operators, interference, iterate, range(pace.first_steps))
     settle_few(operators, interference, iterate, rtol, max_iterations - iterate.effort.iterations)
     if operators.load is not None and not iterate.pressure.any():  # some nodes must carry the load
         iterate.pressure[:] = operators.load / iterate.pressure.size

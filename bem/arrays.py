@@ -16,3 +16,6 @@ Nodes = NDArray[np.intp]
 
 # Numbers in whichever precision the caller chose, float64 or float32.
 Real = NDArray[Any]
+
+# One decision for every node of a list, of shape (m,).
+Mask = NDArray[np.bool_]

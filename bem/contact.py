@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from bem.convolution import displacement_filter
 from bem.displacement_control import on_compliant_far_field, on_rigid_far_field
@@ -21,25 +21,38 @@ from bem.problem import (
     pose,
 )
 
+# Relative distance below which a pressure is the hardness: a few roundings.
+ULPS = 1e-15
+
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """Equilibrium of a `Problem`: what `solve` returns.
+    """Equilibrium of a `Problem`, which `solve` returns.
 
     Attributes
     ----------
-    problem : what was solved
-    pressure : (nx, ny) contact pressure, zero out of contact [MPa]
-    force : total normal force [uN = MPa um^2]
-    area_percent : effective contact area A_e, the share of nodes under pressure [%]
-    contact_nodes : number of nodes under pressure
-    delta : far-field displacement Delta, given or found [um]
-    approach : displacement of the far field in all: Delta, plus F / K if it is compliant [um]
-    residual : largest |gap| in contact or penetration outside, over Delta, or over the approach
-        where the force was given [1]
-    iterations : steps of conjugate gradients, and contact sets tried by dense algebra
-    convolutions : applications of the influence matrix, those for a start from a coarser grid by
-        its share of the nodes; what a guess of the displacement took does not count
+    problem : Problem
+        The problem that was solved.
+    pressure : ndarray, shape (nx, ny)
+        Contact pressure, zero out of contact and never above the hardness [MPa].
+    force : float
+        Total normal force [uN = MPa um^2].
+    area_percent : float
+        Effective contact area A_e, the share of nodes under pressure [%].
+    contact_nodes : int
+        Number of nodes under pressure.
+    delta : float
+        Far-field displacement Delta, given or computed [um].
+    approach : float
+        Total displacement of the far field: Delta, plus F / K if it is compliant [um].
+    residual : float
+        Largest |gap| in contact or penetration outside, over Delta, or over the approach if the
+        force was given [1].
+    iterations : int
+        Steps of conjugate gradients, and contact sets tried by dense algebra.
+    convolutions : int
+        Applications of the influence matrix. Those on a coarser grid count by its share of the
+        nodes; those spent on guessing the displacement do not count.
     """
 
     problem: Problem = field(repr=False)
@@ -55,19 +68,56 @@ class Contact:
 
     @cached_property
     def displacement(self) -> Field:
-        """(nx, ny) normal displacement of the half-space's surface [um], one convolution."""
+        """Normal displacement of the half-space's surface, (nx, ny), by one convolution [um]."""
         problem = self.problem
         operator = displacement_filter(self.pressure.shape, problem.kernel, problem.aspect)
-        moved: Field = operator(self.pressure) * (problem.spacing[0] / problem.modulus)
-        moved.setflags(write=False)
-        return moved
+        displacement: Field = operator(self.pressure) * (problem.spacing[0] / problem.modulus)
+        displacement.setflags(write=False)
+        return displacement
 
     @cached_property
     def gap(self) -> Field:
-        """(nx, ny) distance left between the surfaces, zero in contact [um]."""
+        """Distance left between the surfaces, (nx, ny), zero in contact [um]."""
+        gap = self._elastic_gap
+        if self.problem.hardness is not None:
+            gap = gap + self.yielded_depth
+        gap.setflags(write=False)
+        return gap
+
+    @cached_property
+    def yielded_depth(self) -> Field:
+        """Depth by which the softer body has yielded, (nx, ny), zero without a hardness [um]."""
+        depth = np.where(self._yielded, np.maximum(-self._elastic_gap, 0.0), 0.0)
+        depth.setflags(write=False)
+        return depth
+
+    @property
+    def flattened(self) -> Field:
+        """Heights of the surface after yielding, (nx, ny): what an unloaded patch looks like [um].
+
+        The highest node yields first, so that Delta of another contact of this surface counts from
+        a lower node than the one before. Loads need no such care.
+        """
+        heights: Field = self.problem.heights - self.yielded_depth
+        return heights
+
+    @property
+    def yielded_percent(self) -> float:
+        """Share of all nodes whose pressure is the hardness; 0 without a hardness [%]."""
+        return 100.0 * int(np.count_nonzero(self._yielded)) / self.pressure.size
+
+    @property
+    def _yielded(self) -> NDArray[np.bool_]:
+        """Nodes whose pressure is the hardness, (nx, ny)."""
+        hardness = np.inf if self.problem.hardness is None else self.problem.hardness
+        yielded: NDArray[np.bool_] = self.pressure >= hardness
+        return yielded
+
+    @property
+    def _elastic_gap(self) -> Field:
+        """Displacement less interference, (nx, ny), negative where a body has yielded [um]."""
         heights = self.problem.heights
         gap: Field = self.displacement - ((heights - heights.max()) + self.approach)
-        gap.setflags(write=False)
         return gap
 
     @property
@@ -82,7 +132,7 @@ class Contact:
 
     @property
     def perimeter(self) -> float:
-        """Length of the cell edges between contact and gap; the patch's border is none [um]."""
+        """Length of the cell edges between contact and gap, without the patch's border [um]."""
         touching = self.pressure > 0
         along = np.count_nonzero(touching[1:] != touching[:-1]) * self.problem.spacing[1]
         across = np.count_nonzero(touching[:, 1:] != touching[:, :-1]) * self.problem.spacing[0]
@@ -128,6 +178,7 @@ def solve(
     poisson: float = 0.0,
     kernel: Kernel = "uniform-pressure",
     far_field: FarField = "rigid",
+    hardness: float | None = None,
     rtol: float = RTOL,
     max_iterations: int = MAX_ITERATIONS,
     near: Field | None = None,
@@ -135,44 +186,65 @@ def solve(
     """Press a rigid rough surface into an elastic half-space, without friction or adhesion.
 
     Finds the pressure p >= 0 with gap w = H p - (z - z_max + Delta) >= 0 and p w = 0 (paper,
-    section 2.4). One of `delta`, `force` and `pressure` says how far.
+    section 2.4). With a hardness P the softer body yields: p <= P, and w <= 0 where p = P, by the
+    depth that it has yielded there (Almqvist, Sahlin, Larsson and Glavatskih 2007, Tribology
+    International 40). The body neither hardens nor piles up, and P is the same everywhere.
 
     Parameters
     ----------
-    heights : (nx, ny) surface z; its highest node touches at Delta = 0 [um]
-    side : scan length L, one for a square grid or one per axis [um]
-    delta : far-field displacement Delta; at 0 or below nothing carries load [um]
-    force : total normal force F, from which Delta follows [uN]
-    pressure : mean pressure over the cells of all nodes, in contact or not [MPa]
-    spacing : of the nodes, one or one per axis; side / (nodes - 1) unless given, as MIRCO's
-        side / nodes [um]
-    modulus : Young's modulus E [MPa]
-    poisson : Poisson's ratio nu, in (-1, 0.5] [1]
-    kernel : "uniform-pressure" (Love 1929), or "concentrated-force", with which MIRCO's results
-        are reproduced (see `bem.influence.influence_coefficients`; square cells only)
-    far_field : "rigid", Delta as it stands, or "compliant", Delta + F / K with the stiffness K of
-        a flat punch that fills the patch (MIRCO)
-    rtol : largest |gap| in contact or penetration outside that is accepted, over Delta [1]; the
+    heights : array_like, shape (nx, ny)
+        Heights z of the surface; the highest node touches at Delta = 0 [um].
+    side : float or tuple of float
+        Scan length L, one for a square grid or one for each axis [um].
+    delta : float, optional
+        Far-field displacement Delta; at 0 or below nothing carries load [um]. Exactly one of
+        `delta`, `force` and `pressure` is needed.
+    force : float, optional
+        Total normal force F, from which Delta follows [uN].
+    pressure : float, optional
+        Mean pressure over the cells of all nodes, in contact or not [MPa].
+    spacing : float or tuple of float, optional
+        Distance of the nodes, one or one for each axis; side / (nodes - 1) by default. MIRCO uses
+        side / nodes [um].
+    modulus : float
+        Young's modulus E [MPa].
+    poisson : float
+        Poisson's ratio nu, in (-1, 0.5] [1].
+    kernel : str
+        "uniform-pressure" (Love 1929), or "concentrated-force", which reproduces MIRCO's results
+        (see `bem.influence.influence_coefficients`) and needs square cells.
+    far_field : str
+        "rigid": Delta as it is given. "compliant": Delta + F / K with the stiffness K of a flat
+        punch that fills the patch (MIRCO).
+    hardness : float, optional
+        Largest contact pressure P, the hardness of the softer body [MPa]; on a rigid far field
+        only. Without it the bodies are elastic.
+    rtol : float
+        Largest |gap| in contact or penetration outside that is accepted, over Delta [1]. The
         default is the loosest of a ladder that counts the contact nodes of 99.9 % of the paper
-        preset's samples exactly (`python -m bench solver --default-tolerance`)
-    max_iterations : bound on the steps of conjugate gradients and contact sets of dense algebra
-    near : (nx, ny) pressure near the solution to start from, as `ladder` does; no use to a
-        compliant far field or a given force [MPa]
+        preset's samples exactly (`python -m bench solver --default-tolerance`).
+    max_iterations : int
+        Bound on the steps of conjugate gradients and contact sets of dense algebra.
+    near : ndarray, shape (nx, ny), optional
+        Pressure near the solution to start from, as `ladder` does [MPa]. A compliant far field
+        and a given force do not use it.
 
     Returns
     -------
     Contact
+        Pressure, area, force and the other results.
 
     Raises
     ------
     ValueError
-        for input that no contact problem can have; the message names what was given and what is
-        allowed; OutOfRange, a ValueError, where double precision could not hold the results
+        For input that no contact problem can have; the message names what was given and what is
+        allowed. OutOfRange, a ValueError, where double precision could not hold the results.
     NoSolution
-        for a compliant far field with Delta at or beyond Delta*
+        For a compliant far field with Delta at or beyond Delta*, and for a mean pressure that is
+        not below the hardness.
     NotConverged
-        when `max_iterations` did not suffice, or `rtol` is below what rounding allows; carries the
-        numbers reached
+        If `max_iterations` did not suffice, or `rtol` is below what rounding allows. It carries
+        the numbers that were reached.
     """
     problem = pose(
         heights,
@@ -185,6 +257,7 @@ def solve(
         poisson=poisson,
         kernel=kernel,
         far_field=far_field,
+        hardness=hardness,
         rtol=rtol,
         max_iterations=max_iterations,
     )
@@ -227,6 +300,8 @@ def contact_of(problem: Problem, found: Equilibrium | None) -> Contact:
     unit = found.length / problem.spacing[0] * problem.modulus
     touching = int(np.count_nonzero(found.pressure > 0))
     pressure = found.pressure * unit
+    if problem.hardness is not None:  # units may have cost the last digit
+        pressure[np.abs(pressure - problem.hardness) <= ULPS * problem.hardness] = problem.hardness
     pressure.setflags(write=False)
     contact = Contact(
         problem=problem,
@@ -244,7 +319,12 @@ def contact_of(problem: Problem, found: Equilibrium | None) -> Contact:
         return contact
     # Nodes that the solver left aside count too, if it did not arrive.
     contact = replace(contact, residual=_violation(contact) / found.length)
+<<<<<<< HEAD
     if not contact.residual <= problem.rtol:  # a residual that is nan is refused too
+=======
+    exceeded = problem.hardness is not None and contact.largest_pressure > problem.hardness
+    if contact.residual > problem.rtol or exceeded:
+>>>>>>> d00ffb1 (Let bodies yield: no pressure above a hardness, in every way that a contact is solved)
         raise NotConverged(contact, found.iterate.stalled)
     return contact
 

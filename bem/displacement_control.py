@@ -8,12 +8,21 @@ import numpy as np
 from bem.active_set import FROM_NEAR, FROM_SCRATCH, solve_complementarity
 from bem.arrays import Field
 from bem.direct import FEW_NODES, solve_directly
-from bem.equilibrium import Equilibrium, NoSolution, Overlap, Start, overlap, started, unfold
+from bem.equilibrium import (
+    BeyondCriticalDelta,
+    Equilibrium,
+    Overlap,
+    Start,
+    overlap,
+    started,
+    unfold,
+)
 from bem.far_field import critical_delta, flat_punch
 from bem.half_space import HalfSpace
 from bem.influence import InfluenceMatrix
 from bem.iterate import Effort, Iterate
 from bem.problem import Problem
+from bem.yielding import solve_within
 
 # Iterations with the compliant far field in the operator after which rigid solves approach it: most
 # problems need fewer.
@@ -58,7 +67,7 @@ def on_rigid_far_field(
     keep_displacement : bool
         Whether the result has the displacement of the half-space, unless dense algebra found it.
     """
-    touching = overlap(problem, delta)
+    touching, hardness = overlap(problem, delta), problem.reduced_hardness(delta)
     if len(touching.nodes) <= FEW_NODES:
         iterate, converged = solve_directly(
             InfluenceMatrix(touching.shape, problem.kernel, problem.aspect),
@@ -66,6 +75,7 @@ def on_rigid_far_field(
             touching.interference,
             rtol=problem.rtol,
             max_iterations=problem.max_iterations,
+            hardness=hardness,
         )
         if converged:
             return unfold(problem, delta, touching, iterate)
@@ -85,9 +95,10 @@ def on_rigid_far_field(
         pace = FROM_SCRATCH
     else:
         start.effort += spent
-    iterate, converged = solve_complementarity(
+    iterate, converged = solve_within(
         operators,
         touching.interference,
+        hardness,
         rtol=problem.rtol,
         max_iterations=problem.max_iterations,
         start=start,
@@ -160,12 +171,12 @@ def on_compliant_far_field(problem: Problem, delta: float) -> Equilibrium:
 
     Raises
     ------
-    NoSolution
+    BeyondCriticalDelta
         If delta is Delta* or more.
     """
     critical = critical_delta(problem.heights, problem.kernel, problem.aspect)
     if delta >= critical:
-        raise NoSolution(delta, critical)
+        raise BeyondCriticalDelta(delta, critical)
     shape = problem.heights.shape
     depth = ((problem.heights - problem.heights.max()) / delta).reshape(-1)
     softening = 1 / float(flat_punch(shape, problem.kernel, problem.aspect).sum())

@@ -8,7 +8,7 @@ import numpy as np
 from bem.arrays import Field, Nodes, Values
 from bem.half_space import HalfSpace
 from bem.iterate import CONVOLUTION, Iterate
-from bem.problem import Problem
+from bem.problem import NoSolution, Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class Start(NamedTuple):
     approach: float | None = None
 
 
-class NoSolution(ValueError):
+class BeyondCriticalDelta(NoSolution):
     """A compliant far field at or beyond Delta*, where the force has no bound.
 
     Attributes

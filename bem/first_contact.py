@@ -33,7 +33,7 @@ OUTSIDE = 1e-5
 
 
 def take_first_steps(
-    operators: Operators, interference: Values, iterate: Iterate, steps: int
+    operators: Operators, interference: Values, iterate: Iterate, steps: range
 ) -> None:
     """Take preconditioned steps, cut off at zero and scaled to the least energy.
 
@@ -47,10 +47,10 @@ def take_first_steps(
         Interference u [unit of displacement].
     iterate : Iterate
         Pressure and residual, improved in place.
-    steps : int
-        Largest number of steps.
+    steps : range
+        Numbers of the steps, the first of a solve being 0.
     """
-    for step in range(steps):
+    for step in steps:
         contact = iterate.contact()
         if len(contact) <= ENOUGH[min(step, len(ENOUGH) - 1)] * operators.few_nodes:
             return

@@ -108,6 +108,11 @@ class HalfSpace:
         other.load = load
         return other
 
+    def among(self, some: Nodes) -> Self:
+        """Return the same half-space restricted to some of its nodes, on a rigid far field."""
+        shape, kernel, aspect = self._grid
+        return type(self)(shape, kernel, aspect, self._nodes[some])
+
     def displace(self, pressure: Values) -> Values:
         """Compute the (m,) displacement by an (m,) pressure in double precision."""
         if self._keep_field:

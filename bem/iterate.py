@@ -6,12 +6,12 @@ never carry pressure.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from typing import Protocol
 
 import numpy as np
 
-from bem.arrays import Nodes, Values
+from bem.arrays import Mask, Nodes, Values
 from bem.factor import ContactFactor
 
 
@@ -178,3 +178,137 @@ def rescale(operators: Operators, interference: Values, iterate: Iterate) -> Non
 def inner(a: Values, b: Values) -> float:
     """Compute an inner product without BLAS, whose threads would change its last bits."""
     return float(np.einsum("i,i->", a, b))
+
+
+@dataclass
+class YieldingIterate(Iterate):
+    """A pressure that a hardness bounds from above.
+
+    Attributes
+    ----------
+    hardness : float
+        Largest pressure [reduced].
+    yielded : ndarray of bool, shape (m,)
+        Nodes whose pressure is the hardness: known loads. The others are free.
+    """
+
+    hardness: float = np.inf
+    yielded: Mask = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    @classmethod
+    def above(cls, iterate: Iterate, hardness: float) -> "YieldingIterate":
+        """Take over an elastic iterate, none of whose nodes has yielded yet."""
+        taken = {name.name: getattr(iterate, name.name) for name in fields(Iterate)}
+        yielded = np.zeros(iterate.pressure.size, dtype=bool)
+        return cls(**taken, hardness=hardness, yielded=yielded)
+
+    def contact(self) -> Nodes:
+        """Return the free nodes that are under pressure or would penetrate."""
+        return np.flatnonzero(((self.pressure > 0) | (self.residual > 0)) & ~self.yielded)
+
+    def violation(self) -> float:
+        """Return the largest |w| between the bounds, -w without pressure, or w at the hardness."""
+        penetration = float(self.residual.max(initial=0.0, where=~self.yielded))
+        gap = -float(self.residual.min(initial=0.0, where=self.pressure > 0))
+        return max(penetration, gap)
+
+    def opening(self) -> float:
+        """Return the largest gap of a yielded node, whose pressure ought to be lower."""
+        return -float(self.residual.min(initial=0.0, where=self.yielded))
+
+    def excess(self) -> float:
+        """Return how far the free pressure exceeds the hardness, over the hardness [1]."""
+        largest = float(self.pressure.max(initial=0.0, where=~self.yielded))
+        return max(largest / self.hardness - 1, 0.0)
+
+    def join(self) -> None:
+        """Let the nodes at or above the hardness yield."""
+        self.yielded = self.yielded | (self.pressure >= self.hardness)
+        self.pressure[self.yielded] = self.hardness
+
+    def release(self, rtol: float, *, at_once: bool) -> None:
+        """Free the yielded nodes whose gap is open.
+
+        Parameters
+        ----------
+        rtol : float
+            Largest gap that is accepted.
+        at_once : bool
+            Whether not to wait until the free nodes are nearer to equilibrium than these.
+        """
+        opening = self.opening()
+        if opening <= rtol:
+            return
+        penetration = float(self.residual.max(initial=0.0, where=~self.yielded))
+        free_gap = -float(self.residual.min(initial=0.0, where=(self.pressure > 0) & ~self.yielded))
+        if at_once or (max(penetration, free_gap) <= opening and not self.excess() > 0):
+            self.yielded = self.yielded & (self.residual >= 0)
+
+    def balance(self, load: float) -> None:
+        """Scale the free pressure so that all of the pressure adds up to a load.
+
+        Where the yielded nodes alone carry more, those that penetrate the least are freed first;
+        where no free node is under pressure, those next to touch are given some.
+        """
+        if self.hardness * int(np.count_nonzero(self.yielded)) >= load:
+            deepest = np.argsort(np.where(self.yielded, -self.residual, np.inf), kind="stable")
+            self.yielded = np.zeros_like(self.yielded)
+            self.yielded[deepest[: int(0.9 * load / self.hardness)]] = True
+        left = load - self.hardness * int(np.count_nonzero(self.yielded))
+        free = ~self.yielded
+        carried = float(self.pressure[free].sum())
+        if carried > 0:
+            self.pressure[free] *= left / carried
+            return
+        outside = np.flatnonzero(free)
+        many = min(2 * int(left / self.hardness) + 1, outside.size)
+        nearest = outside[np.argsort(-self.residual[outside], kind="stable")[:many]]
+        if many:
+            self.pressure[nearest] = left / many
+
+    def renew(self, operators: Operators, interference: Values) -> None:
+        """Balance the pressure with the load if one is given, then recompute the residual."""
+        if operators.load is not None:
+            self.balance(operators.load)
+        self.residual = interference - operators.displace(self.pressure)
+        self.shift = 0.0
+        self.effort += CONVOLUTION
+        self.exact = True
+        self.follow(operators)
+
+    def follow(self, operators: Operators) -> None:
+        """Shift the far field, under a given load, so that the free nodes are in balance."""
+        if operators.load is not None:
+            weights = np.where(self.yielded, 0.0, np.maximum(self.pressure, 0))
+            if weights.any():
+                self.level(weights, self.residual)
+
+
+def scaled_to_carry(pressure: Values, load: float, hardness: float, largest: float) -> Values:
+    """Scale a pressure by a factor of at least one so that it carries a load although capped.
+
+    Parameters
+    ----------
+    pressure : ndarray, shape (a,)
+        Pressure, not negative.
+    load : float
+        Wanted sum of the capped pressure.
+    hardness : float
+        Largest pressure.
+    largest : float
+        Largest factor.
+
+    Returns
+    -------
+    ndarray, shape (a,)
+        The scaled and capped pressure.
+    """
+    factor = 1.0
+    for _ in range(4):  # each time more nodes are capped; a few rounds come near enough
+        capped = factor * pressure >= hardness
+        rest = float(pressure[~capped].sum())
+        left = load - hardness * int(np.count_nonzero(capped))
+        if not (rest > 0 and left > 0):
+            break
+        factor = min(max(left / rest, 1.0), largest)
+    return np.minimum(factor * pressure, hardness)

@@ -6,16 +6,16 @@ from functools import cache
 
 import numpy as np
 
-from bem.active_set import FROM_NEAR, FROM_SCRATCH, solve_complementarity
+from bem.active_set import FROM_NEAR, FROM_SCRATCH
 from bem.direct import FEW_NODES, solve_directly
 from bem.displacement_control import on_rigid_far_field
 from bem.equilibrium import Equilibrium, Start, overlap, started, unfold
 from bem.far_field import flat_punch
-from bem.first_contact import take_first_steps
 from bem.half_space import HalfSpace
 from bem.influence import InfluenceMatrix
-from bem.iterate import Effort, Iterate
+from bem.iterate import Effort
 from bem.problem import Problem
+from bem.yielding import solve_within
 
 # Largest tolerance used: looser residuals leave displacements that no better guess follows from.
 LOOSEST_RTOL = 1e-2
@@ -93,6 +93,7 @@ def _on_few_nodes(problem: Problem, load: float) -> Equilibrium | None:
         rtol=problem.rtol,
         max_iterations=problem.max_iterations,
         load=load,
+        hardness=problem.reduced_hardness(1.0),
     )
     displacement = iterate.shift
     if not converged or not 0 < displacement <= delta:
@@ -105,6 +106,7 @@ def _on_few_nodes(problem: Problem, load: float) -> Equilibrium | None:
 def _from_guess(problem: Problem, load: float, guess: float, near: Start | None) -> Equilibrium:
     """Solve from a guess of the displacement [um]; if it was too small, again from the result."""
     spent = Effort()
+    guess = max(guess, _least_displacement(problem, load))
     for _ in range(GUESSES):
         equilibrium, arrived = _at_guess(problem, guess, load, near, spent)
         within = equilibrium.converged and equilibrium.approach < MARGIN * guess
@@ -114,6 +116,19 @@ def _from_guess(problem: Problem, load: float, guess: float, near: Start | None)
         spent = equilibrium.iterate.effort
         guess *= min(max(equilibrium.approach / guess, 0.1), 10.0)
     return replace(equilibrium, converged=False)
+
+
+def _least_displacement(problem: Problem, load: float) -> float:
+    """Return the displacement below which too few nodes overlap to carry the load [um].
+
+    No node carries more than the hardness.
+    """
+    needed = int(min(load / problem.reduced_hardness(1.0), problem.heights.size - 1))
+    if not needed:
+        return 0.0
+    heights = problem.heights.reshape(-1)
+    last = float(np.partition(heights, -needed - 1)[-needed - 1])
+    return math.nextafter(float(heights.max()) - last, math.inf)
 
 
 def _start_from(problem: Problem, equilibrium: Equilibrium) -> Start:
@@ -135,6 +150,7 @@ def _guess(problem: Problem, load: float) -> float:
         rtol=GUESS_RTOL,
         max_iterations=problem.max_iterations,
         load=load / stride,
+        hardness=coarse.reduced_hardness(1.0),
     )
     sides = [nodes * step for nodes, step in zip(shape, problem.spacing, strict=True)]
     least, most = (
@@ -184,21 +200,20 @@ def _at_guess(
     touching = overlap(problem, guess * MARGIN)
     interference = touching.interference * MARGIN - MARGIN + 1
     rigid = HalfSpace(touching.shape, problem.kernel, problem.aspect, touching.nodes)
-    if near is None:
-        start = Iterate.from_zero(interference)
-        take_first_steps(rigid, interference, start, FROM_SCRATCH.first_steps)
-    else:
+    start = None
+    if near is not None:
         pressure = touching.select(near.pressure) * (problem.spacing[0] / guess)
         start = started(rigid, interference, pressure)
-    start.effort += spent
-    iterate, arrived = solve_complementarity(
+    iterate, arrived = solve_within(
         rigid.under(load / guess),
         interference,
+        problem.reduced_hardness(guess),
         rtol=problem.rtol / MARGIN,
-        max_iterations=problem.max_iterations,
+        max_iterations=max(problem.max_iterations - spent.iterations, 1),
         start=start,
-        pace=FROM_NEAR,
+        pace=FROM_SCRATCH if start is None else FROM_NEAR,
     )
+    iterate.effort += spent
     equilibrium = unfold(problem, guess, touching, iterate)
     return _in_own_displacement(equilibrium, problem.rtol), arrived
 

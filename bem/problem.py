@@ -22,7 +22,11 @@ MAX_ITERATIONS = 1000
 
 BELOW_ZERO = math.nextafter(0, -1)
 NUMBERS = (1e-305, 1e305)
-RATIOS = {"cell aspect ratio": (1e-12, 1e12), "reduced force over heights": (1e-200, 1e200)}
+RATIOS = {
+    "cell aspect ratio": (1e-12, 1e12),
+    "reduced force over heights": (1e-200, 1e200),
+    "hardness over E*": (1e-100, 1e100),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +41,7 @@ class Problem:
     spacing : of the nodes along the first and the second axis [um]
     modulus : plane-strain modulus E* = E / (1 - nu^2) [MPa]
     kernel, far_field : see `solve`
+    hardness : largest contact pressure [MPa], or None for bodies that never yield
     rtol : largest violation of complementarity accepted [Delta]
     max_iterations : bound on the steps of conjugate gradients and contact sets of dense algebra
     """
@@ -48,6 +53,7 @@ class Problem:
     modulus: float
     kernel: Kernel
     far_field: FarField
+    hardness: float | None
     rtol: float
     max_iterations: int
 
@@ -55,6 +61,22 @@ class Problem:
     def aspect(self) -> float:
         """Second side of a cell over its first [1]."""
         return self.spacing[1] / self.spacing[0]
+
+    def reduced_hardness(self, length: float) -> float:
+        """Return the hardness in units of length E* / first side of a cell, inf if there is none.
+
+        Parameters
+        ----------
+        length : float
+            Unit of reduced displacements [um].
+        """
+        if self.hardness is None:
+            return math.inf
+        return self.hardness / self.modulus * self.spacing[0] / length
+
+
+class NoSolution(ValueError):
+    """A load that no equilibrium carries."""
 
 
 class OutOfRange(ValueError, ArithmeticError):
@@ -73,6 +95,7 @@ def pose(
     poisson: float = 0.0,
     kernel: Kernel = "uniform-pressure",
     far_field: FarField = "rigid",
+    hardness: float | None = None,
     rtol: float = RTOL,
     max_iterations: int = MAX_ITERATIONS,
 ) -> Problem:
@@ -81,7 +104,9 @@ def pose(
     Raises
     ------
     ValueError
-        one line: what was given and what is allowed
+        One line that says what was given and what is allowed.
+    NoSolution
+        If the load is more than the hardness on all nodes carries.
     """
     surface = _checked_heights(heights)
     cells = _checked_spacing(surface.shape, side, spacing)
@@ -96,6 +121,7 @@ def pose(
         / (1 - _checked_poisson(poisson) ** 2),
         kernel=_checked_choice("kernel", kernel, KERNELS),
         far_field=_checked_choice("far_field", far_field, FAR_FIELDS),
+        hardness=_checked_hardness(hardness),
         rtol=_checked("rtol", rtol, 1e-15, 1, "between 1e-15 and 1, both excluded"),
         max_iterations=_checked_count("max_iterations", max_iterations),
     )
@@ -105,7 +131,34 @@ def pose(
             f"kernel = 'concentrated-force' needs square cells, spacing is {problem.spacing} um:"
             " use kernel = 'uniform-pressure'"
         )
+    if problem.hardness is not None:
+        _check_yielding(problem, problem.hardness, pressure)
     return problem
+
+
+def _checked_hardness(hardness: Any) -> float | None:
+    if hardness is None:
+        return None
+    return _checked("hardness", hardness, 0, math.inf, "above 0 MPa, or None for none")
+
+
+def _check_yielding(problem: Problem, hardness: float, pressure: float | None) -> None:
+    """Refuse a load that the hardness on all nodes does not carry, and a compliant far field."""
+    if problem.far_field == "compliant":
+        raise ValueError(
+            "hardness is not solved with far_field = 'compliant': use far_field = 'rigid'"
+        )
+    if pressure is not None and pressure >= hardness:
+        raise NoSolution(
+            f"pressure = {pressure:g} MPa has no equilibrium: the mean pressure must stay below"
+            f" the hardness, {hardness:g} MPa"
+        )
+    largest = hardness * problem.heights.size * problem.spacing[0] * problem.spacing[1]
+    if problem.force is not None and problem.force >= largest:
+        raise NoSolution(
+            f"force = {problem.force:g} uN has no equilibrium: it must stay below {largest:g} uN,"
+            f" the hardness of {hardness:g} MPa on all nodes"
+        )
 
 
 def checked_start(near: ArrayLike, problem: Problem) -> Field:
@@ -160,6 +213,9 @@ def _check_range(problem: Problem) -> None:
         numbers["reduced force over heights"] = (
             numbers["reduced force [um]"] / numbers["height range [um]"]
         )
+    if problem.hardness is not None:
+        numbers["hardness over E*"] = problem.hardness / problem.modulus
+        numbers["reduced hardness"] = problem.reduced_hardness(depth)
     for name, number in numbers.items():
         low, high = RATIOS.get(name, NUMBERS)
         if not (-1.0 if name == "height range [um]" else low) < number < high:
