@@ -319,12 +319,8 @@ def contact_of(problem: Problem, found: Equilibrium | None) -> Contact:
         return contact
     # Nodes that the solver left aside count too, if it did not arrive.
     contact = replace(contact, residual=_violation(contact) / found.length)
-<<<<<<< HEAD
-    if not contact.residual <= problem.rtol:  # a residual that is nan is refused too
-=======
     exceeded = problem.hardness is not None and contact.largest_pressure > problem.hardness
-    if contact.residual > problem.rtol or exceeded:
->>>>>>> d00ffb1 (Let bodies yield: no pressure above a hardness, in every way that a contact is solved)
+    if exceeded or not contact.residual <= problem.rtol:  # a residual that is nan is refused too
         raise NotConverged(contact, found.iterate.stalled)
     return contact
 

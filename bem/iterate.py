@@ -36,6 +36,9 @@ class Operators(Protocol):
     few_nodes: int
     load: float | None
 
+    def among(self, some: Nodes) -> "Operators":
+        """Return the operators of some of the nodes alone, on a rigid far field."""
+
     def displace(self, pressure: Values) -> Values:
         """Compute the (m,) displacement in double precision; it decides on convergence."""
 

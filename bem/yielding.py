@@ -20,7 +20,7 @@ from bem.active_set import (
     Pace,
     solve_complementarity,
 )
-from bem.arrays import Mask, Nodes, Values
+from bem.arrays import Nodes, Values
 from bem.first_contact import far_field_law, take_first_steps
 from bem.iterate import (
     CONVOLUTION,
@@ -113,9 +113,7 @@ def solve_within(
         )
     bounds = rtol, max_iterations
     near = None if start is None else _copied(start)
-    iterate, converged = _solve_elastically(
-        operators, interference, hardness, bounds, start, pace
-    )
+    iterate, converged = _solve_elastically(operators, interference, hardness, bounds, start, pace)
     if converged and not iterate.pressure.max(initial=0.0) > hardness:
         return iterate, True
     capped = YieldingIterate.above(iterate, hardness)
@@ -245,7 +243,7 @@ def _exchange_sets(
     rtol: float,
     max_iterations: int,
 ) -> bool:
-    """Solve loosely on the free nodes and change both sets, until they stand; False if they cycle."""
+    """Solve loosely on the free nodes and change both sets, until they stand or cycle."""
     reduction, energy = REDUCTION, np.inf
     renewed = iterate.violation() if iterate.exact else 1.0
     progress, few_in_tension = _Progress(), False
