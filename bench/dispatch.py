@@ -4,12 +4,9 @@ What is left is the farm's own work: to hand out, to send, to take back. Prints 
 that holds only if every task was done once, in JSON.
 """
 
-import json
-import sys
 import time
-from collections.abc import Sequence
-from pathlib import Path
 
+from bench.scale.launch import answer
 from gen.runtime import farm
 
 SALT = 2_654_435_761
@@ -38,19 +35,14 @@ def expected(tasks: int) -> int:
     return SALT * tasks * (tasks - 1) // 2
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Read the specification, a JSON file, and print what happened as JSON."""
-    tasks = int(json.loads(Path(arguments[0]).read_text())["tasks"])
-    world = farm.this_world()
+def main(arguments: dict[str, int], world: farm.World) -> dict[str, float]:
+    """Time as many tasks as the arguments say."""
     dispatch(8 * world.workers, world)  # the first tasks find their way
     began = time.perf_counter()
-    total = dispatch(tasks, world)
+    total = dispatch(arguments["tasks"], world)
     seconds = time.perf_counter() - began
-    if world.is_master:
-        found = {"seconds": seconds, "total": total, "workers": world.workers}
-        sys.stdout.write(json.dumps(found) + "\n")
+    return {"seconds": seconds, "total": total, "workers": world.workers}
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
-    farm.leave()
+    answer(main)

@@ -8,7 +8,7 @@ from typing import Any
 
 from bench.picture import save
 from bench.table import write_rows
-from gen.runtime.output import write
+from gen.runtime.output import make_folder, write
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +43,7 @@ class Report:
         InputError
             If the folder cannot be written to.
         """
+        make_folder(folder)
         paths = [write_rows(folder / f"{name}.csv", rows) for name, rows in self.tables.items()]
         texts = {
             f"{name}.json": json.dumps(record, indent=2, ensure_ascii=False)

@@ -7,8 +7,6 @@ turns on files of their own, created before the clock starts.
 `python -m mpi4py -m bench.writers SPEC` is one measurement, and prints seconds in JSON.
 """
 
-import json
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -19,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.scale.launch import launch
+from bench.scale.launch import answer, launch
 from bench.table import markdown
 from gen import database
 from gen.arrays import Columns
@@ -168,16 +166,10 @@ def require_rows(path: Path, blocks: Sequence[Block], template: Columns) -> None
                 raise ValueError(f"row {stop - 1} is not what was written")
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Read the specification, a JSON file, and print the seconds as JSON."""
-    specification = Path(arguments[0])
-    spec = Spec(**json.loads(specification.read_text()))
-    world = farm.this_world()
-    seconds = time_writers(spec, specification.with_name("writers.h5"), world)
-    if world.is_master:
-        sys.stdout.write(json.dumps(seconds) + "\n")
+def main(arguments: dict[str, int], world: farm.World) -> Seconds:
+    """Time both writers as the arguments specify."""
+    return time_writers(Spec(**arguments), Path("writers.h5"), world)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
-    farm.leave()
+    answer(main)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from bench.commands.options import Folder, numbers, remark
+from bench.commands.options import Folder, numbers, remark, require_place, tell
 from gen.runtime.errors import InputError
 
 
@@ -63,12 +63,10 @@ def scale(
     master's memory for 1e4 to 1e7 rows, both writers and several sizes of blocks: DIR/scale.csv and
     DIR/scale.png. Some minutes.
     """
-    from bench.scale.report import write_report
+    from bench.scale.report import report
 
-    paths, summary = write_report(output, costs, remark, validate=validate)
-    typer.echo(summary)
-    for path in paths:
-        typer.echo(path)
+    require_place(output, "costs.json", "scale.csv", "scale.png", "validation.csv")
+    tell(output, report(costs, remark, validate=validate))
 
 
 def speedup(

@@ -12,7 +12,7 @@ import tracemalloc
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,6 @@ from gen.generation.sample import compute_rows
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
-from gen.runtime.output import make_folder, write
 from gen.scene import Scene, load
 
 NODES = {129: 192, 1025: 12}
@@ -98,14 +97,8 @@ def measure(remark: Callable[[str], None] = lambda line: None) -> Costs:
     return Costs(rows, message, write, bookkeeping, gap, memory, _task_memory())
 
 
-def write_costs(path: Path, costs: Costs) -> None:
-    """Keep the costs as JSON."""
-    make_folder(path.parent)
-    write(path, json.dumps(asdict(costs), indent=1) + "\n")
-
-
 def read_costs(path: Path) -> Costs:
-    """Read what `write_costs` wrote; raises InputError for anything else."""
+    """Read the costs that a report keeps; raises InputError for anything else."""
     require_file(path)
     try:
         content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))

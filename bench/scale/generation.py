@@ -4,36 +4,29 @@ Alone or under mpiexec. Start-up is not in the time: all ranks are there and hav
 of the same size. `busy` says how much of the machine others used meanwhile.
 """
 
-import json
 import os
-import sys
 import time
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+from bench.scale.launch import answer
 from gen.generation.run import Request, generate_database
 from gen.generation.sample import compute_rows
 from gen.runtime import farm
 from gen.scene import load
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Read the specification, a JSON file, and print the times as JSON.
-
-    It names scene and output, and may name a folder in which so many peers meet before they begin.
-    """
-    content = json.loads(Path(arguments[0]).read_text())
-    world = farm.this_world()
-    compute_rows(load(content["scene"]), 0, 1)
+def main(arguments: dict[str, Any], world: farm.World) -> dict[str, float]:
+    """Generate the scene into the output, once all peers have met where they are to meet."""
+    compute_rows(load(arguments["scene"]), 0, 1)
     world.broadcast(None)
-    if content.get("meeting"):
-        _meet(Path(content["meeting"]), content["peers"])
+    if arguments.get("meeting"):
+        _meet(Path(arguments["meeting"]), arguments["peers"])
     before, began = _jiffies(), time.perf_counter()
-    generate_database(Request(content["scene"], Path(content["output"])), world)
+    generate_database(Request(arguments["scene"], Path(arguments["output"])), world)
     wall = time.perf_counter() - began
     busy = (_jiffies() - before) / os.sysconf("SC_CLK_TCK") / wall / (os.cpu_count() or 1)
-    if world.is_master:
-        sys.stdout.write(json.dumps({"wall": wall, "busy": busy}) + "\n")
+    return {"wall": wall, "busy": busy}
 
 
 def _meet(folder: Path, peers: int) -> None:
@@ -51,5 +44,4 @@ def _jiffies() -> int:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
-    farm.leave()
+    answer(main)

@@ -1,13 +1,15 @@
-"""Programs of this package under mpiexec, each with a time limit."""
+"""Programs of this package under mpiexec, each with a time limit: how they start and answer."""
 
 import json
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from gen.runtime import farm
 from gen.runtime.errors import InputError
 
 TIMEOUT = 300.0
@@ -59,6 +61,21 @@ def launch(ranks: int, module: str, arguments: dict[str, Any], folder: Path) -> 
         reason = f"exit code {done.returncode}: {done.stderr.strip()[-500:]}"
         raise InputError(f"scale: {module} on {ranks} ranks fails with {reason}")
     return json.loads(done.stdout.splitlines()[-1])
+
+
+def answer(work: Callable[[dict[str, Any], farm.World], Any]) -> None:
+    """Run this program's work, started by `launch`, and print the master's result as JSON.
+
+    Parameters
+    ----------
+    work : callable
+        Takes the arguments that were written down, and the world; every process calls it.
+    """
+    world = farm.this_world()
+    result = work(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")), world)
+    if world.is_master:
+        sys.stdout.write(json.dumps(result) + "\n")
+    farm.leave()
 
 
 def _mpiexec() -> str:

@@ -4,8 +4,6 @@ The tasks sleep, so that more ranks than cores do not disturb each other; what t
 large as the rows of a block, and is written where the specification says so. Prints `Timing`.
 """
 
-import json
-import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -16,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from bench.scale.launch import answer
 from gen import database
 from gen.arrays import Columns
+from gen.generation.delivery import Block
 from gen.runtime import farm
 from gen.scene import Scene
 from gen.schema import Status, columns_for
-
-Block = tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -122,16 +120,11 @@ def _median_gap(times: list[tuple[int, float, float]]) -> float:
     return float(np.median(gaps)) if gaps else 0.0
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Read the specification, a JSON file, and print the times as JSON."""
-    content: dict[str, Any] = json.loads(Path(arguments[0]).read_text())
-    content["blocks"] = [tuple(block) for block in content["blocks"]]
-    world = farm.this_world()
-    timings = probe(Spec(**content), world)
-    if world.is_master:
-        sys.stdout.write(json.dumps([asdict(timing) for timing in timings]) + "\n")
+def main(arguments: dict[str, Any], world: farm.World) -> list[dict[str, float]]:
+    """Do what the arguments specify."""
+    arguments["blocks"] = [tuple(block) for block in arguments["blocks"]]
+    return [asdict(timing) for timing in probe(Spec(**arguments), world)]
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
-    farm.leave()
+    answer(main)

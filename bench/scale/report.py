@@ -1,62 +1,48 @@
-"""The files and the words: costs, simulated runs, a picture, and what follows from them."""
+"""`python -m bench scale`: costs, simulated runs, a picture, and what follows from them."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, fields
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from bench.page.content import Content, Figure, Table
-from bench.picture import new_figure, save
-from bench.scale.costs import Costs, measure, read_costs, write_costs
-from bench.scale.picture import draw
+from bench.picture import new_figure
+from bench.report import Report
+from bench.scale.costs import Costs, measure, read_costs
 from bench.scale.studies import GOAL_RANKS, GOAL_ROWS, WANTED, Point, saturation, sweep
 from bench.scale.validation import TOLERANCE, Comparison, compare
-from bench.table import write_table
-from gen.runtime.output import check_folder
+from bench.table import record
 
 
-def write_report(
-    folder: Path,
-    known: Path | None,
-    remark: Callable[[str], None],
-    *,
-    validate: bool,
-) -> tuple[list[Path], str]:
-    """Measure the costs, simulate, and write `costs.json`, `scale.csv` and `scale.png`.
+def report(known: Path | None, remark: Callable[[str], None], *, validate: bool) -> Report:
+    """Measure the costs, and simulate.
 
     Parameters
     ----------
-    folder : where to; made if there is none
     known : costs that were measured before; None to measure them
     remark : told how far it is
-    validate : True to compare with real runs first, in `validation.csv`
-
-    Returns
-    -------
-    The files, and a summary for people
+    validate : True to compare with real runs first
 
     Raises
     ------
     InputError
-        If the folder cannot be written to, the costs cannot be read, or there is no mpiexec.
+        If the costs cannot be read, or there is no mpiexec.
     """
-    figure = new_figure()
-    paths = [folder / "costs.json", folder / "scale.csv", folder / "scale.png"]
-    check_folder(folder, *(path.name for path in paths), "validation.csv")
     costs = measure(remark) if known is None else read_costs(known)
-    write_costs(paths[0], costs)
-    text = ""
-    if validate:
-        comparisons = compare(costs, remark=remark)
-        paths.append(folder / "validation.csv")
-        _write_comparisons(paths[-1], comparisons)
-        text = verdict_on(comparisons) + "\n"
+    comparisons = compare(costs, remark=remark) if validate else []
     points = list(sweep(costs, remark))
-    _write_points(paths[1], points)
-    draw(figure, points)
-    save(figure, paths[2])
-    return paths, text + summary(costs, points)
+    tables: dict[str, Sequence[Any]] = {"scale": points}
+    text = summary(costs, points)
+    if validate:
+        tables["validation"] = [
+            {**record(each), "relative_error": each.error} for each in comparisons
+        ]
+        text = f"{verdict_on(comparisons)}\n{text}"
+    return Report(
+        tables, records={"costs": asdict(costs)}, pictures={"scale": _picture(points)}, text=text
+    )
 
 
 def contents(folder: Path) -> list[Content]:
@@ -132,10 +118,29 @@ def verdict_on(comparisons: Sequence[Comparison]) -> str:
     )
 
 
-def _write_points(path: Path, points: Sequence[Point]) -> None:
-    write_table(path, (field.name for field in fields(Point)), map(astuple, points))
-
-
-def _write_comparisons(path: Path, comparisons: Sequence[Comparison]) -> None:
-    header = ("run", "real_seconds", "simulated_seconds", "relative_error")
-    write_table(path, header, ((*astuple(each), each.error) for each in comparisons))
+def _picture(points: Sequence[Point]) -> Any:
+    """Draw efficiency over ranks above, the busy master below; a column for each grid."""
+    grids = sorted({point.nodes for point in points})
+    figure = new_figure(5 * len(grids), 7)
+    figure.suptitle("Simulation of the farm, from measured costs")
+    panels = figure.subplots(2, len(grids), squeeze=False, sharex=True, sharey="row")
+    own = [point for point in points if not point.largest]
+    for column, nodes in enumerate(grids):
+        efficiency, busy = panels[:, column]
+        here = [point for point in own if point.nodes == nodes]
+        for number, rows in enumerate(sorted({point.rows for point in here})):
+            for writer, style in (("single", "o-"), ("parallel", "s--")):
+                mine = [p for p in here if p.rows == rows and p.writer == writer]
+                ranks = [point.ranks for point in mine]
+                label = f"{rows:.0e} rows, {writer} writer"
+                look = {"color": f"C{number}", "markersize": 3, "label": label}
+                efficiency.plot(ranks, [point.efficiency for point in mine], style, **look)
+                busy.plot(ranks, [point.busy for point in mine], style, **look)
+        efficiency.axhline(WANTED, color="0.7", linewidth=0.8)
+        efficiency.axvline(GOAL_RANKS, color="0.7", linewidth=0.8)
+        efficiency.set(xscale="log", title=f"{nodes} × {nodes} nodes")
+        busy.set(xlabel="ranks")
+    panels[0, 0].set_ylabel("efficiency of the workers")
+    panels[1, 0].set_ylabel("share of time the master works")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return figure

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.scale.costs import Costs
+from gen.generation.delivery import Block
 from gen.runtime.farm import IN_FLIGHT
 
-Block = tuple[int, int]
 Writer = Literal["master", "workers", "nobody"]
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.scale.costs import Costs, scene_with
-from bench.scale.simulation import Block, Outcome, simulate
+from bench.scale.simulation import Outcome, simulate
 from gen.generation import plan
+from gen.generation.delivery import Block
 from gen.generation.run import blocks_of
 from gen.runtime.farm import IN_FLIGHT
 from gen.schema import row_bytes

@@ -55,14 +55,14 @@ CASES = (
 class Comparison:
     """A real run and its simulation [s]."""
 
-    what: str
-    real: float
-    simulated: float
+    run: str
+    real_seconds: float
+    simulated_seconds: float
 
     @property
     def error(self) -> float:
         """How far the simulated time is off [1]."""
-        return self.simulated / self.real - 1.0
+        return self.simulated_seconds / self.real_seconds - 1.0
 
 
 def compare(
@@ -82,8 +82,8 @@ def compare(
     for act in acts:
         for comparison in act(costs):
             remark(
-                f"{comparison.what}: {comparison.real:.2f} s, simulated"
-                f" {comparison.simulated:.2f} s ({comparison.error:+.0%})"
+                f"{comparison.run}: {comparison.real_seconds:.2f} s, simulated"
+                f" {comparison.simulated_seconds:.2f} s ({comparison.error:+.0%})"
             )
             done.append(comparison)
     return done

@@ -1,12 +1,12 @@
 """The simulated farm against closed forms and bounds; its inputs; a real probe."""
 
-import csv
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 from launch import mpiexec
 
+from bench.report import Report
 from bench.scale import report, studies
 from bench.scale.costs import (
     Costs,
@@ -14,11 +14,11 @@ from bench.scale.costs import (
     bookkeeping_seconds,
     measure_write,
     read_costs,
-    write_costs,
 )
 from bench.scale.launch import launch
 from bench.scale.simulation import simulate
 from bench.scale.speedup import Turn, summary
+from bench.table import read_table
 from gen.generation import plan
 from gen.runtime.errors import InputError
 
@@ -120,8 +120,12 @@ def test_the_programs_own_blocks_are_simulated():
     assert list(studies.blocks(1025, 300, 9)) == list(blocks_of(scene, [(0, 300)], 9))
 
 
+def kept(folder, costs):
+    Report({}, records={"costs": asdict(costs)}).write(folder)
+
+
 def test_costs_are_kept(tmp_path):
-    write_costs(tmp_path / "costs.json", DEAR)
+    kept(tmp_path, DEAR)
     assert read_costs(tmp_path / "costs.json") == DEAR
 
 
@@ -144,15 +148,14 @@ def test_a_report_has_a_table_and_a_picture(tmp_path, monkeypatch):
     for module in (studies, report):
         monkeypatch.setattr(module, "GOAL_RANKS", 30)
         monkeypatch.setattr(module, "GOAL_ROWS", {129: 1000, 1025: 100})
-    write_costs(tmp_path / "known.json", DEAR)
+    kept(tmp_path, DEAR)
     lines = []
-    paths, text = report.write_report(
-        tmp_path / "report", tmp_path / "known.json", lines.append, validate=False
-    )
-    assert [path.name for path in paths] == ["costs.json", "scale.csv", "scale.png"]
+    made = report.report(tmp_path / "costs.json", lines.append, validate=False)
+    paths, text = made.write(tmp_path / "report"), made.text
+    assert [path.name for path in paths] == ["scale.csv", "costs.json", "scale.png"]
     assert all(path.stat().st_size for path in paths)
-    with paths[1].open() as file:
-        rows = list(csv.DictReader(file))
+    assert read_costs(paths[1]) == DEAR
+    _, rows = read_table(paths[0])
     assert {row["writer"] for row in rows} == {"single", "parallel"}
     assert all(0 < float(row["efficiency"]) <= 1 for row in rows)
     assert text.startswith("Simulation, from costs measured")
