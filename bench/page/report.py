@@ -96,7 +96,7 @@ def _chosen(only: Sequence[str], *, full: bool) -> list[Part]:
 
 def _find_database(output: Path, given: Path | None, remark: Remark, *, full: bool) -> None:
     """Check the database that was given, or generate what is missing in our own."""
-    from bench.surrogates.databases import of_the_paper
+    from bench.databases import of_the_paper
     from gen.scene import load
 
     rows = load("paper").samples if full else ROWS

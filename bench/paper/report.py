@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench import databases
+from bench.databases import OTHER_SEED
 from bench.page.content import Absent, Content, files_of
 from bench.page.inputs import typed
 from bench.page.record import Making, contents_of
 from bench.paper import borrowed, cost, database, fine, models, numbers, predictions, surfaces
-from bench.surrogates import databases
 from bench.surrogates.cases import CASES, FINE
-from bench.surrogates.databases import OTHER_SEED
 from bench.surrogates.generalisation import tests_of
 from gen.runtime.errors import InputError
 from gen.runtime.output import check_folder, make_folder

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
+from bench.databases import OTHER_SEED
 from bench.surrogates.clock import mean_seconds, median_seconds
-from bench.surrogates.databases import OTHER_SEED
 from bench.surrogates.fitting import Fitted
 from gen.arrays import Heights
 from gen.generation.plan import Parameters, parameters

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.surrogates.databases import OTHER_SEED, generated
+from bench.databases import OTHER_SEED, generated
 from bench.surrogates.fitting import Parts, read, request_for
 from gen.database import Reader
 from gen.scene import Piece, load

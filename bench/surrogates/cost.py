@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bench.surrogates import databases
+from bench import databases
 from bench.surrogates.answer_times import (
     SolverTimes,
     SurrogateTimes,

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.surrogates import databases
+from bench import databases
 from bench.surrogates.cases import Trial, trials
 from bench.surrogates.cases import databases as databases_to_test_on
 from bench.surrogates.fitting import Fitted, Parts, fit, joined, parted, read, request_for

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 import bem
+from bench import databases
 from bench.page.content import Content, Table
 from bench.report import Report
-from bench.surrogates import databases
 from bench.surrogates.answer_times import DELTAS, LOADS, NewSurfaces, ladder_seconds, new_surfaces
 from bench.surrogates.clock import mean_seconds, median_seconds
 from learn.executor import Executor

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.surrogates.databases import generated
+from bench.databases import generated
 from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_for
 from bench.surrogates.tolerance_labels import DEFAULT, MEASURED, TIGHT, solve_all
 from gen.database import Reader

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.databases import generated
 from bench.paper.unstated.choices import OURS, VARIANTS, Variant
 from bench.paper.unstated.readings import range_distance
 from bench.surrogates import fitting
-from bench.surrogates.databases import generated
 from gen.database import Reader
 from gen.schema import Status
 from gen.statistics import NAMES

@@ -2,7 +2,7 @@
 
 import pytest
 
-from bench.surrogates import databases
+from bench import databases
 
 
 @pytest.fixture(scope="session")

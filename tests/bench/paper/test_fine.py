@@ -2,8 +2,8 @@
 
 import pytest
 
+from bench import databases
 from bench.paper import fine
-from bench.surrogates import databases
 from gen.runtime.errors import InputError
 
 

@@ -12,7 +12,7 @@ from gen.scene import Scene, differences, load
 from gen.schema import Status
 
 PAPER = "paper"
-"""The preset that all surrogates here are trained on."""
+"""Preset that all surrogates of the reports are trained on."""
 
 OTHER_SEED = 2026
 """Of databases to be tested on: the preset's own seed would give them the surfaces trained on."""
