@@ -8,7 +8,6 @@ import pytest
 
 from bem import convolution
 from bem.convolution import Selection, displacement_filter, fast_period
-from bem.half_space import HalfSpace
 from bem.influence import Kernel, influence_coefficients
 from bench.references import dense
 
@@ -98,19 +97,6 @@ def test_selections_share_a_filter_and_agree_with_it(dtype: str) -> None:
     np.testing.assert_array_equal(spread, reference(nodes[some], values[some])[nodes])
     within = selection.within(some, values[some])
     np.testing.assert_array_equal(within, spread[some])
-
-
-def test_half_space_gives_way_by_its_softening() -> None:
-    shape, softening = (6, 7), 0.01
-    nodes = np.flatnonzero(np.random.default_rng(4).random(shape) < 0.6)
-    operators = HalfSpace(shape, "uniform-pressure", 1.0, nodes).through(softening)
-    matrix = dense.influence_matrix(shape, "uniform-pressure").reshape(42, 42)[nodes][:, nodes]
-    pressure = np.random.default_rng(5).random(nodes.size)
-    expected = (matrix - softening) @ pressure
-    assert relative_error(operators.displace(pressure), expected) < 1e-12
-    everywhere = np.arange(nodes.size)
-    assert relative_error(operators.displace_some(everywhere, pressure), expected) < 1e-6
-    assert operators.norm >= np.linalg.eigvalsh(matrix)[-1]
 
 
 def test_kept_filters_count_all_that_they_hold() -> None:

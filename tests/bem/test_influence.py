@@ -3,11 +3,17 @@
 import mpmath
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bem import influence
-from bem.influence import Kernel, influence_coefficients
+from bem.influence import KERNELS, InfluenceMatrix, Kernel, influence_coefficients
+from bench.references import dense
 
 FARTHEST = 2049  # cells
+
+SHAPE = (7, 9)
+some_nodes = st.lists(st.integers(0, 62), min_size=1, max_size=63, unique=True)
 
 NEAR = [(i, j) for i in range(5) for j in range(5)]
 """All offsets where the closed form is used, and the first ones beyond."""
@@ -147,3 +153,35 @@ def test_tables_are_shared_and_cannot_be_written() -> None:
 def test_unknown_kernel_is_refused() -> None:
     with pytest.raises(ValueError, match="'gaussian' is unknown: choose one of uniform-pressure, "):
         influence_coefficients((3, 3), "gaussian")
+
+
+@given(
+    nodes=some_nodes,
+    loaded=some_nodes,
+    kernel=st.sampled_from(KERNELS),
+    dtype=st.sampled_from(["float64", "float32"]),
+)
+def test_entries_are_those_of_the_matrix(
+    nodes: list[int], loaded: list[int], kernel: Kernel, dtype: str
+) -> None:
+    rtol = 1e-14 if dtype == "float64" else 1e-7
+    matrix = InfluenceMatrix(SHAPE, kernel, 1.0, dtype)
+    rows, columns = np.array(nodes), np.array(loaded)
+    expected = dense.influence_matrix(SHAPE, kernel).reshape(63, 63)
+    np.testing.assert_allclose(
+        matrix.between(rows, columns), expected[np.ix_(rows, columns)], rtol=rtol
+    )
+    lower = np.tril(matrix.among(rows))
+    np.testing.assert_allclose(lower, np.tril(expected[np.ix_(rows, rows)]), rtol=rtol)
+
+
+@pytest.mark.parametrize("mirrored", [0, 2**20])
+def test_entries_of_oblong_cells_and_of_many_nodes(
+    monkeypatch: pytest.MonkeyPatch, mirrored: int
+) -> None:
+    """More nodes than are gathered at a time, in any order; as on small grids and on large ones."""
+    monkeypatch.setattr(influence, "MIRRORED_NODES", mirrored)
+    nodes = np.random.default_rng(1).permutation(63 * 4)
+    matrix = InfluenceMatrix((14, 18), "uniform-pressure", 2.5).among(nodes)
+    expected = dense.influence_matrix((14, 18), "uniform-pressure", 2.5).reshape(252, 252)
+    np.testing.assert_allclose(np.tril(matrix), np.tril(expected[np.ix_(nodes, nodes)]), rtol=1e-14)

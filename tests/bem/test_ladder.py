@@ -5,17 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import bem
-from bem import direct, displacement_control, equilibrium
+from bem import displacement_control
 from bem.analytic import Paraboloid, distances_to_centre
 from bem.half_space import HalfSpace
 from bem.influence import KERNELS, Kernel
 from bem.iterate import Iterate
-from bem.problem import FAR_FIELDS, FarField, pose
-from bench.references.surfaces import SURFACES, surface
+from bem.problem import FAR_FIELDS, FarField
 from gen.surface import generate
 
 pytestmark = pytest.mark.usefixtures("both_ways")
@@ -49,14 +46,6 @@ def test_a_ladder_stops_at_the_delta_that_is_to_blame() -> None:
     next(rungs)
     with pytest.raises(ValueError, match="delta = nan"):
         next(rungs)
-
-
-@pytest.mark.parametrize(
-    "near", [np.zeros((3, 3)), np.full((65, 65), np.nan), np.full((65, 65), -1.0)]
-)
-def test_a_start_that_is_no_pressure_is_refused(near: np.ndarray) -> None:
-    with pytest.raises(ValueError, match=r"finite pressures of shape \(65, 65\)"):
-        bem.solve(ROUGH, 1000.0, 15.0, near=near)
 
 
 def test_a_ladder_of_small_steps_saves_convolutions() -> None:
@@ -121,18 +110,6 @@ def test_every_rung_is_certified_anew(deltas: list[float], rtol: float) -> None:
         assert contact.residual <= rtol
 
 
-def test_a_start_that_claims_to_be_the_solution_is_found_out() -> None:
-    """Nothing converges on the displacement that it was given: a convolution has the last word."""
-    alone = bem.solve(ROUGH, 1000.0, 30.0)
-    claimed = ROUGH - ROUGH.max() + 30.0  # as of a solution with every node in contact
-    near = 0.9 * alone.pressure
-    start = equilibrium.Start(near, claimed)
-    found = displacement_control.on_rigid_far_field(pose(ROUGH, 1000.0, 30.0), 30.0, start)
-    assert found.converged
-    assert found.iterate.effort.convolutions > 1
-    np.testing.assert_array_equal(found.pressure > 0, alone.pressure > 0)
-
-
 @pytest.fixture
 def starts(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Iterate, float]]:
     """Every start, with how far its residual is from that of its pressure."""
@@ -168,36 +145,3 @@ def test_boxes_that_grow_need_one_where_they_reach_new_nodes(
         assert contact.force == pytest.approx(alone.force, rel=1e-6)
     assert {start.effort.convolutions for start, _ in starts} == {0, 1}
     assert max(off for _, off in starts) < 1e-5
-
-
-@settings(max_examples=60)
-@given(
-    kind=st.sampled_from(list(SURFACES)),
-    seed=st.integers(0, 2**32 - 1),
-    shape=st.tuples(st.integers(1, 10), st.integers(1, 10)),
-    kernel=st.sampled_from(KERNELS),
-    share=st.floats(0.01, 3.0),
-)
-def test_few_nodes_are_solved_alike_by_both_methods(
-    kind: str, seed: int, shape: tuple[int, int], kernel: Kernel, share: float
-) -> None:
-    """Dense linear algebra below `FEW_NODES` candidates, convolutions above."""
-    heights = surface(kind, shape, seed)
-    delta = share * (float(np.ptp(heights)) or 1.0)
-    arguments = {"spacing": 1.0, "kernel": kernel, "rtol": 1e-12}
-    found = bem.solve(heights, 1.0, delta, **arguments)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(displacement_control, "FEW_NODES", 0)
-        iterated = bem.solve(heights, 1.0, delta, **arguments)
-    assert found.iterations <= direct.CONTACT_SETS or kernel == "concentrated-force"
-    largest = iterated.pressure.max()
-    assert np.abs(found.pressure - iterated.pressure).max() < 1e-8 * largest
-
-
-def test_sets_that_cycle_are_left_to_the_iteration(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(direct, "CONTACT_SETS", 1)
-    heights = ROUGH[:9, :9]
-    delta = 0.7 * float(np.ptp(heights))
-    contact = bem.solve(heights, 8.0, delta)
-    assert contact.residual <= 1e-6
-    assert contact.iterations > 1

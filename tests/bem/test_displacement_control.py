@@ -1,20 +1,20 @@
-"""What large grids need: a start from a coarser one, and memory for little more than the fields."""
-
-import tracemalloc
+"""A given displacement: starts from a coarser grid and from a pressure nearby."""
 
 import numpy as np
 import pytest
 
 import bem
-from bem import displacement_control
-from bem.convolution import fast_period
+from bem import displacement_control, equilibrium
 from bem.influence import KERNELS, Kernel
+from bem.problem import pose
 from bench.references.surfaces import SURFACES, surface
+from gen.runtime.overtime import at_most
 from gen.surface import generate
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 
 SIDE = 1000.0
+ROUGH = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(4))
 
 
 @pytest.mark.parametrize("shape", [(65, 65), (64, 66), (70, 41), (37, 90)])
@@ -60,16 +60,21 @@ def test_between_nodes_straight_lines_stay_straight(nodes: int, axis: int) -> No
     assert np.array_equal(filled, np.tile(expected[:, None], 3))
 
 
-@pytest.mark.parametrize("percent", [1, 10, 50])
-def test_memory_is_at_most_twelve_padded_arrays(percent: int) -> None:
-    nodes = 239 + 2 * percent  # odd sizes of their own: nothing is kept from another test
-    heights = generate("diamond-square", 513, 0.65, 12.5, np.random.default_rng(1))[:nodes, :nodes]
-    delta = float(np.quantile(heights.max() - heights, min(3.5 * percent / 100, 1.0)))
-    tracemalloc.start()
-    try:
-        contact = bem.solve(heights, SIDE, delta)
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    assert 0.3 * percent < contact.area_percent < 2 * percent
-    assert peak <= 12 * 8 * fast_period(nodes) ** 2
+def test_a_start_that_claims_to_be_the_solution_is_found_out() -> None:
+    """Nothing converges on the displacement that it was given: a convolution has the last word."""
+    alone = bem.solve(ROUGH, 1000.0, 30.0)
+    claimed = ROUGH - ROUGH.max() + 30.0  # as of a solution with every node in contact
+    near = 0.9 * alone.pressure
+    start = equilibrium.Start(near, claimed)
+    found = displacement_control.on_rigid_far_field(pose(ROUGH, 1000.0, 30.0), 30.0, start)
+    assert found.converged
+    assert found.iterate.effort.convolutions > 1
+    np.testing.assert_array_equal(found.pressure > 0, alone.pressure > 0)
+
+
+@pytest.mark.parametrize("amount", [1e50, 1e300])
+def test_a_start_beyond_all_bounds_is_left_aside(amount: float) -> None:
+    heights = surface("white noise", (65, 65))
+    with at_most(20):
+        contact = bem.solve(heights, 1.0, 0.3, near=np.full((65, 65), amount))
+    assert contact.force == bem.solve(heights, 1.0, 0.3).force
