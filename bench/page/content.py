@@ -11,10 +11,14 @@ class Figure:
 
     Attributes
     ----------
-    picture : PNG file
-    caption : what it shows and what to see, in a sentence or two; plain text
-    command : that makes it, as a user types it; that of the part where left out
-    data : tables (CSV) behind it
+    picture : Path
+        The PNG file.
+    caption : str
+        What it shows and what to see, in a sentence or two; plain text.
+    command : str
+        The command that makes it, as a user types it; empty for that of the part.
+    data : tuple of Path
+        The tables (CSV) behind it.
     """
 
     picture: Path
@@ -29,11 +33,16 @@ class Table:
 
     Attributes
     ----------
-    data : CSV file, names of the columns first
-    caption : what it shows and what to see; plain text
-    command : that makes it; that of the part where left out
-    columns : those that are shown, in this order; all where left out
-    verdict : column whose value is `passed` where all is well: other rows are red
+    data : Path
+        The CSV file, with the names of the columns first.
+    caption : str
+        What it shows and what to see; plain text.
+    command : str
+        The command that makes it; empty for that of the part.
+    columns : tuple of str
+        The columns that are shown, in this order; all of them if empty.
+    verdict : str
+        The column whose value is `passed` where all is well: other rows are red.
     """
 
     data: Path
@@ -49,8 +58,10 @@ class Words:
 
     Attributes
     ----------
-    text : a paragraph
-    typed : whether its lines and blanks are to be kept, as a program printed them
+    text : str
+        A paragraph.
+    typed : bool
+        Whether its lines and blanks are kept, as a program printed them.
     """
 
     text: str
@@ -63,8 +74,10 @@ class Absent:
 
     Attributes
     ----------
-    what : is not there
-    how : to get it, in one line
+    what : str
+        What is not there.
+    how : str
+        How to get it, in one line.
     """
 
     what: str

@@ -25,10 +25,14 @@ class Shown:
 
     Attributes
     ----------
-    part : what it is
-    record : how it was made
-    contents : kind and what the template shows of it
-    absent : why there is nothing; empty where there is something
+    part : Part
+        What it is.
+    record : Record or None
+        How it was made.
+    contents : tuple of (str, dict)
+        Kinds of its contents, and the values that the template shows of each.
+    absent : str
+        Why there is nothing; empty where there is something.
     """
 
     part: Part
@@ -38,12 +42,12 @@ class Shown:
 
     @property
     def failures(self) -> int:
-        """Lines of its tables with a failed verdict."""
+        """Number of rows with a failed verdict in its tables."""
         return sum(row.failed for row in self.judged)
 
     @property
     def judged(self) -> list[Row]:
-        """Lines of its tables that have a verdict."""
+        """Rows of its tables that have a verdict."""
         tables = (values["lines"] for kind, values in self.contents if kind == "table")
         return [row for table in tables if table.judges for row in table.rows]
 

@@ -1,4 +1,4 @@
-"""What the commands of parts are filled in with, and how old it is."""
+"""The files and folders that the commands of parts are filled in with."""
 
 import re
 import shlex
@@ -18,10 +18,14 @@ class Inputs:
 
     Attributes
     ----------
-    output : folder of the page
-    database : of the paper preset
-    comparison : folder of `learn compare` and `learn tune`
-    full : everything, or what fits into ten minutes
+    output : Path
+        Folder of the page.
+    database : Path
+        Database of the paper preset.
+    comparison : Path
+        Folder of `learn compare` and `learn tune`.
+    full : bool
+        True for everything, False for what fits into ten minutes.
     """
 
     output: Path
@@ -30,16 +34,16 @@ class Inputs:
     full: bool
 
     def folder(self, part: Part) -> Path:
-        """Where a part's files are."""
+        """Return the folder of a part's files."""
         name = part.folder or part.name
         return self.comparison if name == COMPARISON else self.output / name
 
     def arguments(self, part: Part) -> list[str]:
-        """Arguments of the interpreter; none if the part is not in this run."""
+        """Return the arguments of the interpreter; none if the part is not in this run."""
         return self._filled(part, part.full if self.full else part.quick)
 
     def full_command(self, part: Part) -> str:
-        """The command of a run of everything, as a user types it."""
+        """Return the command of a full run, as a user types it."""
         return typed(self._filled(part, part.full))
 
     def making(self, part: Part) -> Making:
@@ -74,7 +78,7 @@ class Inputs:
 
 
 def typed(arguments: Sequence[str]) -> str:
-    """The command as a user types it."""
+    """Return a command of the interpreter as a user types it."""
     return shlex.join(["python", *arguments])
 
 

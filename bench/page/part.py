@@ -16,15 +16,20 @@ class Part:
 
     Attributes
     ----------
-    name : of the part, and of its folder unless `folder` says otherwise
-    chapter : under which it stands
-    title : of its section
-    quick, full : arguments of the Python interpreter, with {folder}, {database}, {comparison},
-        {cost} and {fine} for what a run fills in; words in brackets are left out where the file
-        that they name is not there; no arguments: not part of that run
-    show : lists what the folder holds
-    folder : of another part whose files it adds to
-    judges : whether exit code 1 says that a check has failed, not that the report has
+    name : str
+        Name of the part, and of its folder unless `folder` says otherwise.
+    chapter, title : str
+        Headings of the chapter and of the section.
+    quick, full : str
+        Arguments of the Python interpreter in a short and in a full run, with {folder}, {database},
+        {comparison}, {cost} and {fine} for what a run fills in; words in brackets are left out
+        where the file that they name is not there. Empty if the part does not belong to that run.
+    show : callable
+        Lists what the part's folder holds.
+    folder : str
+        Name of another part, to whose files it adds; empty for a folder of its own.
+    judges : bool
+        Whether exit code 1 says that a check has failed, not that the report has.
     """
 
     name: str
@@ -40,7 +45,7 @@ class Part:
 def contents_of(report: str) -> ShowContents:
     """Return the function by which a report says what its folder shows.
 
-    Its module is loaded when the page asks: one part needs not the packages of all others.
+    Its module is loaded when the page asks: a part does not need the packages of all others.
 
     Parameters
     ----------

@@ -21,32 +21,35 @@ def run(
     comparison: Path | None = None,
     only: Sequence[str] = (),
 ) -> tuple[Path, Outcome]:
-    """Make what is missing, and the page of all that is there.
+    """Make the parts that are missing, and the page of all that are there.
 
     Parameters
     ----------
-    output : folder of the page; made if there is none
-    remark : told how far it is
-    full : everything, instead of what fits into ten minutes
-    database : of the paper preset; generated into the folder if none is given
-    comparison : folder of `learn compare` and `learn tune`; made in the folder if none is given
-    only : names of parts; all if none
+    output : Path
+        Folder of the page; made if there is none.
+    remark : callable
+        Told how far it is.
+    full : bool
+        True for everything, False for what fits into ten minutes.
+    database : Path or None
+        Database of the paper preset; generated into the folder if None.
+    comparison : Path or None
+        Folder of `learn compare` and `learn tune`; made in the folder if None.
+    only : sequence of str
+        Names of parts; all if empty.
 
     Returns
     -------
-    The page, and how it went
+    (Path, Outcome)
+        The page, and how the making of its parts ended.
 
     Raises
     ------
     InputError
         If a name is unknown, a given file cannot be used or the folder cannot be written to.
     """
-    parts = _chosen(only, full=full)
     inputs = _inputs(output, full=full, database=database, comparison=comparison)
-    if comparison is not None and not comparison.is_dir():
-        raise InputError(f"--comparison {comparison}: give a folder of learn compare or learn tune")
-    if comparison is not None:  # it is there, and not ours to add to
-        parts = [part for part in parts if inputs.folder(part) != comparison]
+    parts = _chosen(only, inputs, comparison)
     check_folder(output, PAGE)
     make_folder(output)
     if any("{database}" in (part.full if full else part.quick) for part in parts):
@@ -84,14 +87,18 @@ def _inputs(output: Path, *, full: bool, database: Path | None, comparison: Path
     )
 
 
-def _chosen(only: Sequence[str], *, full: bool) -> list[Part]:
+def _chosen(only: Sequence[str], inputs: Inputs, given: Path | None) -> list[Part]:
+    """The parts of this run; a comparison that was given is not ours to add to."""
     names = {part.name: part for part in PARTS}
     for name in only:
         if name not in names:
             raise InputError(f"--only {name}: give one of {', '.join(names)}")
-        if not full and not names[name].quick:
+        if not inputs.full and not names[name].quick:
             raise InputError(f"--only {name}: takes long, and needs --full")
-    return [part for part in PARTS if not only or part.name in only]
+    if given is not None and not given.is_dir():
+        raise InputError(f"--comparison {given}: give a folder of learn compare or learn tune")
+    wanted = [part for part in PARTS if not only or part.name in only]
+    return [part for part in wanted if inputs.folder(part) != given]
 
 
 def _find_database(output: Path, given: Path | None, remark: Remark, *, full: bool) -> None:

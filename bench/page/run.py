@@ -29,8 +29,10 @@ class Outcome:
 
     Attributes
     ----------
-    failed : parts that ended with another code than 0, now or when they were made
-    signal : number of the signal that came, 0 if none did
+    failed : tuple of str
+        Parts that ended with another code than 0, now or when they were made.
+    signal : int
+        Number of the signal that came, 0 if none did.
     """
 
     failed: tuple[str, ...] = ()
@@ -40,21 +42,26 @@ class Outcome:
 def make(
     parts: Iterable[Part], inputs: Inputs, remark: Remark, after: Callable[[], object]
 ) -> Outcome:
-    """Make what is not there yet.
+    """Make the parts that are not there yet.
 
     A part stays as it is if the same command made it from the same inputs, with the same commit
     and packages on the same machine.
 
     Parameters
     ----------
-    parts : in their order
-    inputs : what their commands are filled in with
-    remark : told how far it is, and what the commands tell
-    after : called after each part
+    parts : iterable of Part
+        The parts in their order.
+    inputs : Inputs
+        What their commands are filled in with.
+    remark : callable
+        Told how far it is, and what the commands print to standard error.
+    after : callable
+        Called after each part.
 
     Returns
     -------
-    What failed, and whether a signal has come: the same call goes on
+    Outcome
+        What failed, and whether a signal has come: the same call goes on.
     """
     wanted = [part for part in parts if inputs.arguments(part)]
     failed: list[str] = []

@@ -38,9 +38,12 @@ class Tabulated:
 
     Attributes
     ----------
-    titles : of the columns, and whether they hold numbers
-    rows : the lines
-    judges : whether it has verdicts
+    titles : tuple of (str, bool)
+        Titles of the columns, and whether they hold numbers.
+    rows : tuple of Row
+        The lines.
+    judges : bool
+        Whether it has verdicts.
     """
 
     titles: tuple[tuple[str, bool], ...]

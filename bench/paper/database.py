@@ -34,9 +34,12 @@ class Rows:
 
     Attributes
     ----------
-    columns : (n,) values by column, those with a range in Table 1 and the solve time
-    rows : (n,) places in the database
-    failed : number of failed rows
+    columns : dict of str to ndarray, shape (n,)
+        Values by column: the columns with a range in Table 1, and the solve time.
+    rows : ndarray of int, shape (n,)
+        Places in the database.
+    failed : int
+        Number of failed rows.
     """
 
     columns: dict[str, Values]
@@ -49,7 +52,7 @@ class Rows:
 
 
 def read(path: Path) -> Rows:
-    """Read what is drawn here.
+    """Read the finished rows that are drawn here.
 
     Raises
     ------

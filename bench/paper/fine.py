@@ -38,12 +38,16 @@ class Judged:
 
     Attributes
     ----------
-    rows : of the fine grid
-    prediction : (n,) areas [%]
-    scores : of these
-    trained : number of training rows
-    seconds : of a single prediction, features at hand [s]
-    batched : of a prediction among all of them [s]
+    rows : Dataset
+        Rows of the fine grid.
+    prediction : ndarray, shape (n,)
+        Predicted areas [%].
+    scores : Scores
+        Scores of the predictions.
+    trained : int
+        Number of training rows.
+    seconds, batched : float
+        Time of a single prediction, and of one among all of them, features at hand [s].
     """
 
     rows: Dataset
@@ -59,9 +63,12 @@ def fine_grid(folder: Path, database: Path, fine: Path) -> list[Content]:
 
     Parameters
     ----------
-    folder : to write into
-    database : of the paper preset
-    fine : the same with a finer grid
+    folder : Path
+        Folder to write into.
+    database : Path
+        Database of the paper preset.
+    fine : Path
+        Database of the preset with a finer grid.
 
     Raises
     ------

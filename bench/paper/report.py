@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from bench import databases
@@ -134,13 +135,8 @@ def write_report(
     for number, part in enumerate(parts, 1):
         own = {name: sources[name] for name in (*part.needs, *part.takes) if name in sources}
         making = Making(_record(folder, part), _command(folder, part, given, rows), own)
-        shown = contents_of(making.path)
-        if shown is None or not making.stays():
-            remark(f"{number} of {len(parts)}: {part.name}")
-            began = time.monotonic()
-            shown = part.make(folder, **own)
-            making.write(shown, seconds=round(time.monotonic() - began, 1))
-        written += [path for each in shown for path in files_of(each)]
+        heading = f"{number} of {len(parts)}: {part.name}"
+        written += _made(part, making, partial(remark, heading))
     return list(dict.fromkeys(written))
 
 
@@ -156,6 +152,17 @@ def contents(folder: Path) -> list[Content]:
     for part in PARTS:
         shown += contents_of(_record(folder, part)) or [Absent(part.title, part.how)]
     return shown
+
+
+def _made(part: Part, making: Making, remark: Callable[[], None]) -> list[Path]:
+    """The files of a part, made now unless they are there and fit the inputs."""
+    shown = contents_of(making.path)
+    if shown is None or not making.stays():
+        remark()
+        began = time.monotonic()
+        shown = part.make(making.path.parent, **making.sources)
+        making.write(shown, seconds=round(time.monotonic() - began, 1))
+    return [path for each in shown for path in files_of(each)]
 
 
 def _record(folder: Path, part: Part) -> Path:

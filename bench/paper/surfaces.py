@@ -10,6 +10,7 @@ import bem
 from bench.page.content import Content, Figure
 from bench.paper.deviations import short
 from bench.paper.facts import DELTAS, GRIDS
+from bench.paper.unstated.readings import ALONG, NEIGHBOURS, above
 from bench.picture import new_figure, save
 from bench.style import COLOURS
 from bench.table import write_table
@@ -67,8 +68,8 @@ def profile(folder: Path) -> list[Content]:
     heights = surface(ROUGH)
     middle = NODES // 2
     x, line = np.linspace(0, SIDE, NODES), heights[:, middle]
-    peaks = _above(line, axis=0)
-    asperities = _above(heights, axis=0) & _above(heights, axis=1)
+    peaks = above(heights, ALONG, border=False)[:, middle]
+    asperities = above(heights, NEIGHBOURS[4], border=False)
     figure = new_figure(11, 4.2)
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.7))
     shown = _image(left, heights)
@@ -78,23 +79,14 @@ def profile(folder: Path) -> list[Content]:
     left.set(title="(a) topography: asperities, a profile", xlabel="x [µm]", ylabel="y [µm]")
     _draw_profile(right, x, line, peaks, asperities[:, middle])
     values = describe(heights, PRESET.side / (NODES - 1)).values
-    peak = line[peaks]
-    rows = [
-        ("profile peaks, this profile", int(peaks.sum()), short(peak.mean()), short(peak.std())),
-        (
-            "profile peaks, all profiles",
-            round(values["peak_density"] * 2 * heights.size),
-            short(values["peak_mean"]),
-            short(values["peak_rms"]),
-        ),
-        (
-            "asperities",
-            int(asperities.sum()),
-            short(values["asperity_mean"]),
-            short(values["asperity_rms"]),
-        ),
-        ("all nodes", heights.size, short(values["height_mean"]), short(values["height_rms"])),
-    ]
+    number = round(values["peak_density"] * 2 * heights.size)
+    counted = (
+        ("profile peaks, this profile", int(peaks.sum()), line[peaks].mean(), line[peaks].std()),
+        ("profile peaks, all profiles", number, values["peak_mean"], values["peak_rms"]),
+        ("asperities", asperities.sum(), values["asperity_mean"], values["asperity_rms"]),
+        ("all nodes", heights.size, values["height_mean"], values["height_rms"]),
+    )
+    rows = [(of, count, short(mean), short(rms)) for of, count, mean, rms in counted]
     header = ("of", "number", "mean_height_um", "rms_um")
     table = write_table(folder / "profile.csv", header, rows)
     caption = (
@@ -174,11 +166,3 @@ def topographies(folder: Path) -> list[Content]:
 def _image(axis: Any, field: Any, **options: Any) -> Any:
     """Draw a field of nodes, x (axis 0) to the right."""
     return axis.imshow(field.T, origin="lower", extent=(0, SIDE, 0, SIDE), **options)
-
-
-def _above(heights: Heights, axis: int) -> NDArray[np.bool_]:
-    """Inner nodes above both neighbours along an axis."""
-    found = np.zeros(heights.shape, dtype=bool)
-    lines, inner = np.moveaxis(heights, axis, 0), np.moveaxis(found, axis, 0)
-    inner[1:-1] = (lines[1:-1] > lines[:-2]) & (lines[1:-1] > lines[2:])
-    return found
