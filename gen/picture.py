@@ -58,10 +58,12 @@ def draw_database(file: Path, picture: Path) -> None:
 def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
     """Draw heights and contact pressure of one row side by side."""
     plan = parameters(scene, row, row + 1)
-    contact = solve_contact(scene, surface_of(scene, plan, 0), float(plan.delta[0]))
+    heights, hardness = surface_of(scene, plan, 0), plan.hardness_of(0)
+    contact = solve_contact(scene, heights, float(plan.delta[0]), hardness)
     surface = f"surface of row {row}: H = {plan.hurst[0]:.2f}, σ₀ = {plan.sigma0[0]:.1f} µm"
     pressure = (
-        f"contact at Δ = {plan.delta[0]:.1f} µm, E* = {contact.problem.modulus:g} MPa:"
+        f"contact at Δ = {plan.delta[0]:.1f} µm, E* = {contact.problem.modulus:g} MPa"
+        f"{'' if hardness is None else f', hardness {hardness:.3g} MPa'}:"
         f" {contact.area_percent:.3g} % of {contact.pressure.size} nodes, the median of rows done"
     )
     for axis, surface_map in zip(axes, contact_maps(contact, surface, pressure), strict=True):

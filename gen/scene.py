@@ -4,14 +4,26 @@ import difflib
 import hashlib
 import json
 import re
+import sys
 import tomllib
 from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    Strict,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
 
+from gen.measured.material import plane_strain_modulus
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 
@@ -54,12 +66,30 @@ def _power_of_two_plus_one(nodes: int) -> int:
     return nodes
 
 
+def _positive_number_or_range(value: object) -> float | tuple[float, float]:
+    """Accept a finite number above 0, or an ascending pair of them.
+
+    Done in one function because an error message for a union of types would name its members.
+    """
+    limits = value if isinstance(value, list | tuple) else (value, value)
+    if len(limits) != 2 or not all(
+        isinstance(limit, int | float)
+        and not isinstance(limit, bool)
+        and 0 < limit <= sys.float_info.max
+        for limit in limits
+    ):
+        raise PydanticCustomError("positive_number_or_range", "not a positive number or range")
+    low, high = _ascending((float(limits[0]), float(limits[1])))
+    return (low, high) if limits is value else low
+
+
 Number = Annotated[float, AfterValidator(_without_negative_zero)]
 Positive = Annotated[Number, Field(gt=0)]
 NonNegative = Annotated[Number, Field(ge=0)]
 UnitInterval = Annotated[Number, Field(ge=0, le=1)]
 # TOML and JSON have arrays where the models have tuples: this conversion alone is allowed.
 Range = Annotated[tuple[T, T], Strict(False), AfterValidator(_ascending)]
+PositiveOrRange = Annotated[float | tuple[float, float], PlainValidator(_positive_number_or_range)]
 
 
 class Table(BaseModel):
@@ -146,6 +176,50 @@ class Contact(Table):
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
         default=1000, description="a whole number from 1 to 1000000"
     )
+    # None stands for elastic bodies and is never written: scenes without a hardness keep their
+    # texts and fingerprints.
+    hardness: PositiveOrRange | None = Field(
+        default=None,
+        description="a finite number above 0, or [low, high] with 0 < low <= high [MPa]",
+    )
+    hardness_ratio: PositiveOrRange | None = Field(
+        default=None,
+        description="a finite number above 0, or [low, high] with 0 < low <= high [E*]",
+    )
+
+    @model_validator(mode="after")
+    def _require_one_hardness(self) -> Self:
+        """Refuse two hardnesses, and a hardness that the model or the numbers cannot have."""
+        if self.hardness is not None and self.hardness_ratio is not None:
+            raise PydanticCustomError(
+                "conflict", "hardness [MPa] and hardness_ratio [E*] are both given: give one"
+            )
+        if (limits := self.hardness_limits) is None:
+            return self
+        if self.far_field == "compliant":
+            raise PydanticCustomError(
+                "conflict", "a hardness needs far_field = 'rigid', not 'compliant'"
+            )
+        if not all(sys.float_info.min <= limit <= sys.float_info.max for limit in limits):
+            raise PydanticCustomError("conflict", "the hardness is beyond what numbers hold [MPa]")
+        return self
+
+    @property
+    def hardness_limits(self) -> tuple[float, float] | None:
+        """Smallest and largest hardness [MPa], equal for a fixed one; None for elastic bodies."""
+        given = self.hardness if self.hardness_ratio is None else self.hardness_ratio
+        if given is None:
+            return None
+        low, high = given if isinstance(given, tuple) else (given, given)
+        if self.hardness_ratio is None:
+            return low, high
+        modulus = plane_strain_modulus(self.modulus, self.poisson)
+        return low * modulus, high * modulus
+
+    @property
+    def draws_hardness(self) -> bool:
+        """Whether every sample has a hardness of its own, drawn from a range."""
+        return isinstance(self.hardness, tuple) or isinstance(self.hardness_ratio, tuple)
 
 
 class Store(Table):
@@ -200,7 +274,12 @@ class Scene(Table):
     @property
     def optional_columns(self) -> frozenset[str]:
         """Names of the optional columns that this scene asks for."""
-        return frozenset(name for name, wanted in self.store if wanted)
+        names = {name for name, wanted in self.store if wanted}
+        if self.contact.draws_hardness:
+            names.add("hardness")
+        if self.contact.hardness_limits is not None:
+            names.add("yielded_percent")
+        return frozenset(names)
 
     @classmethod
     def parse(cls, text: str, source: str) -> Self:
@@ -269,15 +348,21 @@ class Scene(Table):
             raise InputError(_one_line(f"{source}: {_first_fault(error)}")) from None
 
     def text(self) -> str:
-        """Write the canonical text: JSON in one line, keys with values in alphabetical order."""
-        return json.dumps(self.model_dump(), sort_keys=True)
+        """Write the canonical text: JSON in one line, keys with values in alphabetical order.
+
+        Keys without a value, which are keys without a default that the scene does not set, are left
+        out.
+        """
+        return json.dumps(self.model_dump(exclude_none=True), sort_keys=True)
 
     def fingerprint(self) -> str:
         """Compute the SHA-256 of all keys that change results: every key but title and samples.
 
         The keys of [store] count although they change no number: a database gets its columns when
         it is created, so a scene that stores more cannot continue it. Default values count as if
-        they were written in the file: with a changed default it is another scene.
+        they were written in the file: with a changed default it is another scene. Keys without a
+        default that the scene does not set are left out: a new key of this kind changes no other
+        scene.
 
         Returns
         -------
@@ -288,7 +373,7 @@ class Scene(Table):
 
     def _relevant(self) -> dict[str, Any]:
         """Return the keys that change results, with their values."""
-        return self.model_dump(exclude={"title", "samples"})
+        return self.model_dump(exclude={"title", "samples"}, exclude_none=True)
 
 
 def preset_names() -> tuple[str, ...]:
@@ -410,6 +495,8 @@ def _first_fault(error: ValidationError) -> str:
         text = f"{key} is missing; allowed: {_allowed(location)}"
     elif not location:
         text = f"a scene is a table of keys, not {value}"
+    elif fault["type"] == "conflict":
+        text = f"{key}: {fault['msg']}"
     else:
         text = f"{key} = {value}; allowed: {_allowed(location)}"
     if fault["type"] == "value_error":

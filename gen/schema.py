@@ -55,6 +55,7 @@ class Reason(IntEnum):
     NO_STATISTICS = 3
     ARITHMETIC = 4
     NOT_FINITE = 5
+    BEYOND_HARDNESS = 6
 
 
 REASONS: dict[int, str] = {
@@ -64,6 +65,7 @@ REASONS: dict[int, str] = {
     Reason.NO_STATISTICS: "statistics undefined on this surface",
     Reason.ARITHMETIC: "the sample raised an arithmetic or value error",
     Reason.NOT_FINITE: "result not finite",
+    Reason.BEYOND_HARDNESS: "no solution: the load is at or above what the hardness bears",
 }
 """Texts of the reasons by their codes."""
 
@@ -91,7 +93,7 @@ class Column:
     shape_of : str
         "" for one value per sample, "nodes" for a field of shape (rows, n, n).
     optional : str
-        Key of the scene that adds the column; "" for a column that every database has.
+        Key of the scene that adds the column, in Markdown; "" for a column of every database.
     """
 
     name: str
@@ -176,19 +178,35 @@ COLUMNS: tuple[Column, ...] = (
     Column("hurst", "f8", "1", "Hurst exponent of the surface", paper_range=(0.5, 0.8)),
     Column("sigma0", "f8", "um", "standard deviation of the generator's first displacement"),
     Column("delta", "f8", "um", "far-field displacement Delta", paper_range=(5.0, 45.0)),
+    Column(
+        "hardness",
+        "f8",
+        "MPa",
+        "hardness of the softer body",
+        optional="a range of `contact.hardness`",
+    ),
     *_STATISTICS,
     Column("area_percent", "f8", "%", "effective contact area", paper_range=(0.01, 16.56)),
     Column("force", "f8", "uN", "normal force at the scene's modulus (1 uN = 1 MPa um2)"),
     Column("contact_nodes", "i4", "1", "nodes under pressure"),
+    Column(
+        "yielded_percent",
+        "f8",
+        "%",
+        "share of nodes at the hardness",
+        optional="`contact.hardness`",
+    ),
     Column("iterations", "i4", "1", "iterations of the solver"),
     Column("convolutions", "i4", "1", "applications of the influence operator"),
     Column("residual", "f8", "1", "relative residual of the solution"),
-    Column("mean_gap", "f8", "um", "mean gap over all nodes", optional="store.mean_gap"),
-    Column("largest_pressure", "f8", "MPa", "largest pressure", optional="store.largest_pressure"),
-    Column("perimeter", "f8", "um", "length of the contact's edges", optional="store.perimeter"),
-    Column("heights", "f8", "um", "surface heights", shape_of="nodes", optional="store.heights"),
+    Column("mean_gap", "f8", "um", "mean gap over all nodes", optional="`store.mean_gap`"),
     Column(
-        "pressure", "f8", "MPa", "contact pressure", shape_of="nodes", optional="store.pressure"
+        "largest_pressure", "f8", "MPa", "largest pressure", optional="`store.largest_pressure`"
+    ),
+    Column("perimeter", "f8", "um", "length of the contact's edges", optional="`store.perimeter`"),
+    Column("heights", "f8", "um", "surface heights", shape_of="nodes", optional="`store.heights`"),
+    Column(
+        "pressure", "f8", "MPa", "contact pressure", shape_of="nodes", optional="`store.pressure`"
     ),
     # "s", not "seconds": xarray would turn the word into a time difference.
     Column("surface_seconds", "f8", "s", "time for the surface", RUNTIME, deterministic=False),
@@ -240,7 +258,7 @@ def markdown_table() -> str:
     for column in COLUMNS:
         span = "{:g} to {:g}".format(*column.paper_range) if column.paper_range else ""
         shape = ", n x n per sample" if column.shape_of else ""
-        condition = f" (with `{column.optional}`)" if column.optional else ""
+        condition = f" (with {column.optional})" if column.optional else ""
         meaning = f"{column.long_name}{shape}{condition}"
         lines.append(f"| `{column.path}` | {column.unit} | {meaning} | {span} |")
     return "\n".join(lines)

@@ -6,14 +6,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.arrays import Columns
+from gen.arrays import Columns, Values
 from gen.database import Reader
-from gen.generation.plan import parameters
+from gen.generation.plan import parameters, planned_columns
 from gen.generation.sample import compute_rows
 from gen.schema import REASONS, Reason, Status
 
 CHUNK_ROWS = 65_536
 """Rows that are read and checked together."""
+
+ROUNDING = 1e-9
+"""Relative error that rounding can cause in a sum of pressures."""
 
 
 def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:
@@ -66,8 +69,8 @@ def _chunk_faults(
     known = np.isin(reason, [code for code in REASONS if code])
     yield from _row_faults(failed & ~known, start, "failed without a known reason")
     plan = parameters(scene, start, stop)
-    for name in ("surface", "hurst", "sigma0", "delta"):
-        unplanned = reader.column(name, start, stop) != getattr(plan, name)
+    for name, planned in planned_columns(scene, plan).items():
+        unplanned = reader.column(name, start, stop) != planned
         yield from _row_faults((done | failed) & unplanned, start, f"{name} is not the plan's")
     rows: Columns = {}
     for column in reader.columns():
@@ -80,6 +83,9 @@ def _chunk_faults(
         yield from _row_faults(done & unknown, start, f"{column.name} is not finite")
     nodes = reader.column("contact_nodes", start, stop)
     yield from _range_faults(reader, start, done, rows, nodes)
+    if plan.hardness is not None:
+        bearable = plan.hardness * scene.spacing**2 * nodes
+        yield from _yielding_faults(start, done, rows, bearable)
 
 
 def _range_faults(
@@ -100,6 +106,29 @@ def _range_faults(
     yield from _row_faults(done & ~loaded, start, "force without contact, or contact without force")
     wide = rows["residual"] > scene.contact.rtol
     yield from _row_faults(done & wide, start, f"residual above {scene.contact.rtol}")
+
+
+def _yielding_faults(
+    start: int, done: NDArray[np.bool_], rows: Columns, bearable: Values
+) -> Iterator[str]:
+    """Compare done rows with the limits of bodies that yield.
+
+    Parameters
+    ----------
+    start : int
+        Number of the first row.
+    done : ndarray of bool, shape (rows,)
+        Whether a row is done.
+    rows : Columns
+        Columns of the rows.
+    bearable : ndarray, shape (rows,)
+        Force of a contact that has yielded at all its nodes [uN].
+    """
+    yielded = rows["yielded_percent"]
+    shares = (yielded >= 0) & (yielded <= rows["area_percent"])
+    yield from _row_faults(done & ~shares, start, "more nodes have yielded than are in contact")
+    beyond = rows["force"] > bearable * (1 + ROUNDING)
+    yield from _row_faults(done & beyond, start, "force above what the hardness bears")
 
 
 def _row_faults(wrong: NDArray[np.bool_], start: int, fault: str) -> Iterator[str]:

@@ -34,6 +34,8 @@ class Plan:
         if there are more than `COUNTED_ROWS`.
     file_bytes : int
         Size of the database's columns [bytes].
+    hardness : tuple of float or None
+        Smallest and largest hardness [MPa] of the distribution; None for elastic bodies.
     """
 
     samples: int
@@ -41,6 +43,7 @@ class Plan:
     nodes: int
     delta: tuple[float, float, float]
     file_bytes: int
+    hardness: tuple[float, float] | None
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,7 @@ def plan_of(scene: Scene) -> Plan:
         nodes=scene.surface.nodes,
         delta=_displacements(scene),
         file_bytes=scene.samples * row_bytes(scene),
+        hardness=scene.contact.hardness_limits,
     )
 
 

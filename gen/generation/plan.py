@@ -5,21 +5,30 @@ far-field displacements come from one random stream per chunk of 65,536 surfaces
 
     hurst (65536), sigma0 (65536), delta (65536, m, 2: which piece, where in its range)
 
-and the displacements of surface s from a stream of its own. Neither depends on the number of
+the hardness from a second stream per chunk, one number for each sample,
+
+    hardness (65536, m)
+
+and the displacements of surface s from a stream of its own. None of them depends on the number of
 samples, on ranks, on order or on restarts. This layout is part of a database's physics: another
 layout gives other surfaces and loads for the same scene.
 """
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gen.arrays import Columns, Values
 from gen.scene import Piece, Scene
 
 CHUNK = 65_536
 """Surfaces that share a stream: one stream per row would take minutes for millions of rows."""
+
+DIGITS = 53
+"""Binary digits of a random number in [0, 1)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +45,19 @@ class Parameters:
         Standard deviation of the surface's first displacements [um].
     delta : ndarray, shape (rows,)
         Far-field displacement [um].
+    hardness : ndarray, shape (rows,), or None
+        Hardness of the softer body [MPa]; None for elastic bodies.
     """
 
     surface: NDArray[np.int64]
     hurst: NDArray[np.float64]
     sigma0: NDArray[np.float64]
     delta: NDArray[np.float64]
+    hardness: NDArray[np.float64] | None = None
+
+    def hardness_of(self, row: int) -> float | None:
+        """Return the hardness of a row, counted from the first of these [MPa], or None."""
+        return None if self.hardness is None else float(self.hardness[row])
 
 
 def parameters(scene: Scene, start: int, stop: int) -> Parameters:
@@ -77,7 +93,30 @@ def parameters(scene: Scene, start: int, stop: int) -> Parameters:
         hurst=_within(*scene.surface.hurst, hurst)[surface - first],
         sigma0=_within(*scene.surface.sigma0, sigma0)[surface - first],
         delta=_displacement(scene.delta.pieces, delta.reshape(-1, 2)[rows]),
+        hardness=_hardness(scene, start, stop),
     )
+
+
+def planned_columns(scene: Scene, plan: Parameters) -> Columns:
+    """Return the columns of a scene's database that its plan decides.
+
+    Parameters
+    ----------
+    scene : Scene
+        Description of the samples.
+    plan : Parameters
+        Parameters of some rows of the scene.
+
+    Returns
+    -------
+    Columns
+        The values of these rows for each planned column.
+    """
+    return {
+        name: getattr(plan, name)
+        for name in ("surface", "hurst", "sigma0", "delta", "hardness")
+        if name != "hardness" or scene.contact.draws_hardness
+    }
 
 
 def surface_random(scene: Scene, surface: int | np.int64) -> np.random.Generator:
@@ -225,6 +264,51 @@ def _within(
     rounding of high - low can add.
     """
     return low + (high - low) * uniform
+
+
+def _hardness(scene: Scene, start: int, stop: int) -> Values | None:
+    """Draw the hardness of the rows start to stop - 1 [MPa]; None for elastic bodies.
+
+    Returns
+    -------
+    ndarray, shape (stop - start,), or None
+        The scene's hardness, or log-uniform numbers from its range.
+    """
+    limits = scene.contact.hardness_limits
+    if limits is None:
+        return None
+    if not scene.contact.draws_hardness:
+        return np.full(stop - start, limits[0])
+    uniform = np.empty(stop - start)
+    rows = CHUNK * scene.samples_per_surface
+    begin = start
+    while begin < stop:
+        chunk, offset = divmod(begin, rows)
+        end = min(stop, (chunk + 1) * rows)
+        stream = _stream(scene.seed, chunk, 2)
+        stream.advance(offset)
+        np.random.Generator(stream).random(out=uniform[begin - start : end - start])
+        begin = end
+    return _log_within(*limits, uniform)
+
+
+def _log_within(low: float, high: float, uniform: Values) -> Values:
+    """Map numbers in [0, 1) logarithmically to [low, high].
+
+    Each binary digit of a number multiplies by a root of high / low. Roots and products are rounded
+    alike on every processor, which logarithms and exponentials are not: a plan must not differ.
+    """
+    values = np.full(uniform.shape, low)
+    factor = math.sqrt(high) / math.sqrt(low)
+    rest = uniform.copy()
+    for _ in range(DIGITS):
+        rest *= 2.0
+        digit = rest >= 1.0
+        values[digit] *= factor
+        rest -= digit
+        factor = math.sqrt(factor)
+    np.minimum(values, high, out=values)
+    return values
 
 
 def _displacement(pieces: tuple[Piece, ...], uniform: NDArray[np.float64]) -> NDArray[np.float64]:

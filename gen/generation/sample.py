@@ -9,7 +9,7 @@ import numpy as np
 
 import bem
 from gen.arrays import Columns, Heights
-from gen.generation.plan import Parameters, parameters, surface_random
+from gen.generation.plan import Parameters, parameters, planned_columns, surface_random
 from gen.runtime.errors import InputError
 from gen.runtime.memory import too_little_for_solve
 from gen.runtime.overtime import Overtime, at_most
@@ -17,6 +17,14 @@ from gen.scene import Scene
 from gen.schema import Reason, Status, columns_for
 from gen.statistics import Description, describe
 from gen.surface import generate
+
+ANSWERS = ("area_percent", "force", "contact_nodes")
+"""Columns of every database that are results of `bem.solve` under the same name."""
+
+OPTIONAL_ANSWERS = frozenset(
+    ("yielded_percent", "mean_gap", "largest_pressure", "perimeter", "pressure")
+)
+"""Optional columns that are results of `bem.solve` under the same name."""
 
 
 def compute_rows(
@@ -59,8 +67,7 @@ def _computed(scene: Scene, start: int, stop: int, rank: int, limit: float | Non
     """Compute the rows start to stop - 1 without handling a lack of memory."""
     plan = parameters(scene, start, stop)
     rows = _pending_rows(scene, stop - start)
-    for name in ("surface", "hurst", "sigma0", "delta"):
-        rows[name][:] = getattr(plan, name)
+    rows |= planned_columns(scene, plan)
     rows["rank"][:] = rank
     rows["host"][:] = socket.gethostname().encode()[:64]
     edges = np.flatnonzero(np.diff(plan.surface, prepend=-1, append=-1))
@@ -102,12 +109,37 @@ def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
     )
 
 
-def solve_contact(scene: Scene, heights: Heights, delta: float) -> bem.Contact:
-    """Solve the contact of a surface at one Delta [um], with the scene's settings.
+def solve_contact(
+    scene: Scene, heights: Heights, delta: float, hardness: float | None = None
+) -> bem.Contact:
+    """Solve the contact of a surface at one displacement, with the scene's settings.
 
-    Raises the exceptions of `bem.solve`.
+    Parameters
+    ----------
+    scene : Scene
+        Description of the samples.
+    heights : ndarray, shape (n, n)
+        Heights of the surface [um].
+    delta : float
+        Far-field displacement [um].
+    hardness : float or None
+        Hardness of the softer body [MPa]. None takes the scene's, which must not be a range.
+
+    Returns
+    -------
+    bem.Contact
+        The solution; the exceptions of `bem.solve` pass through.
+
+    Raises
+    ------
+    ValueError
+        If no hardness is given and every sample of the scene has one of its own.
     """
     settings = scene.contact
+    if hardness is None and settings.hardness_limits is not None:
+        if settings.draws_hardness:
+            raise ValueError("every sample of this scene has a hardness of its own: give it")
+        hardness = settings.hardness_limits[0]
     return bem.solve(
         heights,
         scene.surface.side,
@@ -117,6 +149,7 @@ def solve_contact(scene: Scene, heights: Heights, delta: float) -> bem.Contact:
         poisson=settings.poisson,
         kernel=settings.kernel,
         far_field=settings.far_field,
+        hardness=hardness,
         rtol=settings.rtol,
         max_iterations=settings.max_iterations,
     )
@@ -156,7 +189,7 @@ def _compute_surface(
         began = time.perf_counter()
         try:
             with at_most(limit):
-                reason = _solve(scene, heights, float(plan.delta[row]), rows, row)
+                reason = _solve(scene, heights, plan, rows, row)
         except Overtime:
             continue
         rows["solve_seconds"][row] = time.perf_counter() - began
@@ -175,25 +208,22 @@ def _described(scene: Scene, plan: Parameters, row: int) -> tuple[Heights, Descr
         return None
 
 
-def _solve(scene: Scene, heights: Heights, delta: float, rows: Columns, row: int) -> Reason:
+def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row: int) -> Reason:
     """Solve one contact problem and fill in its row; return the reason if that is impossible."""
     try:
-        contact = solve_contact(scene, heights, delta)
+        contact = solve_contact(scene, heights, float(plan.delta[row]), plan.hardness_of(row))
     except bem.NotConverged as failure:
         _record_effort(failure.contact, rows, row)
         return Reason.NOT_CONVERGED
     except bem.NoSolution:
-        return Reason.NO_SOLUTION
+        return Reason.NO_SOLUTION if plan.hardness is None else Reason.BEYOND_HARDNESS
     except (ArithmeticError, np.linalg.LinAlgError):
         return Reason.ARITHMETIC
     _record_effort(contact, rows, row)
     if not np.isfinite(contact.force):
         return Reason.NOT_FINITE
-    for name in ("area_percent", "force", "contact_nodes"):
+    for name in (*ANSWERS, *(OPTIONAL_ANSWERS & scene.optional_columns)):
         rows[name][row] = getattr(contact, name)
-    for name in ("mean_gap", "largest_pressure", "perimeter", "pressure"):
-        if getattr(scene.store, name):
-            rows[name][row] = getattr(contact, name)
     return Reason.NONE
 
 

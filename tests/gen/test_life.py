@@ -1,7 +1,9 @@
 """The life of a database on the command line: shares, merging, extension, retries, a full disk."""
 
 import resource
+import shutil
 import subprocess
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -11,7 +13,9 @@ from launch import command, environment
 
 from gen import cli
 from gen.database import Reader
+from gen.schema import PHYSICS, PHYSICS_CHANGES
 
+SAMPLE = Path(__file__).resolve().parents[2] / "examples" / "sample.h5"
 SCENE = "samples = {}\nsamples_per_surface = 2\n{}\n[surface]\nnodes = 17\n"
 
 
@@ -35,6 +39,52 @@ def test_the_size_of_blocks_changes_no_byte(folder, monkeypatch, block_rows, m):
     monkeypatch.setattr("gen.generation.run.BLOCK_ROWS", block_rows)
     assert run("m.toml", "-o", "other.h5") == 0
     assert deterministic_bytes(folder / "other.h5") == deterministic_bytes(folder / "usual.h5")
+
+
+@pytest.mark.parametrize("hardness", ["hardness = 0.02", "hardness_ratio = [0.003, 0.1]"])
+def test_a_database_of_bodies_that_yield_lives_as_any_other(folder, capsys, hardness):
+    for samples in (11, 20):
+        text = SCENE.format(samples, "") + f"[contact]\n{hardness}\n"
+        (folder / f"{samples}.toml").write_text(text)
+    assert run("20.toml", "-o", "whole.h5") == 0
+    assert run("11.toml", "-o", "grown.h5") == 0
+    assert run("20.toml", "-o", "grown.h5") == 0
+    assert run("20.toml", "-o", "part0.h5", "--rows", "0:7") == 0
+    assert run("20.toml", "-o", "part1.h5", "--rows", "7:20") == 0
+    assert cli.main(["merge", "part0.h5", "part1.h5", "-o", "merged.h5"]) == 0
+    whole = deterministic_bytes(folder / "whole.h5")
+    assert ("hardness" in whole) == hardness.endswith("]")
+    assert deterministic_bytes(folder / "grown.h5") == whole
+    assert deterministic_bytes(folder / "merged.h5") == whole
+    assert cli.main(["check", "part1.h5", "--recompute", "20"]) == 0
+    capsys.readouterr()
+    assert cli.main(["info", "whole.h5"]) == 0
+    told = capsys.readouterr().out
+    assert "20 done, 0 failed" in told
+    assert "yielded_percent" in told
+    assert cli.main(["plot", "whole.h5", "-o", "whole.png"]) == 0
+    assert cli.main(["run", "20.toml", "-o", "new.h5", "--dry-run"]) == 0
+    assert "  hardness  " in capsys.readouterr().out
+    assert run("scene.toml", "-o", "whole.h5") == 2
+    assert "hardness" in capsys.readouterr().err
+
+
+def test_the_shipped_sample_is_resumed_extended_and_recomputed(folder, capsys):
+    """Files made before scenes knew a hardness go on and keep their bytes."""
+    shutil.copy(SAMPLE, "sample.h5")
+    before = deterministic_bytes(folder / "sample.h5")
+    for samples in (200, 203):
+        (folder / f"{samples}.toml").write_text(f"samples = {samples}")
+    content = (folder / "sample.h5").read_bytes()
+    assert run("200.toml", "-o", "sample.h5") == 0
+    assert (folder / "sample.h5").read_bytes() == content
+    assert "200 rows done, 0 failed, 0 pending" in capsys.readouterr().out
+    assert run("203.toml", "-o", "sample.h5") == 0
+    after = deterministic_bytes(folder / "sample.h5")
+    assert after.keys() == before.keys()
+    for name, values in before.items():
+        assert after[name].startswith(values), name
+    assert cli.main(["check", "sample.h5", "--recompute", "0"]) == 0
 
 
 def test_shares_merge_into_what_one_run_makes(folder):
@@ -133,6 +183,23 @@ def test_another_physics_needs_force(folder, capsys):
     assert "--force" in capsys.readouterr().err
     assert run("scene.toml", "-o", "rows.h5", "--force") == 0
     assert (status(folder / "rows.h5") == 1).all()
+
+
+def test_info_says_how_results_have_changed_since(folder, capsys):
+    assert run("scene.toml", "-o", "old.h5") == 0
+    assert cli.main(["info", "old.h5"]) == 0
+    assert "what has changed since then" not in capsys.readouterr().out
+    for physics in (2, 3):
+        with h5py.File("old.h5", "r+") as file:
+            file.attrs.modify("physics", physics)
+        assert cli.main(["info", "old.h5"]) == 0
+        lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+        start = lines.index("what has changed since then:") + 1
+        expected = [
+            f"physics {number}: {PHYSICS_CHANGES[number]}"
+            for number in range(physics + 1, PHYSICS + 1)
+        ]
+        assert lines[start : start + len(expected)] == expected
 
 
 def test_a_dry_run_writes_nothing(folder, capsys):

@@ -13,9 +13,12 @@ pytest.importorskip("matplotlib", reason="needs the extra plot")
 from gen import picture
 
 
-def test_a_database_shows_its_median_area(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("hardness", ["", "hardness = [0.01, 0.05]", "hardness_ratio = 0.03"])
+def test_a_database_shows_its_median_area(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hardness: str
+) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("small.toml").write_text("samples = 15\n[surface]\nnodes = 17\n")
+    Path("small.toml").write_text(f"samples = 15\n[surface]\nnodes = 17\n[contact]\n{hardness}")
     assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
     figures = []
     monkeypatch.setattr(picture, "save", lambda figure, _: figures.append(figure))
@@ -27,3 +30,4 @@ def test_a_database_shows_its_median_area(tmp_path: Path, monkeypatch: pytest.Mo
     titles = [" ".join(axis.get_title(loc="left").split()) for axis in figure.axes]
     (title,) = (title for title in titles if title.startswith("contact at"))
     assert f"{np.median(areas):.3g} % of 289 nodes, the median of rows done" in title
+    assert ("hardness 0.0" in title) == ("% yielded (cyan)" in title) == bool(hardness)

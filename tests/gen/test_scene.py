@@ -20,7 +20,7 @@ from gen.generation.forecast import plan_of
 from gen.runtime.errors import InputError
 from gen.scene import Scene, differences, load, preset_names
 
-FULL = load("paper").model_dump(mode="json")
+FULL = load("paper").model_dump(mode="json", exclude_none=True)
 
 
 def test_the_solvers_defaults_are_said_alike_everywhere() -> None:
@@ -137,6 +137,34 @@ BAD_SCENES = [
     ("samples = 1\n[contact]\nrtol = 1e-14", ["contact.rtol = 1e-14;", "between 1e-14 and 1"]),
     ("samples = 1\n[contact]\nrtol = 1", ["contact.rtol = 1;", "between 1e-14 and 1"]),
     ("samples = 1\n[contact]\nmax_iterations = 0", ["contact.max_iterations = 0;", "from 1 to"]),
+    ("samples = 1\n[contact]\nhardness = 0", ["contact.hardness = 0;", "above 0, or [low, high]"]),
+    ("samples = 1\n[contact]\nhardness = -2000", ["contact.hardness = -2000;", "0 < low <= high"]),
+    ("samples = 1\n[contact]\nhardness = inf", ["contact.hardness = inf;", "finite", "[MPa]"]),
+    ("samples = 1\n[contact]\nhardness = true", ["contact.hardness = true;", "number"]),
+    ("samples = 1\n[contact]\nhardness = '2 GPa'", ["contact.hardness = '2 GPa';", "number"]),
+    ("samples = 1\n[contact]\nhardness = [2]", ["contact.hardness = [2];", "[low, high]"]),
+    ("samples = 1\n[contact]\nhardness = [1, 2, 3]", ["contact.hardness = [1, 2, 3];", "[low,"]),
+    ("samples = 1\n[contact]\nhardness = 1" + "0" * 400, ["contact.hardness = 1000", "finite"]),
+    (
+        "samples = 1\n[contact]\nhardness_ratio = [0.1, 0.003]",
+        ["contact.hardness_ratio = [0.1, 0.003];", "low <= high [E*]", "(0.1 is above 0.003)"],
+    ),
+    (
+        "samples = 1\n[contact]\nhardness_ratio = [0, 0.1]",
+        ["contact.hardness_ratio = [0, 0.1];", "0 < low"],
+    ),
+    (
+        "samples = 1\n[contact]\nhardness = 2000\nhardness_ratio = 0.01",
+        ["contact: hardness [MPa] and hardness_ratio [E*] are both given: give one"],
+    ),
+    (
+        "samples = 1\n[contact]\nhardness = 2000\nfar_field = 'compliant'",
+        ["contact: a hardness needs far_field = 'rigid', not 'compliant'"],
+    ),
+    (
+        "samples = 1\n[contact]\nmodulus = 1e300\nhardness_ratio = 1e9",
+        ["contact: the hardness is beyond what numbers hold"],
+    ),
     ("samples = 1\n[store]\npressure = 1", ["store.pressure = 1;", "true or false"]),
     ("samples = 1\n[store]\nheights = 'yes'", ["store.heights = 'yes';", "true or false"]),
     ("samples = 1\n[store]\ngap = true", ["unknown key store.gap = true;", "store.mean_gap"]),
@@ -183,7 +211,7 @@ def test_presets_load(name: str) -> None:
 
 
 def test_presets_say_what_the_design_says() -> None:
-    assert preset_names() == ("extreme", "fine", "paper", "paper-mirco", "quick")
+    assert preset_names() == ("extreme", "fine", "paper", "paper-mirco", "paper-yielding", "quick")
     quick, paper, fine = load("quick"), load("paper"), load("fine")
     assert [scene.samples for scene in (quick, paper, fine)] == [256, 15_878, 800]
     assert [scene.shape[0] for scene in (quick, paper, fine)] == [129, 129, 257]
@@ -193,6 +221,13 @@ def test_presets_say_what_the_design_says() -> None:
         "contact.kernel",
         "contact.far_field",
         "contact.spacing",
+    ]
+    yielding = load("paper-yielding")
+    assert yielding.samples == 3000
+    assert yielding.contact.hardness_limits == (0.003, 0.1)
+    assert differences(paper, yielding) == [
+        "contact.hardness_ratio[0]: nothing in the file, 0.003 asked for",
+        "contact.hardness_ratio[1]: nothing in the file, 0.1 asked for",
     ]
     extreme = load("extreme")
     assert extreme.samples == 256
@@ -244,7 +279,7 @@ def test_unreadable_scene_is_refused_in_one_line(
     message = str(refused.value)
     assert len(message.splitlines()) == 1
     assert reason in message
-    assert "extreme, fine, paper, paper-mirco, quick" in message
+    assert "extreme, fine, paper, paper-mirco, paper-yielding, quick" in message
     assert "path" in message
 
 
@@ -261,6 +296,23 @@ finite = st.floats(0.0, 1e300)
 
 def ascending(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[list[float]]:
     return st.lists(numbers, min_size=2, max_size=2).map(sorted)
+
+
+@st.composite
+def materials(draw: st.DrawFn) -> dict[str, Any]:
+    """The modulus, and perhaps a hardness, with a far field that goes with it."""
+    hardness = draw(st.sampled_from(["", "hardness", "hardness_ratio"]))
+    if not hardness:
+        return {
+            "far_field": draw(st.sampled_from(["rigid", "compliant"])),
+            "modulus": draw(st.floats(0.0, 1e300, exclude_min=True)),
+        }
+    positive = st.floats(1e-100, 1e100)
+    return {
+        "far_field": "rigid",
+        "modulus": draw(positive),
+        hardness: draw(st.one_of(positive, st.lists(positive, min_size=2, max_size=2).map(sorted))),
+    }
 
 
 @st.composite
@@ -286,10 +338,9 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
             ]
         },
         "contact": {
+            **draw(materials()),
             "kernel": draw(st.sampled_from(["uniform-pressure", "concentrated-force"])),
-            "far_field": draw(st.sampled_from(["rigid", "compliant"])),
             "spacing": draw(st.sampled_from(["side/(n-1)", "side/n"])),
-            "modulus": draw(st.floats(0.0, 1e300, exclude_min=True)),
             "poisson": draw(st.floats(-1.0, 0.5, exclude_min=True)),
             "rtol": draw(st.floats(1e-14, 1.0, exclude_min=True, exclude_max=True)),
             "max_iterations": draw(st.integers(1, 1_000_000)),
@@ -367,6 +418,8 @@ OTHER_VALUES = {
     "contact.poisson": 0.3,
     "contact.rtol": 1e-8,
     "contact.max_iterations": 999,
+    "contact.hardness": 2000.0,
+    "contact.hardness_ratio": [0.003, 0.1],
     "store.mean_gap": True,
     "store.largest_pressure": True,
     "store.perimeter": True,
@@ -381,7 +434,9 @@ def test_other_values_cover_every_relevant_key() -> None:
         for table, value in FULL.items()
         for key in (value if isinstance(value, dict) else [""])
     }
-    assert keys - set(OTHER_VALUES) == {"title", "samples"}
+    unset = {"contact.hardness", "contact.hardness_ratio"}
+    assert not keys & unset
+    assert (keys | unset) - set(OTHER_VALUES) == {"title", "samples"}
 
 
 @pytest.mark.parametrize("key", OTHER_VALUES)
@@ -397,8 +452,39 @@ def test_fingerprint_changes_with_every_relevant_key(key: str) -> None:
         assert line.endswith(" asked for")
 
 
+def test_unset_keys_are_neither_in_the_text_nor_in_the_fingerprint() -> None:
+    """Another fingerprint here means that no database made so far can be continued."""
+    paper = load("paper")
+    assert "hardness" not in paper.text()
+    fingerprint = "5ac8e0d743b06f1d8e1b890bdd15194df9e430ce5df0f5f5e560ccf0125b6de9"
+    assert paper.fingerprint() == fingerprint
+
+
+@pytest.mark.parametrize(
+    ("keys", "limits", "columns"),
+    [
+        ("", None, set()),
+        ("hardness = 2000", (2000.0, 2000.0), {"yielded_percent"}),
+        ("hardness = [500, 2000]", (500.0, 2000.0), {"yielded_percent", "hardness"}),
+        ("modulus = 3.0\npoisson = 0.5\nhardness_ratio = 0.5", (2.0, 2.0), {"yielded_percent"}),
+        (
+            "modulus = 3.0\npoisson = 0.5\nhardness_ratio = [0.5, 1]",
+            (2.0, 4.0),
+            {"yielded_percent", "hardness"},
+        ),
+    ],
+)
+def test_a_hardness_is_a_number_or_a_range_in_mpa_or_in_e_star(keys, limits, columns) -> None:
+    scene = Scene.parse(f"samples = 1\n[contact]\n{keys}", "some.toml")
+    assert scene.contact.hardness_limits == limits
+    assert scene.optional_columns == columns
+    assert plan_of(scene).hardness == limits
+
+
 def test_differences_read_like_sentences() -> None:
     paper = load("paper")
+    steel = Scene.parse("samples = 1\n[contact]\nhardness = 2000", "some.toml")
+    assert differences(paper, steel) == ["contact.hardness: nothing in the file, 2000.0 asked for"]
     strict = Scene.parse(tomli_w.dumps(changed("contact.rtol", 1e-8)), "some.toml")
     assert differences(paper, strict) == ["contact.rtol: 2e-07 in the file, 1e-08 asked for"]
     single = Scene.parse(tomli_w.dumps(changed("delta.pieces", OTHER_VALUES["delta.pieces"])), "")

@@ -3,9 +3,10 @@ import pytest
 
 from gen import schema, statistics
 from gen.scene import Scene, Store
-from gen.schema import COLUMNS, REASON, REASONS, RUNTIME, STATUS, Reason
+from gen.schema import COLUMNS, PHYSICS, PHYSICS_CHANGES, REASON, REASONS, RUNTIME, STATUS, Reason
 
-OPTIONAL = ("mean_gap", "largest_pressure", "perimeter", "heights", "pressure")
+STORED = ("mean_gap", "largest_pressure", "perimeter", "heights", "pressure")
+YIELDING = ("hardness", "yielded_percent")
 
 
 def test_status_leads_and_names_are_unique():
@@ -41,12 +42,13 @@ def test_only_runtime_differs_between_runs():
 
 def test_scene_flags_are_the_optional_columns():
     optional = tuple(column for column in COLUMNS if column.optional)
-    assert tuple(column.name for column in optional) == OPTIONAL
-    assert [column.optional for column in optional] == [f"store.{name}" for name in OPTIONAL]
-    assert set(Store.model_fields) == set(OPTIONAL)
+    assert tuple(column.name for column in optional) == YIELDING + STORED
+    conditions = [column.optional for column in optional if column.name in STORED]
+    assert conditions == [f"`store.{name}`" for name in STORED]
+    assert set(Store.model_fields) == set(STORED)
 
 
-@pytest.mark.parametrize("flag", OPTIONAL)
+@pytest.mark.parametrize("flag", STORED)
 def test_flag_adds_its_column(flag):
     least = schema.columns_for(Scene(samples=1))
     more = schema.columns_for(Scene(samples=1, store=Store(**{flag: True})))
@@ -61,7 +63,14 @@ def test_fields_have_nodes():
 
 def test_every_reason_has_a_text():
     assert set(REASONS) == set(Reason)
-    assert [REASONS[code] == "" for code in Reason] == [True] + [False] * 5
+    assert [REASONS[code] == "" for code in Reason] == [True] + [False] * 6
+
+
+def test_every_physics_number_says_what_it_changed():
+    assert list(PHYSICS_CHANGES) == list(range(2, PHYSICS + 1))
+    for change in PHYSICS_CHANGES.values():
+        assert change.isprintable()
+        assert 20 < len(change) < 200
 
 
 def test_table_has_every_column_and_table_1s_ranges():

@@ -29,6 +29,19 @@ def test_any_number_of_ranks_gives_the_same_bytes(serial, ranks):
     assert deterministic_bytes(serial / f"{ranks}.h5") == deterministic_bytes(serial / "serial.h5")
 
 
+@pytest.mark.parametrize("hardness", ["0.02", "[0.003, 0.1]"])
+def test_bodies_that_yield_have_the_same_bytes_on_any_number_of_ranks(tmp_path, hardness):
+    scene = SMALL.format("samples_per_surface = 2") + f"[contact]\nhardness = {hardness}\n"
+    (tmp_path / "yielding.toml").write_text(scene)
+    bytes_by_ranks = []
+    for ranks in (0, 1, 2, 3):
+        done = launch(ranks, "run", "yielding.toml", "-o", f"{ranks}.h5", folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.count("75 rows done, 0 failed, 0 pending") == 1
+        bytes_by_ranks.append(deterministic_bytes(tmp_path / f"{ranks}.h5"))
+    assert all(each == bytes_by_ranks[0] for each in bytes_by_ranks)
+
+
 def test_every_worker_worked(serial):
     import h5py
 

@@ -71,6 +71,36 @@ def test_a_changed_bit_is_found_by_recomputing(database, column):
     assert column in found[0]
 
 
+@pytest.fixture
+def yielding(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = "samples = 12\n[surface]\nnodes = 17\n[contact]\nhardness = [0.01, 0.05]\n"
+    (tmp_path / "scene.toml").write_text(text)
+    assert cli.main(["run", "scene.toml", "-o", "rows.h5"]) == 0
+    return tmp_path / "rows.h5"
+
+
+def test_a_sound_database_of_bodies_that_yield_has_no_faults(yielding):
+    assert list(faults(yielding, recompute=12)) == []
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "fault"),
+    [
+        ("hardness", 0.02, "hardness is not the plan's"),
+        ("yielded_percent", 99.0, "more nodes have yielded than are in contact"),
+        ("yielded_percent", -1.0, "more nodes have yielded"),
+        ("force", 1e9, "force above what the hardness bears"),
+    ],
+)
+def test_a_spoilt_value_of_a_body_that_yields_is_found(yielding, column, value, fault):
+    spoil(yielding, column, 4, value)
+    lines = list(faults(yielding, recompute=0))
+    assert lines
+    assert all(line.startswith("row 4") for line in lines)
+    assert any(fault in line for line in lines)
+
+
 def test_failed_rows_need_a_reason(database):
     spoil(database, "status", 4, 2)
     assert list(faults(database, recompute=0)) == ["row 4: failed without a known reason"]

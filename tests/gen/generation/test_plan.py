@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gen.generation.plan import CHUNK, Parameters, blocks, parameters, surface_random
+from gen.generation.plan import (
+    CHUNK,
+    Parameters,
+    _log_within,
+    blocks,
+    parameters,
+    planned_columns,
+    surface_random,
+)
 from gen.generation.run import BLOCK_BYTES, blocks_of
 from gen.scene import Scene, load
 
@@ -150,6 +158,66 @@ def test_rounding_keeps_within_the_range(limits: list[float]) -> None:
     assert np.all((rows.hurst >= low) & (rows.hurst <= high))
 
 
+def hardness(limits: str, m: int = 1, key: str = "hardness") -> Scene:
+    return scene(m=m, extra=f"[contact]\n{key} = {limits}")
+
+
+def test_first_hardnesses() -> None:
+    """Other numbers here mean that no database with hardnesses can be continued."""
+    rows = parameters(hardness("[0.003, 0.1]", key="hardness_ratio"), 0, 3)
+    assert rows.hardness is not None
+    expected = [0.07490445338831135, 0.08510671745396003, 0.018759289500291137]
+    assert rows.hardness.tolist() == expected
+
+
+@pytest.mark.parametrize("m", [1, 5])
+def test_hardness_shifts_no_other_number(m: int) -> None:
+    elastic = parameters(scene(m=m), 7, 500)
+    assert elastic.hardness is None
+    for limits in ("2000", "[500, 2000]"):
+        assert_slice(parameters(hardness(limits, m), 7, 500), elastic, 0, 493)
+
+
+@pytest.mark.parametrize("m", [1, 5])
+def test_any_slice_of_hardnesses_equals_the_whole(m: int) -> None:
+    made, border = hardness("[500, 2000]", m), CHUNK * m
+    whole = parameters(made, 0, border + 50).hardness
+    assert whole is not None
+    for start, stop in [(0, 1), (3, 11), (border - 7, border), (border - 3, border + 9)]:
+        part = parameters(made, start, stop).hardness
+        assert part is not None
+        assert part.tobytes() == whole[start:stop].tobytes()
+    assert np.unique(whole).size == whole.size, "every sample has a hardness of its own"
+
+
+def test_hardness_is_log_uniform_and_independent() -> None:
+    rows = parameters(hardness("[0.003, 0.1]", key="hardness_ratio"), 0, 200_000)
+    assert rows.hardness is not None
+    share, _ = np.histogram(np.log(rows.hardness), bins=10, range=np.log([0.003, 0.1]))
+    np.testing.assert_allclose(share / rows.hardness.size, 0.1, atol=0.005)
+    correlation = np.corrcoef([rows.hurst, rows.sigma0, rows.delta, np.log(rows.hardness)])
+    np.testing.assert_allclose(correlation, np.eye(4), atol=0.015)
+
+
+@settings(max_examples=100, deadline=None)
+@given(limits=st.lists(st.floats(1e-300, 1e300), min_size=2, max_size=2).map(sorted))
+def test_hardness_keeps_within_its_range_and_follows_the_power(limits: list[float]) -> None:
+    low, high = limits
+    uniform = np.random.default_rng(0).random(100)
+    values = _log_within(low, high, uniform)
+    assert np.all((values >= low) & (values <= high))
+    expected = np.log(low) + uniform * (np.log(high) - np.log(low))
+    np.testing.assert_allclose(np.log(values), expected, rtol=0, atol=1e-12)
+
+
+def test_a_fixed_hardness_is_every_rows() -> None:
+    fixed = hardness("0.5", key="modulus = 8.0\npoisson = 0.5\nhardness_ratio")
+    rows = parameters(fixed, 3, 8)
+    assert rows.hardness is not None
+    assert rows.hardness.tolist() == [8.0 / 0.75 * 0.5] * 5
+    assert "hardness" not in planned_columns(fixed, rows)
+
+
 def test_other_seeds_give_other_rows() -> None:
     here, there = (parameters(scene(extra=f"seed = {seed}"), 0, 100) for seed in (1, 2))
     for column, other in zip(columns(here)[1:], columns(there)[1:], strict=True):
@@ -175,7 +243,7 @@ def test_no_surface_shares_a_stream_with_a_chunk() -> None:
 
     most = Scene.parse("samples = 1_000_000_000", "test").surfaces
     assert most < 2**32
-    chunks = {state(chunk, 1) for chunk in range(-(-most // CHUNK))}
+    chunks = {state(chunk, key) for chunk in range(-(-most // CHUNK)) for key in (1, 2)}
     surfaces = {state(surface) for surface in [*range(20_000), most - 1]}
     assert not chunks & surfaces
     assert state(2**32 + 5) == state(5, 1)

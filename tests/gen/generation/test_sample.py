@@ -7,7 +7,7 @@ import bem
 import gen.generation.sample
 import gen.runtime.overtime
 from gen.generation.plan import parameters
-from gen.generation.sample import compute_rows, surface_of
+from gen.generation.sample import compute_rows, solve_contact, surface_of
 from gen.scene import Scene, load
 from gen.schema import Reason, Status, columns_for
 from gen.statistics import describe
@@ -39,6 +39,57 @@ def test_a_row_is_what_its_parts_say():
     np.testing.assert_array_equal(rows["surface"], [1, 1, 1, 2, 2, 2])
     assert set(rows["status"]) == {Status.DONE}
     assert set(rows["rank"]) == {7}
+
+
+@pytest.mark.parametrize("hardness", ["hardness = 0.05", "hardness_ratio = [0.003, 0.1]"])
+def test_a_row_on_a_body_that_yields_is_what_its_parts_say(hardness):
+    made = scene(f"samples_per_surface = 2\nstore = {STORE_ALL}\n[contact]\n{hardness}")
+    rows = compute_rows(made, 3, 9)
+    assert rows.keys() == {column.name for column in columns_for(made)}
+    assert ("hardness" in rows) == made.contact.draws_hardness
+    plan = parameters(made, 3, 9)
+    for row in range(6):
+        contact = bem.solve(
+            surface_of(made, plan, row), 1000.0, plan.delta[row], hardness=plan.hardness[row]
+        )
+        for name in ("area_percent", "force", "yielded_percent", "largest_pressure", "mean_gap"):
+            assert rows[name][row] == getattr(contact, name)
+        np.testing.assert_array_equal(rows["pressure"][row], contact.pressure)
+        assert 0 < rows["yielded_percent"][row] <= rows["area_percent"][row]
+        assert rows["largest_pressure"][row] == plan.hardness[row]
+        if made.contact.draws_hardness:
+            assert rows["hardness"][row] == plan.hardness[row]
+    assert set(rows["status"]) == {Status.DONE}
+
+
+def test_a_hardness_above_all_pressures_changes_no_byte():
+    elastic = compute_rows(scene(), 0, 4)
+    hard = compute_rows(scene("[contact]\nhardness = 1e9"), 0, 4)
+    assert (hard.pop("yielded_percent") == 0).all()
+    for column in columns_for(scene()):
+        if column.deterministic:
+            assert hard[column.name].tobytes() == elastic[column.name].tobytes(), column.name
+
+
+def test_a_contact_of_a_range_of_hardness_needs_one():
+    made = scene("[contact]\nhardness = [0.01, 0.05]")
+    heights = surface_of(made, parameters(made, 0, 1), 0)
+    with pytest.raises(ValueError, match="hardness of its own"):
+        solve_contact(made, heights, 5.0)
+    fixed = scene("[contact]\nhardness = 0.05")
+    contact = solve_contact(fixed, heights, 5.0)
+    assert contact.problem.hardness == 0.05
+    assert contact.force == solve_contact(made, heights, 5.0, hardness=0.05).force
+
+
+def test_a_load_beyond_the_hardness_is_a_reason(monkeypatch):
+    def refuse(*_, **__):
+        raise bem.NoSolution("pressure beyond the hardness")
+
+    monkeypatch.setattr(bem, "solve", refuse)
+    rows = compute_rows(scene("[contact]\nhardness = 0.05"), 0, 2)
+    assert set(rows["status"]) == {Status.FAILED}
+    assert set(rows["reason"]) == {Reason.BEYOND_HARDNESS}
 
 
 @pytest.mark.parametrize("m", [1, 5])
