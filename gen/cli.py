@@ -67,12 +67,12 @@ def run(
     from gen.generation.run import Request, generate_database
 
     request = Request(scene, output, share, retry_failed, force, sample_limit, writer)
-    outcome = generate_database(request, world)
+    result = generate_database(request, world)
     if world.is_master:
         from gen import display
 
-        display.print_outcome(output, outcome)
-    return 128 + outcome.signal if outcome.signal and outcome.counts.pending else 0
+        display.print_result(output, result)
+    return 128 + result.signal if result.signal and result.counts.pending else 0
 
 
 @app.command()
@@ -95,6 +95,7 @@ def contact(
     young: options.Young = None,
     poisson: options.Poisson = None,
     e_star: options.EStar = None,
+    hardness: options.Hardness = None,
     unit: options.Unit = "",
     channel: options.Channel = "",
     override_scale: options.OverrideScale = False,
@@ -110,14 +111,14 @@ def contact(
     table: options.Table = None,
     picture: options.Picture = None,
 ) -> None:
-    """Solve contact problems of one surface: area, force, pressure, gap, residual.
+    """Solve contact problems of one surface: area, force, pressure, gap, yielding, residual.
 
     Give one of --delta, --force and --pressure: a number, or for a law start:stop:count or several
     numbers with commas.
     """
     from gen import display
     from gen.measured import single
-    from gen.measured.material import combined_modulus
+    from gen.measured.material import combined_modulus, require_hardness
     from gen.measured.preparation import prepare, surface_warnings
     from gen.measured.topography import read
     from gen.runtime.table import write_csv
@@ -125,8 +126,10 @@ def contact(
     load, values = single.chosen_load({"delta": delta, "force": force, "pressure": pressure})
     check_outputs([Output(table, "--csv"), Output(picture, "--plot", "picture")], [surface])
     figure = None if picture is None else _contact_figure(picture)
+    material = bool(young or e_star)
     settings: dict[str, Any] = {
         "modulus": combined_modulus(young or [], poisson or [], e_star),
+        "hardness": require_hardness(hardness, material=material),
         "kernel": kernel,
         "far_field": far_field,
         "rtol": rtol,
@@ -136,7 +139,6 @@ def contact(
     topography = prepare(
         measured, crop=crop, invert=invert, level=level, fill=fill, fill_most=fill_most
     )
-    material = bool(young or e_star)
     contacts, warnings = display.follow_contacts(
         topography,
         surface_warnings(topography),

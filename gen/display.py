@@ -14,7 +14,7 @@ from gen.measured.single import contact_warnings
 from gen.runtime.console import console as new_console
 from gen.runtime.memory import size
 from gen.runtime.progress import RunProgress
-from gen.schema import REASONS, RUNTIME, Column, Status, statistics_columns
+from gen.schema import PHYSICS_CHANGES, REASONS, RUNTIME, Column, Status, statistics_columns
 
 if TYPE_CHECKING:  # statistics are printed without the solver, contacts without HDF5
     from collections.abc import Iterable, Sequence
@@ -31,28 +31,28 @@ if TYPE_CHECKING:  # statistics are printed without the solver, contacts without
     from gen.statistics import Description
 
 
-def print_outcome(path: Path, outcome: RunResult) -> None:
+def print_result(path: Path, result: RunResult) -> None:
     """Say how a run ended, and how to continue it.
 
     Parameters
     ----------
     path : Path
         Database.
-    outcome : RunResult
+    result : RunResult
         Counts of rows and the signal that ended the run, if any.
     """
     console = _console()
-    pending, done, failed = outcome.counts
+    pending, done, failed = result.counts
     console.print(f"{path}: {done} rows done, {failed} failed, {pending} pending")
     if failed:
         console.print(f"warning: {failed} rows failed; why: python -m gen info {path}")
-    if outcome.overdue:
+    if result.overdue:
         console.print(
-            f"warning: {outcome.overdue} rows took longer than --sample-limit and are pending; the"
+            f"warning: {result.overdue} rows took longer than --sample-limit and are pending; the"
             " same command with a larger one, or without, goes on with them"
         )
-    if pending and outcome.signal:
-        name = signal.Signals(outcome.signal).name
+    if pending and result.signal:
+        name = signal.Signals(result.signal).name
         console.print(f"stopped by {name}; the same command goes on with the rows that are pending")
 
 
@@ -86,6 +86,8 @@ def print_database(reader: Reader) -> None:
         f"  made      {attributes['created']}, commit {attributes['git_commit'] or 'unknown'},"
         f" layout {attributes['schema']}, physics {attributes['physics']}"
     )
+    for line in _changes_since(int(attributes["physics"])):
+        console.print(f"            {line}")
     if counts.done:
         console.print(_ranges_table(reader))
         console.print(
@@ -109,6 +111,10 @@ def print_plan(plan: Plan, path: Path | None = None) -> None:
         f"{plan.samples} samples on {plan.surfaces} surfaces of {plan.nodes} x {plan.nodes} nodes"
     )
     console.print(f"  Delta     {low:.4g} to {high:.4g} um, {mean:.4g} um on average")
+    if plan.hardness is not None:
+        least, most = plan.hardness
+        drawn = "" if least == most else f" to {most:.4g}"
+        console.print(f"  hardness  {least:.4g}{drawn} MPa")
     console.print(f"  file      {size(plan.file_bytes)}")
     if path is not None:
         state = "exists" if path.exists() else "does not exist yet"
@@ -165,6 +171,7 @@ def print_contact(contact: Contact, seconds: float) -> None:
             "MPa, mean where in contact",
         ),
         ("largest pressure", f"{contact.largest_pressure:.6g}", "MPa"),
+        *_yielding_lines(contact),
         ("mean gap", f"{contact.mean_gap:.6g}", "um"),
         ("contact perimeter", f"{contact.perimeter:.6g}", "um"),
         ("displacement Delta", f"{contact.delta:.10g}", "um"),
@@ -175,6 +182,17 @@ def print_contact(contact: Contact, seconds: float) -> None:
     ):
         table.add_row(name, value, unit)
     _console().print(table)
+
+
+def _yielding_lines(contact: Contact) -> list[tuple[str, str, str]]:
+    """Return the lines about yielding: name, value and unit; none for elastic bodies."""
+    if contact.problem.hardness is None:
+        return []
+    return [
+        ("hardness", f"{contact.problem.hardness:.6g}", "MPa"),
+        ("yielded nodes", f"{contact.yielded_percent:.6g}", "% of all nodes"),
+        ("largest yielded depth", f"{contact.yielded_depth.max():.6g}", "um"),
+    ]
 
 
 def print_preparation(topography: Topography, warnings: list[str]) -> None:
@@ -257,19 +275,24 @@ def print_law(contacts: Sequence[Contact]) -> None:
         Contacts of the surface.
     """
     table = Table(box=None, pad_edge=False)
-    titles = "Delta um", "force uN", "pressure MPa", "area %", "largest MPa", "mean gap um"
+    titles = ["Delta um", "force uN", "pressure MPa", "area %", "largest MPa", "mean gap um"]
+    yielding = contacts[0].problem.hardness is not None
+    if yielding:
+        titles += ["yielded %", "depth um"]
     for title in titles:
         table.add_column(title, justify="right")
     for contact in contacts:
         cells = contact.pressure.size * contact.problem.spacing[0] * contact.problem.spacing[1]
-        numbers = (
+        numbers = [
             contact.delta,
             contact.force,
             contact.force / cells,
             contact.area_percent,
             contact.largest_pressure,
             contact.mean_gap,
-        )
+        ]
+        if yielding:
+            numbers += [contact.yielded_percent, float(contact.yielded_depth.max())]
         table.add_row(*(f"{number:.6g}" for number in numbers))
     _console().print(table)
 
@@ -325,6 +348,16 @@ def _scene_lines(scene: dict[str, Any]) -> list[str]:
         settings = ", ".join(f"{name} = {json.dumps(value)}" for name, value in keys.items())
         lines.append(f"[{table}] {settings}")
     return lines
+
+
+def _changes_since(physics: int) -> list[str]:
+    """Say in one line each how today's results differ from those of an earlier physics number."""
+    lines = [
+        f"physics {number}: {change}"
+        for number, change in PHYSICS_CHANGES.items()
+        if number > physics
+    ]
+    return ["what has changed since then:", *lines] if lines else []
 
 
 def _times(reader: Reader) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gen.arrays import Values
 
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
 
 UPPER_PERCENTILE = 99
 """Where a colour scale ends if a few outliers would otherwise take most of it."""
+
+CYAN = (0.09, 0.75, 0.81)
+"""Colour of yielded nodes (red, green, blue): no colour map of these pictures has it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +37,8 @@ class Map:
         Name and unit of the field.
     colours : str
         Name of a colour map of matplotlib.
+    marked : ndarray of bool, shape (nx, ny), or None
+        Nodes to draw in the colour `CYAN` instead of the field's; None for no such node.
     """
 
     field: Values
@@ -41,6 +47,7 @@ class Map:
     quantity: str
     unit: str
     colours: str
+    marked: NDArray[np.bool_] | None = None
 
 
 def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tuple[Map, Map]:
@@ -56,14 +63,26 @@ def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tu
     Returns
     -------
     tuple of Map
-        Heights [um] and pressure [MPa], the latter masked outside the contact.
+        Heights [um] and pressure [MPa], the latter masked outside the contact; yielded nodes are
+        marked instead, as their pressure is the hardness.
     """
     problem = contact.problem
-    pressure = np.ma.masked_equal(contact.pressure, 0)
+    yielded = yielded_nodes(contact)
+    pressure = np.ma.masked_where((contact.pressure == 0) | yielded, contact.pressure)
+    if yielded.any():
+        pressure_title += f", {contact.yielded_percent:.3g} % yielded (cyan)"
     return (
         Map(problem.heights, problem.spacing, height_title, "height", "µm", "viridis"),
-        Map(pressure, problem.spacing, pressure_title, "pressure", "MPa", "inferno_r"),
+        Map(pressure, problem.spacing, pressure_title, "pressure", "MPa", "inferno_r", yielded),
     )
+
+
+def yielded_nodes(contact: Contact) -> NDArray[np.bool_]:
+    """Return the mask of the nodes whose pressure is the hardness, shape (nx, ny)."""
+    hardness = contact.problem.hardness
+    if hardness is None:
+        return np.zeros(contact.pressure.shape, dtype=bool)
+    return contact.pressure >= hardness
 
 
 def draw_map(axis: Any, surface_map: Map, letters: int) -> None:
@@ -90,6 +109,10 @@ def draw_map(axis: Any, surface_map: Map, letters: int) -> None:
         vmax=high,
     )
     axis.set_facecolor("0.93")
+    if surface_map.marked is not None and surface_map.marked.any():
+        marks = np.zeros((ny, nx, 4))  # transparent
+        marks[surface_map.marked.T] = (*CYAN, 1.0)
+        axis.imshow(marks, origin="lower", extent=image.get_extent(), interpolation="nearest")
     # The colour bar is as high as the map; its width varies little between tall and oblong maps.
     thickness = 0.045 * min(max(np.sqrt(length / width), 1 / 3), 3.0)
     beside = axis.inset_axes((1 + thickness, 0.0, thickness, 1.0))

@@ -47,7 +47,7 @@ Scene = Annotated[
     str,
     typer.Argument(
         metavar="SCENE",
-        help="quick, paper, fine, paper-mirco, extreme, or the path of a TOML file.",
+        help="quick, paper, fine, paper-mirco, paper-yielding, extreme, or a TOML file.",
     ),
 ]
 NewDatabase = Annotated[
@@ -86,6 +86,10 @@ Poisson = Annotated[
     list[float] | None, typer.Option(metavar="NU", help="Poisson's ratio, as often as --young [0].")
 ]
 EStar = Annotated[float | None, typer.Option(metavar="MPA", help="Or E* of both bodies.")]
+Hardness = Annotated[
+    float | None,
+    typer.Option(metavar="MPA", help="Hardness of the softer body, which yields there [none]."),
+]
 Kernel = Annotated[str, typer.Option(help="uniform-pressure or concentrated-force.")]
 FarField = Annotated[str, typer.Option(help="rigid or compliant.")]
 Tolerance = Annotated[float, typer.Option(help="Residual to reach, divided by Delta.")]

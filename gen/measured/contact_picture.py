@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gen.arrays import Values
-from gen.maps import contact_maps, draw_map
+from gen.maps import CYAN, contact_maps, draw_map, yielded_nodes
 from gen.runtime.figure import save
 from gen.runtime.terminal import shortened
 
@@ -149,6 +149,8 @@ def _title(contacts: Sequence[Contact], subject: Subject) -> str:
     if len(contacts) > 1:
         load = f"last of {len(contacts)} loads: {load}"
     material = f"E* = {_si(1e6 * last.problem.modulus, 'Pa')}"
+    if last.problem.hardness is not None:
+        material += f", hardness {_si(1e6 * last.problem.hardness, 'Pa')}"
     if not subject.material:
         material += ", no material given"
     return f"{shortened(subject.name)}\n{load}; {material}"
@@ -204,8 +206,12 @@ def _draw_section(axis: Any, contact: Contact) -> None:
     bottom = float(deformed.min()) - margin
     axis.fill_between(position, rough, top, color="0.8", label="rough body")
     axis.fill_between(position, bottom, deformed, color="tab:blue", alpha=0.4, label="half-space")
-    touching = np.ma.masked_where(contact.pressure[line] == 0, deformed)
+    yielded = yielded_nodes(contact)[line]
+    touching = np.ma.masked_where((contact.pressure[line] == 0) | yielded, deformed)
     axis.plot(position, touching, ".", ms=4, color="tab:red", label="in contact")
+    if contact.problem.hardness is not None:
+        yielding = np.ma.masked_where(~yielded, deformed)
+        axis.plot(position, yielding, ".", ms=4, color=CYAN, label="yielded")
     axis.axhline(0, color="k", lw=0.6, ls=":")
     names = "xy"
     where = f"section at {names[1 - along]} = {spacing[1 - along] * place:.4g} µm"
@@ -215,7 +221,7 @@ def _draw_section(axis: Any, contact: Contact) -> None:
     axis.legend(
         loc="lower right",
         bbox_to_anchor=(1, 1),
-        ncols=3,
+        ncols=4,
         fontsize="small",
         frameon=False,
         borderaxespad=0.1,

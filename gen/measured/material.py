@@ -67,3 +67,35 @@ def combined_modulus(
         if not -1 < ratio <= 0.5:
             raise InputError(f"--poisson {ratio:g}: must be above -1 and at most 0.5")
     return 1 / sum(1 / plane_strain_modulus(e, nu) for e, nu in zip(moduli, ratios, strict=True))
+
+
+def require_hardness(hardness: float | None, *, material: bool) -> float | None:
+    """Refuse a hardness that is impossible, or that no modulus goes with.
+
+    Parameters
+    ----------
+    hardness : float or None
+        Hardness of the softer body [MPa]; None for elastic bodies.
+    material : bool
+        Whether the user gave a modulus.
+
+    Returns
+    -------
+    float or None
+        The hardness [MPa].
+
+    Raises
+    ------
+    InputError
+        If the hardness is not above 0 and finite, or there is no modulus.
+    """
+    if hardness is None:
+        return None
+    if not magnitude(hardness):
+        raise InputError(f"--hardness {hardness:g}: the hardness must be above 0 MPa, and finite")
+    if not material:
+        raise InputError(
+            f"--hardness {hardness:g}: give the modulus too (--young or --e-star), which is 1 MPa"
+            " without these options"
+        )
+    return hardness

@@ -125,15 +125,16 @@ def contact_warnings(
             f"from Delta = {min(full):.4g} um on every node touches, the heights span {span} um:"
             " check the load and the unit of the heights"
         )
-    limit = contacts[0].problem.modulus / YIELDING
+    problem = contacts[0].problem
+    limit = problem.modulus / YIELDING
     beyond = [contact for contact in contacts if contact.largest_pressure > limit]
-    if beyond and material:
+    if beyond and material and problem.hardness is None:
         largest = max(contact.largest_pressure for contact in beyond)
         start = f"from Delta = {min(contact.delta for contact in beyond):.4g} um on, "
         warnings.append(
             f"{start if len(contacts) > 1 else ''}the largest pressure ({largest:.4g} MPa) is above"
-            f" E*/{YIELDING:g} = {limit:.4g} MPa, where most materials yield: the true contact area"
-            " is larger than this elastic one"
+            f" E*/{YIELDING:g} = {limit:.4g} MPa: real metals and polymers would have yielded, and"
+            " their contact area is larger than this elastic one; give --hardness"
         )
     return warnings
 
@@ -162,9 +163,19 @@ def statistics_row(
 
 
 def contact_row(topography: Topography, contact: Contact, warnings: Sequence[str]) -> Row:
-    """Return the row of a table of contacts: load, area, pressures, gap, residual, warnings."""
+    """Return the row of a table of contacts: load, area, pressures, gap, residual, warnings.
+
+    The columns about yielding are there if the problem has a hardness.
+    """
     problem = contact.problem
     cells = contact.pressure.size * problem.spacing[0] * problem.spacing[1]
+    yielding: Row = {}
+    if problem.hardness is not None:
+        yielding = {
+            "hardness_MPa": problem.hardness,
+            "yielded_percent": contact.yielded_percent,
+            "largest_yielded_depth_um": float(contact.yielded_depth.max()),
+        }
     return {
         "delta_um": contact.delta,
         "approach_um": contact.approach,
@@ -176,6 +187,7 @@ def contact_row(topography: Topography, contact: Contact, warnings: Sequence[str
         "mean_gap_um": contact.mean_gap,
         "perimeter_um": contact.perimeter,
         "modulus_MPa": problem.modulus,
+        **yielding,
         "residual": contact.residual,
         "prepared": "; ".join(topography.steps),
         "warnings": "; ".join(warnings),

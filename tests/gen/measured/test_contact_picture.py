@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import bem
+from gen.maps import CYAN
 from gen.measured import contact_picture
 from gen.measured.contact_picture import Subject, draw_contacts, section_line
 from gen.surface import generate
@@ -31,6 +32,7 @@ SHAPES = {
     "oblong": (ROUGH[:, :9], (100.0, 25.0), FROM_NOTHING),
     "tall sliver": (ROUGH[:5], (3.0, 100.0), ONE),
     "oblong sliver": (ROUGH[:, :5], (100.0, 3.0), ONE),
+    "yielding": (ROUGH, (100.0, 100.0), DECADES),
     "few nodes": (ROUGH[10:13, 10:13], (10.0, 10.0), ONE),
 }
 
@@ -55,11 +57,11 @@ def titled(figure: Any, text: str) -> Any:
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize(("heights", "sides", "deltas"), SHAPES.values(), ids=SHAPES)
-def test_nothing_is_cut_or_overlaps(
-    heights: np.ndarray, sides: tuple[float, float], deltas: list[float]
-) -> None:
-    contacts = list(bem.ladder(heights, sides, deltas, modulus=E_STAR))
+@pytest.mark.parametrize("shape", SHAPES)
+def test_nothing_is_cut_or_overlaps(shape: str) -> None:
+    heights, sides, deltas = SHAPES[shape]
+    hardness = 4000.0 if shape == "yielding" else None
+    contacts = list(bem.ladder(heights, sides, deltas, modulus=E_STAR, hardness=hardness))
     figure = drawn(contacts, warnings=(WARNING, "short"))
     renderer = FigureCanvasAgg(figure).get_renderer()
     figure.get_layout_engine().execute(figure)
@@ -118,6 +120,31 @@ def test_one_spike_does_not_set_the_colours() -> None:
     spots = titled(drawn([smooth]), "contact: ")
     assert spots.images[0].get_clim()[1] == smooth.pressure.max()
     assert "percentile" not in spots.get_title(loc="left")
+
+
+def test_yielded_nodes_have_a_colour_of_their_own() -> None:
+    (elastic,) = bem.ladder(ROUGH, (100.0, 100.0), [6.0], modulus=E_STAR)
+    (contact,) = bem.ladder(ROUGH, (100.0, 100.0), [6.0], modulus=E_STAR, hardness=4000.0)
+    assert contact.yielded_percent > 0
+    figure = drawn([contact])
+    assert "E* = 200 GPa, hardness 4 GPa" in figure.get_suptitle()
+    spots = titled(figure, "contact: ")
+    assert f"{contact.yielded_percent:.3g} % yielded (cyan)" in spots.get_title(loc="left")
+    pressures, marks = (image.get_array() for image in spots.images)
+    yielded = contact.pressure.T == 4000.0
+    np.testing.assert_array_equal(marks[..., 3] == 1.0, yielded)
+    np.testing.assert_array_equal(marks[yielded], np.tile((*CYAN, 1.0), (yielded.sum(), 1)))
+    assert np.ma.getmaskarray(pressures)[yielded].all()
+    assert pressures.max() < 4000.0
+    assert [text.get_text() for text in titled(figure, "section at").get_legend().texts] == [
+        "rough body",
+        "half-space",
+        "in contact",
+        "yielded",
+    ]
+    figure = drawn([elastic])
+    assert len(titled(figure, "contact: ").images) == 1
+    assert "hardness" not in figure.get_suptitle()
 
 
 def bumps(nx: int, ny: int, *places: tuple[int, int]) -> np.ndarray:
