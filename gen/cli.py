@@ -110,6 +110,7 @@ def contact(
     max_iterations: options.MaxIterations = 1000,
     table: options.Table = None,
     picture: options.Picture = None,
+    flattened: options.Flattened = None,
 ) -> None:
     """Solve contact problems of one surface: area, force, pressure, gap, yielding, residual.
 
@@ -124,7 +125,13 @@ def contact(
     from gen.runtime.table import write_csv
 
     load, values = single.chosen_load({"delta": delta, "force": force, "pressure": pressure})
-    check_outputs([Output(table, "--csv"), Output(picture, "--plot", "picture")], [surface])
+    single.require_yielding(flattened, hardness)
+    outputs = [
+        Output(table, "--csv"),
+        Output(picture, "--plot", "picture"),
+        Output(flattened, "--flattened", "heights"),
+    ]
+    check_outputs(outputs, [surface])
     figure = None if picture is None else _contact_figure(picture)
     material = bool(young or e_star)
     settings: dict[str, Any] = {
@@ -148,6 +155,8 @@ def contact(
     )
     if table is not None:
         write_csv(table, [single.contact_row(topography, solved, warnings) for solved in contacts])
+    if flattened is not None:
+        single.write_flattened(flattened, contacts[-1])
     if picture is not None:
         from gen.measured.contact_picture import Subject, draw_contacts
 

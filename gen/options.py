@@ -90,6 +90,10 @@ Hardness = Annotated[
     float | None,
     typer.Option(metavar="MPA", help="Hardness of the softer body, which yields there [none]."),
 ]
+Flattened = Annotated[
+    Path | None,
+    typer.Option(metavar="NPY", help="Write the heights that the last load leaves, for another."),
+]
 Kernel = Annotated[str, typer.Option(help="uniform-pressure or concentrated-force.")]
 FarField = Annotated[str, typer.Option(help="rigid or compliant.")]
 Tolerance = Annotated[float, typer.Option(help="Residual to reach, divided by Delta.")]

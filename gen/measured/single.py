@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from io import BytesIO
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from gen.measured.topography import Topography
 from gen.runtime import memory
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import values_from
+from gen.runtime.output import write
 from gen.runtime.table import Row
 
 if TYPE_CHECKING:
@@ -192,6 +195,36 @@ def contact_row(topography: Topography, contact: Contact, warnings: Sequence[str
         "prepared": "; ".join(topography.steps),
         "warnings": "; ".join(warnings),
     }
+
+
+def require_yielding(flattened: Path | None, hardness: float | None) -> None:
+    """Refuse to write a flattened surface of bodies that do not yield, or under another suffix.
+
+    Parameters
+    ----------
+    flattened : Path or None
+        File that the user named for the flattened surface, if any.
+    hardness : float or None
+        Hardness of the softer body [MPa]; None for elastic bodies.
+
+    Raises
+    ------
+    InputError
+        If a file is named and there is no hardness, or the file is not called .npy.
+    """
+    if flattened is None:
+        return
+    if hardness is None:
+        raise InputError("--flattened needs --hardness: elastic bodies keep their surface")
+    if flattened.suffix.lower() != ".npy":
+        raise InputError(f"--flattened {flattened}: give a name that ends in .npy")
+
+
+def write_flattened(path: Path, contact: Contact) -> None:
+    """Write the heights that a contact leaves when it is unloaded [um] to a .npy file."""
+    content = BytesIO()
+    np.save(content, contact.flattened)
+    write(path, content.getvalue(), "heights")
 
 
 def _contacts(

@@ -16,13 +16,14 @@ from typing import IO, Literal, NamedTuple
 
 from gen.runtime.errors import InputError
 
-Kind = Literal["text", "picture", "surrogate", "arrays"]
+Kind = Literal["text", "picture", "surrogate", "heights", "arrays"]
 """Kinds of output besides databases; `arrays` are NumPy's zip archives."""
 
 WORDS: dict[str, str] = {
     "text": "text",
     "picture": "a picture",
     "surrogate": "a surrogate",
+    "heights": "an array",
     "arrays": "an archive of arrays",
     "database": "HDF5",
     "binary": "something binary",
@@ -43,6 +44,7 @@ SIGNATURES = {
     b"%PDF-": "picture",
     b"\x89HDF\r\n": "database",
     SURROGATE: "surrogate",
+    b"\x93NUMPY": "heights",
 }
 """Kind of the files that begin with these bytes."""
 
@@ -56,7 +58,7 @@ class Output(NamedTuple):
         The file; None if the user named none.
     option : str
         Option with which the user named it, for messages.
-    kind : {"text", "picture", "surrogate", "arrays"}
+    kind : {"text", "picture", "surrogate", "heights", "arrays"}
         Kind of its content.
     """
 
@@ -146,7 +148,7 @@ def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
         File to write.
     content : str or bytes
         Its content.
-    kind : {"text", "picture", "surrogate", "arrays"}
+    kind : {"text", "picture", "surrogate", "heights", "arrays"}
         Kind of the content; a file of another kind is not replaced.
 
     Raises
@@ -169,7 +171,7 @@ def whole(path: Path, kind: Kind = "text") -> Iterator[IO[bytes]]:
     ----------
     path : Path
         File to write.
-    kind : {"text", "picture", "surrogate", "arrays"}
+    kind : {"text", "picture", "surrogate", "heights", "arrays"}
         Kind of the content; a file of another kind is not replaced.
 
     Yields

@@ -60,6 +60,26 @@ def test_a_law_of_a_body_that_yields_has_its_columns(surface, capsys) -> None:
     assert (np.diff(table.largest_yielded_depth_um) > 0).all()
 
 
+def test_loading_the_flattened_surface_again_is_elastic_up_to_the_load(surface, capsys) -> None:
+    """Shakedown: the surface that 100 MPa leave bears them without yielding any further."""
+    load = ["--pressure", "100", *STEEL, "--hardness", "2000"]
+    assert contact(surface, *load, "--csv", "first.csv", "--flattened", "flat.npy") == 0
+    flat, first = np.load("flat.npy"), pd.read_csv("first.csv").iloc[0]
+    assert (flat <= ROUGH).all()
+    assert (ROUGH - flat).max() == pytest.approx(first.largest_yielded_depth_um, rel=1e-9)
+    assert contact("flat.npy", "--pressure", "100", *STEEL, "--csv", "again.csv") == 0
+    again = pd.read_csv("again.csv").iloc[0]
+    assert again.largest_pressure_MPa == pytest.approx(2000, rel=1e-3)
+    assert again.area_percent == pytest.approx(first.area_percent, rel=0.02)
+    capsys.readouterr()
+    assert contact(surface, "--delta", "1", *STEEL, "--flattened", "flat2.npy") == 2
+    assert "--flattened needs --hardness" in capsys.readouterr().err
+    assert contact(surface, *load, "--flattened", "flat.txt") == 2
+    assert "ends in .npy" in capsys.readouterr().err
+    assert contact(surface, *load, "--flattened", "rough.npy") == 2
+    assert "is an input: not replaced" in capsys.readouterr().err
+
+
 def test_an_elastic_contact_says_which_option_lets_it_yield(surface, capsys) -> None:
     assert contact(surface, "--pressure", "100", *STEEL, "--csv", "elastic.csv") == 0
     told = capsys.readouterr()

@@ -175,10 +175,14 @@ def test_files_in_an_input_folder_are_inputs(folder):
 
 def test_an_empty_file_and_the_same_kind_are_replaced(folder):
     (folder / "empty").touch()
-    kinds = ("text", "picture", "surrogate", "arrays")
+    kinds = ("text", "picture", "surrogate", "heights", "arrays")
     for kind in kinds:
         check_outputs([Output(folder / "empty", "-o", kind)])
     np.savez(folder / "kept.npz", a=np.ones(2))
     check_outputs([Output(folder / "kept.npz", "-o", "arrays")])
     with pytest.raises(InputError, match="holds an archive of arrays, not a surrogate"):
         check_outputs([Output(folder / "kept.npz", "-o", "surrogate")])
+    np.save(folder / "kept.npy", np.ones((2, 2)))
+    check_outputs([Output(folder / "kept.npy", "-o", "heights")])
+    with pytest.raises(InputError, match="holds an array, not text"):
+        check_outputs([Output(folder / "kept.npy", "-o")])
