@@ -1,6 +1,7 @@
 """The rules that keep the house easy to live in: who imports what, and when."""
 
 import ast
+import graphlib
 import re
 import subprocess
 import sys
@@ -28,18 +29,37 @@ ONE_HOME = {
     "sklearn": {"learn", "bench"},
     "xgboost": {"learn/models.py"},
 }
+ROOMS = {
+    "gen.runtime": set(),
+    "gen.database": {"gen.runtime", "gen.scene", "gen.schema"},
+    "gen.measured": {"gen.arrays", "gen.maps", "gen.runtime", "gen.statistics"},
+    "gen.generation": {
+        *("gen.arrays", "gen.database", "gen.runtime", "gen.scene", "gen.schema"),
+        *("gen.statistics", "gen.surface"),
+    },
+}
+"""What each room may import of its own package: `gen.runtime` is below everything of `gen`."""
+
 BEM_NEEDS = {"numpy", "scipy", "pyfftw", "threadpoolctl"}
 NUMERICS = {"numpy", "scipy", "pyfftw", "h5py", "mpi4py", "matplotlib", "sklearn", "pandas"}
 
 
-def imports(path: Path) -> Iterator[str]:
-    """Top-level names of all that a file imports, also inside its functions."""
+def imported_modules(path: Path) -> Iterator[str]:
+    """Names of all modules that a file imports, also inside its functions."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            yield from (name.name.partition(".")[0] for name in node.names)
+            yield from (name.name for name in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: imports are absolute"
-            yield str(node.module).partition(".")[0]
+            home = ROOT / str(node.module).replace(".", "/")
+            for name in node.names:
+                inside = (home / name.name).is_dir() or (home / f"{name.name}.py").is_file()
+                yield f"{node.module}.{name.name}" if inside else str(node.module)
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Top-level names of all that a file imports, also inside its functions."""
+    return (name.partition(".")[0] for name in imported_modules(path))
 
 
 def sources(package: str) -> list[Path]:
@@ -53,6 +73,63 @@ def test_packages_import_one_way(package):
     for path in sources(package):
         wrong = set(imports(path)) & MAY_IMPORT.keys() - MAY_IMPORT[package]
         assert not wrong, f"{path} imports {wrong}"
+
+
+def room_of(module: str) -> str:
+    """The package of a module; of a package that holds further ones, the module itself."""
+    path = ROOT / module.replace(".", "/")
+    if path.is_dir():
+        return module
+    if any(path.parent.glob("*/__init__.py")):
+        return module
+    return module.rpartition(".")[0]
+
+
+def arrows(package: str) -> dict[str, set[str]]:
+    """The other rooms of a package that each of its rooms imports."""
+    found: dict[str, set[str]] = {}
+    for path in sources(package):
+        module = path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
+        here = room_of(module.removesuffix(".__init__"))
+        found.setdefault(here, set())
+        for other in imported_modules(path):
+            if other.partition(".")[0] == package and room_of(other) != here:
+                found[here].add(room_of(other))
+    return found
+
+
+@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_no_rooms_import_each_other(package):
+    graphlib.TopologicalSorter(arrows(package)).prepare()  # CycleError names the circle
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_rooms_import_what_is_below_them(room):
+    package = room.partition(".")[0]
+    found = {
+        target
+        for source, targets in arrows(package).items()
+        if source == room or source.startswith(f"{room}.")
+        for target in targets
+        if target != room and not target.startswith(f"{room}.")
+    }
+    allowed = ROOMS[room]
+    strangers = [t for t in found if not any(f"{t}.".startswith(f"{a}.") for a in allowed)]
+    assert not strangers, f"{room} imports {strangers}"
+    unused = [a for a in allowed if not any(f"{t}.".startswith(f"{a}.") for t in found)]
+    assert not unused, f"{room} does not import {unused}: drop them from its rule"
+
+
+def rooms_of(package: str) -> set[str]:
+    """All packages inside a package."""
+    inits = (ROOT / package).rglob("__init__.py")
+    rooms = {path.parent.relative_to(ROOT).as_posix().replace("/", ".") for path in inits}
+    return rooms - {package}
+
+
+@pytest.mark.parametrize("package", ["gen"])
+def test_every_room_has_a_rule(package):
+    assert {room for room in ROOMS if room.startswith(f"{package}.")} == rooms_of(package)
 
 
 @pytest.mark.parametrize("library", ONE_HOME)

@@ -2,6 +2,7 @@
 
 import io
 import pickle
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from gen import cli
 from gen.measured.grid_file import load
 from gen.runtime.errors import InputError
 from gen.surface import generate
@@ -204,3 +206,15 @@ def heights_or_refusal(path: Path) -> np.ndarray | str:
         return load(path)
     except InputError as refusal:
         return str(refusal)
+
+
+def test_a_hole_that_is_a_signalling_nan_is_a_hole(tmp_path, monkeypatch, capsys):
+    """Found by the fuzzer: arithmetic with it makes NumPy warn."""
+    monkeypatch.chdir(tmp_path)
+    heights = np.arange(81.0).reshape(9, 9)
+    heights.view("u8")[3, 3] = 0x7FF0000000000001
+    np.save("surface.npy", heights)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert cli.main(["describe", "surface.npy", "--side", "9", "--fill"]) == 0
+    assert "1 missing" in capsys.readouterr().out

@@ -57,3 +57,21 @@ def test_a_launcher_without_mpi4py_is_one_clear_line(monkeypatch):
     with pytest.raises(InputError, match="'mpich'") as caught:
         farm.this_world()
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("environment", "name"),
+    [
+        ({"PMI_SIZE": "many"}, "PMI_SIZE"),
+        ({"PMI_SIZE": "2", "PMI_FD": "977"}, "PMI_FD"),
+        ({"PMI_SIZE": "2", "PMI_FD": "x"}, "PMI_FD"),
+        ({"PMIX_RANK": "0"}, "PMIX_RANK"),
+    ],
+)
+def test_variables_of_no_launcher_are_named(environment, name, monkeypatch):
+    for variable in ("PMI_SIZE", "PMI_FD", "PMIX_RANK", "PMIX_NAMESPACE"):
+        monkeypatch.delenv(variable, raising=False)
+    for variable, value in environment.items():
+        monkeypatch.setenv(variable, value)
+    with pytest.raises(InputError, match=f"^{name} = .* to run alone: unset {name}$"):
+        farm.this_world()

@@ -1,12 +1,17 @@
-"""Standard streams that are full, closed or without a reader: rows are computed all the same."""
+"""Standard streams: full, closed, without a reader, or of an encoding without some characters."""
 
 import os
 import shlex
 import subprocess
+import sys
 
 import pytest
 from databases import status
 from launch import TIMEOUT, command, environment
+
+from gen import cli
+
+SCENE = 'title = "Rauheit ä€中 ±"\nsamples = 3\n[surface]\nnodes = 9\n'
 
 STREAMS = {
     "full": ("2>/dev/full", 0),
@@ -51,3 +56,37 @@ def test_what_nobody_reads_ends_no_run(ended, name):
     assert "Exception" not in said
     if name == "full output":
         assert said.splitlines()[-1] == "gen: standard output: No space left on device"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
+    return tmp_path
+
+
+def started(folder, *arguments, **variables):
+    return subprocess.run(
+        [sys.executable, "-m", "gen", *arguments],
+        cwd=folder,
+        env=os.environ | variables,
+        check=False,
+        capture_output=True,
+        timeout=60,
+    )
+
+
+@pytest.mark.parametrize(
+    "variables",
+    [
+        {"PYTHONIOENCODING": "ascii"},
+        {"LC_ALL": "POSIX", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+    ],
+)
+def test_a_title_that_the_terminal_cannot_show_ends_no_started(folder, variables):
+    assert cli.main(["run", "scene.toml", "-o", "rows ä.h5"]) == 0
+    shown = started(folder, "info", "rows ä.h5", **variables)
+    assert (shown.returncode, shown.stderr) == (0, b"")
+    assert b"Rauheit ?" in shown.stdout
+    refused = started(folder, "info", "nowhere ä.h5", **variables)
+    assert (refused.returncode, refused.stderr.count(b"\n")) == (2, 1)
