@@ -137,9 +137,8 @@ def _let_yield(
         iterate.pressure = loads
         iterate.pressure[rest] = solved.pressure
         iterate.shift, iterate.effort = solved.shift, iterate.effort + solved.effort
-        iterate.residual = known + solved.shift
+        iterate.residual = interference + solved.shift - _displacement(entries, iterate.pressure)
         iterate.residual[rest] = solved.residual
-        iterate.residual -= _displacement(entries, iterate.pressure - loads) * iterate.yielded
         if iterate.excess() > 0:
             continue
         accepted = rtol * (float(interference.max()) + iterate.shift)

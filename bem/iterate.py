@@ -82,6 +82,9 @@ ITERATION = Effort(iterations=1)
 CONVOLUTION = Effort(convolutions=1)
 STEP = ITERATION + CONVOLUTION
 
+# Share of a load that is lost to rounding when the nodes that carry it are counted.
+ROUNDING = 1e-12
+
 
 @dataclass
 class Iterate:
@@ -253,21 +256,23 @@ class YieldingIterate(Iterate):
         Where the yielded nodes alone carry more, those that penetrate the least are freed first;
         where no free node is under pressure, those next to touch are given some.
         """
-        if self.hardness * int(np.count_nonzero(self.yielded)) >= load:
+        most = int(load / self.hardness * (1 + ROUNDING))
+        if np.count_nonzero(self.yielded) > most:
             deepest = np.argsort(np.where(self.yielded, -self.residual, np.inf), kind="stable")
             self.yielded = np.zeros_like(self.yielded)
-            self.yielded[deepest[: int(0.9 * load / self.hardness)]] = True
+            self.yielded[deepest[:most]] = True
         left = load - self.hardness * int(np.count_nonzero(self.yielded))
         free = ~self.yielded
         carried = float(self.pressure[free].sum())
-        if carried > 0:
+        if left <= ROUNDING * load:
+            self.pressure[free] = 0
+        elif carried > 0:
             self.pressure[free] *= left / carried
-            return
-        outside = np.flatnonzero(free)
-        many = min(2 * int(left / self.hardness) + 1, outside.size)
-        nearest = outside[np.argsort(-self.residual[outside], kind="stable")[:many]]
-        if many:
-            self.pressure[nearest] = left / many
+        else:
+            outside = np.flatnonzero(free)
+            many = min(2 * int(left / self.hardness) + 1, outside.size)
+            nearest = outside[np.argsort(-self.residual[outside], kind="stable")[:many]]
+            self.pressure[nearest] = left / max(many, 1)
 
     def renew(self, operators: Operators, interference: Values) -> None:
         """Balance the pressure with the load if one is given, then recompute the residual."""
@@ -283,8 +288,9 @@ class YieldingIterate(Iterate):
         """Shift the far field, under a given load, so that the free nodes are in balance."""
         if operators.load is not None:
             weights = np.where(self.yielded, 0.0, np.maximum(self.pressure, 0))
-            if weights.any():
-                self.level(weights, self.residual)
+            if not weights.any():  # the least displacement that leaves no gap where nodes yielded
+                weights[np.argmin(np.where(self.yielded, self.residual, np.inf))] = 1
+            self.level(weights, self.residual)
 
 
 def scaled_to_carry(pressure: Values, load: float, hardness: float, largest: float) -> Values:

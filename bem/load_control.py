@@ -267,8 +267,12 @@ def _by_root(problem: Problem, load: float, failed: Equilibrium) -> Equilibrium:
     except _OutOfIterations:
         failed.iterate.effort = spent
         return failed
-    near = _start_from(problem, last[0])
-    return _at_guess(problem, last[0].approach, load, near, spent)[0]
+    equilibrium, _ = _at_guess(
+        problem, last[0].approach, load, _start_from(problem, last[0]), spent
+    )
+    if not equilibrium.converged and abs(excess(last[0].approach)) <= ROOT_RTOL:
+        return last[0]  # where all nodes in contact yield, more than one displacement carries it
+    return equilibrium
 
 
 class _OutOfIterations(Exception):

@@ -36,6 +36,9 @@ from bem.sections import on_one_blas_thread
 # Share of the load above the hardness up to which the elastic solution is the better start.
 MOSTLY_ELASTIC = 0.02
 
+# Relative distance from the hardness at which a node of a start counts as yielded.
+AT_HARDNESS = 1e-9
+
 # Capped steps before the first sets are taken.
 FIRST_STEPS = 4
 
@@ -162,6 +165,8 @@ def _solve_elastically(
         if _excess_share(np.maximum(first, 0), hardness) > MOSTLY_ELASTIC:
             return iterate, False
         take_first_steps(operators, interference, iterate, range(pace.first_steps))
+    elif iterate.pressure.max(initial=0.0) > hardness * (1 - AT_HARDNESS):
+        return iterate, False
     if _excess_share(iterate.pressure, hardness) > MOSTLY_ELASTIC:
         return iterate, False
     begun = start is not None or iterate.effort.convolutions > 0
@@ -218,7 +223,7 @@ def _take_capped_steps(
 def _cap(operators: Operators, iterate: YieldingIterate) -> None:
     """Set pressures above the hardness to it, and let the free nodes carry what a load leaves."""
     before = iterate.pressure.copy()
-    iterate.yielded = iterate.pressure >= iterate.hardness
+    iterate.yielded = iterate.pressure >= iterate.hardness * (1 - AT_HARDNESS)
     iterate.pressure[iterate.yielded] = iterate.hardness
     if operators.load is not None:
         iterate.balance(operators.load)
