@@ -118,8 +118,8 @@ def contact(
     numbers with commas.
     """
     from gen import display
+    from gen.material import combined_modulus, require_hardness
     from gen.measured import single
-    from gen.measured.material import combined_modulus, require_hardness
     from gen.measured.preparation import prepare, surface_warnings
     from gen.measured.topography import read
     from gen.runtime.table import write_csv

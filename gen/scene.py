@@ -23,7 +23,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from gen.measured.material import plane_strain_modulus
+from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.database import Reader
-from gen.measured.material import plane_strain_modulus
+from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import REASONS, Column, Status, statistics_columns

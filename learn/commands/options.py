@@ -132,7 +132,7 @@ class Material(NamedTuple):
         """Return E* [MPa], or None if none was given."""
         if self.young is None and self.poisson is None and self.e_star is None:
             return None
-        from gen.measured.material import combined_modulus
+        from gen.material import combined_modulus
 
         return combined_modulus(self.young or [], self.poisson or [], self.e_star)
 

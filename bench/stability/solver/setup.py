@@ -10,7 +10,7 @@ import bem
 from bem.influence import Kernel
 from bem.problem import FarField
 from bench.stability.solver.topographies import SIDE, Field
-from gen.measured.material import plane_strain_modulus
+from gen.material import plane_strain_modulus
 
 DELTA = 25.0
 """Displacement of an ordinary contact, unless a case is about another [um]."""
