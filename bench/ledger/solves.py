@@ -76,6 +76,13 @@ SOLVES: dict[str, Solves] = {
     "ladder of 21 pressures": lambda: bem.ladder(
         surfaces()[0], SIDE, pressures=np.geomspace(1e-3, 1e-1, 21)
     ),
+    "hardness of 0.005 E*": lambda: _each(surfaces(), delta=15.0, hardness=0.005),
+    "hardness of 0.05 E*": lambda: _each(surfaces(), delta=15.0, hardness=0.05),
+    "hardness of 0.2 E*": lambda: _each(surfaces(), delta=15.0, hardness=0.2),
+    "hardness of 0.05 E*, given pressure": lambda: _each(surfaces(), pressure=0.005, hardness=0.05),
+    "hardness of 0.05 E*, ladder of 21 pressures": lambda: bem.ladder(
+        surfaces()[0], SIDE, pressures=np.geomspace(1e-4, 1e-2, 21), hardness=0.05
+    ),
 }
 """The items and their solves."""
 
@@ -86,7 +93,7 @@ def solve_counts() -> dict[Key, int]:
     Returns
     -------
     dict of int
-        Numbers of solves, iterations, convolutions and contact nodes of each item.
+        Numbers of solves, iterations, convolutions, contact nodes and yielded nodes of each item.
     """
     counts = {}
     for item, solves in SOLVES.items():
@@ -95,6 +102,9 @@ def solve_counts() -> dict[Key, int]:
         for count in ("iterations", "convolutions", "contact_nodes"):
             total = sum(getattr(contact, count) for contact in contacts)
             counts[Key(item, count.replace("_", " "))] = total
+        if contacts[0].problem.hardness is not None:
+            yielded = sum(contact.yielded_percent * contact.pressure.size for contact in contacts)
+            counts[Key(item, "yielded nodes")] = round(yielded / 100)
     return counts | row_counts("extreme scene", load("extreme"), EXTREME_ROWS)
 
 
