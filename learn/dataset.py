@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.database import Reader
-from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import REASONS, Column, Status, statistics_columns
 from learn.arrays import Indices, Values
 from learn.features import FeatureSet, chosen
+from learn.features.hardness import hardness_limits, modulus
 from learn.features.sets import build, target_scale
 
 INPUTS: tuple[str, ...] = ("delta", *(column.name for column in statistics_columns()))
@@ -23,7 +23,13 @@ INPUTS: tuple[str, ...] = ("delta", *(column.name for column in statistics_colum
 TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}
 """Short names of the two targets that every database has, and their columns."""
 
-FURTHER_TARGETS = ("contact_nodes", "mean_gap", "largest_pressure", "perimeter")
+FURTHER_TARGETS = (
+    "contact_nodes",
+    "yielded_percent",
+    "mean_gap",
+    "largest_pressure",
+    "perimeter",
+)
 """Further results that can be learnt, where the database stores them."""
 
 SMALLEST = 10
@@ -179,11 +185,12 @@ def read_targets(
         If the file is no database or lacks a target, too few rows are left, or a target is
         constant.
     """
-    wanted = chosen(features)
+    chosen(features)
     if area_max is not None and not area_max > 0:
         raise InputError(f"--area-max {area_max:g}: give a percentage above 0")
     stored = _stored(path, targets)
-    made = _features(wanted, stored.inputs, stored.scene.surface.side, pressed)
+    wanted = chosen(features, hardness_limits(stored.scene))
+    made = _features(wanted, stored, pressed)
     return [_usable(stored, *target, wanted, made, area_max) for target in stored.targets]
 
 
@@ -205,6 +212,8 @@ class _Stored:
         Status of each row, and the reason of its failure.
     inputs : ndarray, shape (n, 23)
         Delta and the 22 statistics.
+    hardness : ndarray, shape (n,), or None
+        Hardness, where it varies [MPa].
     area : ndarray, shape (n,)
         Contact area [%].
     targets : list of tuple
@@ -218,6 +227,7 @@ class _Stored:
     status: NDArray[np.uint8]
     reason: NDArray[np.uint8]
     inputs: Values
+    hardness: Values | None
     area: Values
     targets: list[tuple[Column, Values]]
 
@@ -225,6 +235,7 @@ class _Stored:
 def _stored(path: Path, targets: Sequence[str]) -> _Stored:
     """Read a database."""
     with Reader(path) as reader:
+        draws = reader.scene.contact.draws_hardness
         columns = [_target_column(reader, target) for target in targets]
         return _Stored(
             path=path,
@@ -234,6 +245,7 @@ def _stored(path: Path, targets: Sequence[str]) -> _Stored:
             status=reader.column("status"),
             reason=reader.column("reason"),
             inputs=np.stack([reader.column(name) for name in INPUTS], axis=1),
+            hardness=reader.column("hardness") if draws else None,
             area=reader.column("area_percent"),
             targets=[
                 (column, np.asarray(reader.column(column.name), dtype=np.float64))
@@ -262,6 +274,7 @@ def _usable(
     dropped = {str(reason): int(number) for reason, number in counted}
     _check(stored.path, column.name, values[kept], dropped)
     scene, described = stored.scene, inputs[kept]
+    hardness = () if stored.hardness is None else (stored.hardness,)
     side, e_star = scene.surface.side, modulus(scene)
     scale = target_scale(wanted, column.name, described[:, 1:], described[:, 0], side, e_star)
     return Dataset(
@@ -275,7 +288,7 @@ def _usable(
         dropped=dropped,
         source={
             "database": str(stored.path),
-            "database_sha256": _digest(stored.status, inputs, values, stored.area),
+            "database_sha256": _digest(stored.status, inputs, values, stored.area, *hardness),
             "scene": scene.text(),
             "versions": stored.versions,
         },
@@ -285,23 +298,16 @@ def _usable(
     )
 
 
-def modulus(scene: Scene) -> float:
-    """Return E* of a scene [MPa].
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    """
-    return plane_strain_modulus(scene.contact.modulus, scene.contact.poisson)
-
-
-def _features(wanted: FeatureSet, inputs: Values, side: float, pressed: Values | None) -> Values:
+def _features(wanted: FeatureSet, stored: _Stored, pressed: Values | None) -> Values:
     """Return the features of all rows of a database, finite where they can be used."""
-    if wanted.name == "paper":
-        return inputs
+    scene, inputs = stored.scene, stored.inputs
+    ratio: Values | float | None = None
+    if wanted.needs_hardness and (limits := hardness_limits(scene)) is not None:
+        ratio = limits[0] if stored.hardness is None else stored.hardness / modulus(scene)
     with np.errstate(over="ignore", invalid="ignore"):
-        return build(wanted, inputs[:, 1:], inputs[:, 0], side, pressed)
+        return build(
+            wanted, inputs[:, 1:], inputs[:, 0], scene.surface.side, pressed, hardness_ratio=ratio
+        )
 
 
 def short_name(column: str) -> str:

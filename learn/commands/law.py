@@ -69,6 +69,7 @@ def law(
         surfaces=surfaces,
         level=checked_level(interval),
         e_star=material.modulus(),
+        hardness=material.hardness,
         reading=reading,
         command=typed(context),
     )

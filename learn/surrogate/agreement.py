@@ -7,12 +7,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.scene import Scene
 from gen.schema import COLUMNS
-from learn.dataset import TARGETS, modulus
+from learn.arrays import Values
+from learn.dataset import TARGETS
 from learn.features import FeatureSet, chosen
+from learn.features.hardness import hardness_limits, modulus
 from learn.models import MODELS, NORMALISATIONS, STEP
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.parts import (
@@ -24,8 +25,6 @@ from learn.surrogate.parts import (
     sequence,
     text,
 )
-
-Values = NDArray[np.float64]
 
 ROUNDING = 1e-6
 """Relative difference allowed between numbers that are computed from the same rows."""
@@ -52,7 +51,7 @@ def check_card(card: Part) -> FeatureSet:
         text(card, name)
     text(card, "model", MODELS)
     text(card, "normalisation", NORMALISATIONS)
-    features = chosen(text(card, "features"))
+    features = chosen(text(card, "features"), _hardness(card))
     columns = [list(pair) for pair in zip(features.columns, features.units, strict=True)]
     if card.get("columns") != columns:
         raise ValueError(f"columns are not those of {features.name} features")
@@ -111,6 +110,20 @@ def _check_target(name: str, target: Part) -> None:
         text(target["settings"], setting)
     for remark in sequence(target, "remarks"):
         text({"remarks": remark}, "remarks")
+
+
+def _hardness(card: Part) -> tuple[float, float] | None:
+    """Return the range of the hardness over E*, None for elastic bodies, as in the card's scene."""
+    scene = Scene.from_text(text(card, "scene"), "the card's scene")
+    wanted = hardness_limits(scene)
+    if wanted is None:
+        if "hardness_ratio" in card:
+            raise ValueError("hardness_ratio is given, the scene has no hardness")
+        return None
+    low, high = (positive({"ends": end}, "ends") for end in sequence(card, "hardness_ratio", 2))
+    if not np.allclose((low, high), wanted, rtol=1e-12, atol=0):
+        raise ValueError(f"hardness_ratio is {low} to {high}, another in the scene")
+    return wanted
 
 
 def _any_number(part: Part, name: str) -> None:

@@ -7,20 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table as Printed
 
 from gen.runtime.console import wide_console
 from gen.runtime.errors import InputError
 from gen.runtime.table import Row
+from learn.arrays import Values
 from learn.reading import Reading
 from learn.surrogate.model import Surrogate
 from learn.surrogate.prediction import Prediction
 from learn.surrogate.ranges import brief
 from learn.surrogate.sources import Table, files_in, is_table, read_surface, read_table
-
-Values = NDArray[np.float64]
 
 REASONS = 12
 """Reasons that are printed at most."""
@@ -41,6 +39,8 @@ class Question:
         Far-field displacements, None if the tables contain them [um].
     e_star : float or None
         E* of the forces, None for that of the training [MPa].
+    hardness : float or None
+        Hardness of the softer body, None for the only one of the training [MPa].
     level : float
         Coverage of the intervals.
     reading : Reading
@@ -49,6 +49,7 @@ class Question:
 
     deltas: Values | None
     e_star: float | None
+    hardness: float | None
     level: float
     reading: Reading
 
@@ -98,7 +99,11 @@ def answers(
                 say(f"  warning: {line}")
             pressed = surrogate.for_surface(topography.heights, topography.sides, str(path))
             found = pressed.predict(
-                question.deltas, e_star=question.e_star, level=question.level, std=True
+                question.deltas,
+                e_star=question.e_star,
+                hardness=question.hardness,
+                level=question.level,
+                std=True,
             )
             yield from _rows(surrogate, str(path), found, warnings)
 
@@ -119,7 +124,8 @@ def _of_table(surrogate: Surrogate, table: Table, question: Question) -> Predict
     notes = tuple(_note(surrogate, table, int(row)) for row in rows)
     length = np.sqrt(table.sides[rows, 0] * table.sides[rows, 1])
     try:
-        ready = surrogate.of_statistics(table.statistics[rows], delta, length, notes)
+        ratio = surrogate.hardness_ratio(question.hardness, question.e_star)
+        ready = surrogate.of_statistics(table.statistics[rows], delta, length, notes, ratio)
     except InputError as error:
         raise InputError(f"{table.name}: {error}") from None
     return surrogate.predict_rows(ready, e_star=question.e_star, level=question.level, std=True)
@@ -163,12 +169,12 @@ def heading(column: str, unit: str) -> str:
     return column if unit in {"%", "1"} else f"{column}_{unit}"
 
 
-def show(rows: Sequence[Row], level: float, e_star: float) -> None:
+def show(rows: Sequence[Row], level: float, bodies: str) -> None:
     """Print the first rows of the table, and the reasons of those outside the training."""
     console = wide_console(160)
     hidden = ("_low", "_high", "_std", "warnings")  # warnings were said with the surface
     names = [name for name in rows[0] if not name.endswith(hidden)]
-    table = Printed(title=f"Predictions with {100 * level:g} % intervals, E* = {e_star:g} MPa")
+    table = Printed(title=f"Predictions with {100 * level:g} % intervals, {bodies}")
     for name in names:
         table.add_column(name, justify="left" if name in {"input", "flag", "reason"} else "right")
     for row in rows[:SHOWN]:

@@ -12,11 +12,13 @@ from gen.runtime.terminal import printable
 from gen.scene import Scene
 from learn.arrays import Indices
 from learn.comparison.folder import versions
-from learn.dataset import Dataset, modulus
+from learn.dataset import Dataset
 from learn.features import chosen
+from learn.features.hardness import hardness_limits, modulus
 from learn.metrics import scores
 from learn.models import MODELS
 from learn.request import Request
+from learn.surrogate import ranges
 from learn.surrogate.conformal import coverage
 from learn.surrogate.learnt import Learnt
 
@@ -40,7 +42,8 @@ def make(
 ) -> dict[str, Any]:
     """Assemble the card, of numbers, texts, lists and dictionaries only."""
     scene = Scene.from_text(rows.source["scene"])
-    features = chosen(request.features)
+    limits = hardness_limits(scene)
+    features = chosen(request.features, limits)
     train, calibration, test = parts
     (model,) = request.models
     return {
@@ -55,6 +58,7 @@ def make(
         "side": scene.surface.side,
         "spacing": scene.spacing,
         "modulus": modulus(scene),
+        **({} if limits is None else {"hardness_ratio": list(limits)}),
         "delta": [float(end) for end in _ends(rows.described[train, 0])],
         "area_max": request.area_max,
         "rows": {
@@ -118,6 +122,7 @@ def lines(surrogate: "Surrogate") -> Iterator[str]:
     yield (
         f"trained   on {card['nodes']} x {card['nodes']} nodes, side {card['side']:g} um, Delta"
         f" {card['delta'][0]:.4g} to {card['delta'][1]:.4g} um, E* {card['modulus']:g} MPa{limit}"
+        f"{_hardness(card)}"
     )
     for name, target in card["targets"].items():
         settings = ", ".join(f"{key}={value}" for key, value in target["settings"].items())
@@ -129,6 +134,12 @@ def lines(surrogate: "Surrogate") -> Iterator[str]:
     named = ", ".join(f"{name} {number}" for name, number in card["versions"].items() if number)
     yield f"versions  {named}"
     yield f"made      {card['made']}, licence {card['licence']}"
+
+
+def _hardness(card: dict[str, Any]) -> str:
+    """Describe the hardness of the training; "" for elastic bodies."""
+    limits = card.get("hardness_ratio")
+    return "" if limits is None else f", hardness {ranges.between(limits)} E*"
 
 
 def show(surrogate: "Surrogate") -> None:

@@ -11,11 +11,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
-
-Values = NDArray[np.float64]
+from learn.arrays import Values
 
 RANGES = 5
 """Largest number of ranges of the prediction."""

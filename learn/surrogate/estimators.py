@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from learn.arrays import Values
 from learn.models import MODELS, STEP, pipeline
 from learn.surrogate import boosters, forest
 from learn.surrogate.forest import LEAF, Tree
 from learn.surrogate.parts import (
     Part,
-    Values,
     count,
     mapping,
     number,

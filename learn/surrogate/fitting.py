@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gen.schema import COLUMNS
 from learn import memory
+from learn.arrays import Values
 from learn.comparison.folder import Folder
 from learn.dataset import Dataset
 from learn.models import MODELS, pipeline
@@ -18,8 +19,6 @@ from learn.surrogate.conformal import Calibration, calibrate
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.settings import Settings, choose
 from learn.target import scaling_of
-
-Values = NDArray[np.float64]
 
 NOT_CALIBRATED = Calibration(np.empty(0), (np.empty(0),))
 

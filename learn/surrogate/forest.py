@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from learn.arrays import Whole
 from learn.surrogate.parts import Part, array, whole
-
-Whole = NDArray[np.int32]
 
 LEAF = -1
 """Left and right child of a leaf."""

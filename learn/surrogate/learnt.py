@@ -6,14 +6,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
 from learn import memory
+from learn.arrays import Values
 from learn.models import STEP
 from learn.surrogate.conformal import Calibration
-
-Values = NDArray[np.float64]
 
 PART = 2000
 """Rows that are predicted together: a kernel needs memory for rows times training rows."""

@@ -6,22 +6,21 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import printable
+from learn.arrays import Values
 from learn.features import FeatureSet, SurfaceFeatures, chosen
 from learn.features.sets import build, target_scale
 from learn.surrogate import packing, ranges, storage
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.prediction import Prediction, Rows
 
-Values = NDArray[np.float64]
-
 LARGEST = 1e38
 """Of a feature: trees see their inputs in single precision, which ends there."""
 
-CEILING = {"area_percent": 100.0}
+CEILING = {"area_percent": 100.0, "yielded_percent": 100.0}
 """Largest value of a target, where there is one; the smallest is 0."""
 
 
@@ -78,7 +77,52 @@ class Surrogate:
     @property
     def features(self) -> FeatureSet:
         """The feature set that the models were trained on."""
-        return chosen(str(self.card["features"]))
+        return chosen(str(self.card["features"]), self.hardness_limits)
+
+    @property
+    def hardness_limits(self) -> tuple[float, float] | None:
+        """Smallest and largest hardness over E* of the training; None for elastic bodies."""
+        limits = self.card.get("hardness_ratio")
+        return None if limits is None else (float(limits[0]), float(limits[1]))
+
+    def hardness_ratio(self, hardness: float | None, e_star: float | None = None) -> float | None:
+        """Return the hardness over E* of a prediction, after a check that the surrogate has one.
+
+        Parameters
+        ----------
+        hardness : float or None
+            Hardness of the softer body [MPa]; None for the only one of the training.
+        e_star : float, optional
+            E* of the prediction; that of the training by default [MPa].
+
+        Returns
+        -------
+        float or None
+            Hardness over E*; None for elastic bodies.
+
+        Raises
+        ------
+        InputError
+            If the training has no hardness, or several and none is given.
+        """
+        limits = self.hardness_limits
+        if limits is None:
+            if hardness is None:
+                return None
+            raise InputError(
+                f"--hardness {hardness:g}: the surrogate was trained on elastic bodies: leave that"
+                " out, or fit one to a database whose scene has a hardness"
+            )
+        if hardness is not None:
+            if not 0 < hardness < np.inf:
+                raise InputError(f"--hardness {hardness:g}: give a hardness above 0 MPa")
+            return hardness / (self.modulus if e_star is None else e_star)
+        if limits[0] < limits[1]:
+            raise InputError(
+                "give --hardness: the surrogate was trained on bodies that yield at"
+                f" {ranges.between(limits)} E*"
+            )
+        return limits[0]
 
     @property
     def modulus(self) -> float:
@@ -92,6 +136,7 @@ class Surrogate:
         delta: ArrayLike,
         *,
         e_star: float | None = None,
+        hardness: float | None = None,
         level: float | None = 0.9,
     ) -> Prediction:
         """Predict contacts of one surface.
@@ -106,6 +151,9 @@ class Surrogate:
             One or more far-field displacements [um].
         e_star : float, optional
             E* of forces and pressures; that of the training by default [MPa].
+        hardness : float, optional
+            Hardness of the softer body, for a surrogate of bodies that yield; by default that of
+            the training, if it has only one [MPa].
         level : float or None
             Coverage of the intervals; None for no intervals.
 
@@ -118,7 +166,8 @@ class Surrogate:
         InputError
             If heights, lengths or displacements are impossible.
         """
-        return self.for_surface(surface, side).predict(delta, e_star=e_star, level=level)
+        on_surface = self.for_surface(surface, side)
+        return on_surface.predict(delta, e_star=e_star, hardness=hardness, level=level)
 
     def for_surface(
         self, surface: ArrayLike, side: float | tuple[float, float], name: str = "the surface"
@@ -141,7 +190,12 @@ class Surrogate:
         return OnSurface(self, SurfaceFeatures(heights, sides, name=name))
 
     def of_statistics(
-        self, statistics: Values, delta: Values, length: Values | float, notes: tuple[str, ...] = ()
+        self,
+        statistics: Values,
+        delta: Values,
+        length: Values | float,
+        notes: tuple[str, ...] = (),
+        hardness_ratio: float | None = None,
     ) -> Rows:
         """Turn rows of statistics into features, for `predict_rows`.
 
@@ -155,6 +209,8 @@ class Surrogate:
             Scan length L; one for all rows, or shape (n,) [um].
         notes : tuple of str
             Notes on grids that differ from the training's: one for all rows, or n.
+        hardness_ratio : float, optional
+            Hardness over E*, from `hardness_ratio`.
 
         Raises
         ------
@@ -166,14 +222,14 @@ class Surrogate:
                 f"{self.features.name} features need the surface, not its statistics alone: give"
                 " its heights, or fit with --features dimensionless"
             )
-        inputs = build(self.features, statistics, delta, length)
+        inputs = build(self.features, statistics, delta, length, hardness_ratio=hardness_ratio)
         bad = np.flatnonzero(~(np.abs(inputs) <= LARGEST).all(axis=1) | ~(delta > 0))
         if bad.size:
             raise InputError(
                 f"row {bad[0] + 1} of {len(delta)}: statistics and Delta must be finite, densities,"
                 f" curvatures and Delta above 0, and no feature beyond {LARGEST:.0e}"
             )
-        return Rows(inputs, statistics, delta, length, notes)
+        return Rows(inputs, statistics, delta, length, notes, hardness_ratio)
 
     def predict_rows(
         self,
@@ -224,6 +280,10 @@ class Surrogate:
 
     def reasons(self, rows: Rows) -> tuple[str, ...]:
         """Return for each row the features outside their training ranges; "" if there is none."""
+        note = ranges.hardness_note(self.hardness_limits, rows.hardness_ratio)
+        if note:
+            notes = tuple("; ".join(filter(None, (own, note))) for own in rows.notes or ("",))
+            rows = rows._replace(notes=notes)
         return ranges.reasons(self.features.columns, self.low, self.high, rows)
 
     def note(self, shape: tuple[int, int], sides: tuple[float, float]) -> str:
@@ -246,21 +306,22 @@ class OnSurface:
     surrogate: Surrogate
     surface: SurfaceFeatures
 
-    def rows(self, delta: ArrayLike) -> Rows:
-        """Compute the features at one or more displacements [um]."""
+    def rows(self, delta: ArrayLike, hardness_ratio: float | None = None) -> Rows:
+        """Compute the features at one or more displacements [um], for a hardness over E*."""
         surface, surrogate = self.surface, self.surrogate
         deltas = np.atleast_1d(np.asarray(delta, dtype=np.float64))
-        inputs = surface.features(surrogate.features, deltas)
+        inputs = surface.features(surrogate.features, deltas, hardness_ratio)
         statistics = np.broadcast_to(surface.statistics, (deltas.size, surface.statistics.size))
         shape = (surface.heights.shape[0], surface.heights.shape[1])
         note = surrogate.note(shape, surface.sides)
-        return Rows(inputs, statistics, deltas, surface.length, (note,))
+        return Rows(inputs, statistics, deltas, surface.length, (note,), hardness_ratio)
 
     def predict(
         self,
         delta: ArrayLike,
         *,
         e_star: float | None = None,
+        hardness: float | None = None,
         level: float | None = 0.9,
         std: bool = False,
         reasons: bool = True,
@@ -271,13 +332,16 @@ class OnSurface:
         ----------
         delta : ArrayLike
             One displacement above 0, or n of them [um].
-        e_star, level, std, reasons : float, optional
+        e_star, hardness : float, optional
+            See `Surrogate.predict` [MPa].
+        level, std, reasons : float or bool
             See `Surrogate.predict_rows`.
 
         Returns
         -------
         Prediction
         """
+        rows = self.rows(delta, self.surrogate.hardness_ratio(hardness, e_star))
         return self.surrogate.predict_rows(
-            self.rows(delta), e_star=e_star, level=level, std=std, reasons=reasons
+            rows, e_star=e_star, level=level, std=std, reasons=reasons
         )

@@ -4,15 +4,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from learn.arrays import Values
 from learn.surrogate import agreement
 from learn.surrogate.conformal import Calibration
 from learn.surrogate.estimators import put_together, taken_apart
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.parts import Part, mapping, number, numbers, positive, sequence
-
-Values = NDArray[np.float64]
 
 
 def packed(

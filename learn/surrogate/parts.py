@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from learn.arrays import Values, Whole
+
 Part = Mapping[str, Any]
-Values = NDArray[np.float64]
-Whole = NDArray[np.int32]
 
 
 def _of(part: Any, name: str) -> Any:

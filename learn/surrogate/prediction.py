@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Values = NDArray[np.float64]
+from learn.arrays import Values
 
 
 class Rows(NamedTuple):
@@ -24,6 +24,8 @@ class Rows(NamedTuple):
         Scan length L; one for all rows, or shape (n,) [um].
     notes : tuple of str
         Notes on grids that differ from the training's: one for all rows, or n.
+    hardness_ratio : float, optional
+        Hardness over E*; None for elastic bodies.
     """
 
     inputs: Values
@@ -31,6 +33,7 @@ class Rows(NamedTuple):
     delta: Values
     length: Values | float
     notes: tuple[str, ...]
+    hardness_ratio: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

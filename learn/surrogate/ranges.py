@@ -4,12 +4,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from learn.arrays import Values
 from learn.features import FeatureSet
 from learn.surrogate.prediction import Rows
 
-Values = NDArray[np.float64]
+ROUNDING = 1e-6
+"""Relative distance from the training's hardness within which a hardness is taken for it."""
 
 
 def reasons(columns: tuple[str, ...], low: Values, high: Values, rows: Rows) -> tuple[str, ...]:
@@ -100,6 +101,30 @@ def grid_note(
         if not np.isclose(spacing, own, rtol=0.02):
             said.append(f"spacing {spacing:.4g} um, trained on {own:.4g} um")
     return "; ".join(said)
+
+
+def between(limits: tuple[float, float]) -> str:
+    """Describe a range of the hardness over E*: "0.003 to 0.1", or "0.01" for a fixed one."""
+    low, high = limits
+    return f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+
+
+def hardness_note(limits: tuple[float, float] | None, hardness_ratio: float | None) -> str:
+    """Return how a hardness lies outside that of the training; "" if it does not.
+
+    Parameters
+    ----------
+    limits : tuple of float or None
+        Smallest and largest hardness over E* of the training, None for elastic bodies.
+    hardness_ratio : float or None
+        Hardness over E* of the prediction.
+    """
+    if limits is None or hardness_ratio is None:
+        return ""
+    low, high = limits
+    if low * (1 - ROUNDING) <= hardness_ratio <= high * (1 + ROUNDING):
+        return ""
+    return f"hardness/E* {hardness_ratio:.4g} outside {low:.4g} to {high:.4g}"
 
 
 def brief(reasons: str) -> str:

@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
+from learn.arrays import Values
 from learn.comparison.folder import Folder
 from learn.comparison.search.spaces import OPTIMA
 from learn.comparison.winner import settings_of
 from learn.models import MODELS, NORMALISATIONS, STEP, pipeline
 from learn.request import Request
-
-Values = NDArray[np.float64]
 
 SEARCH_ROWS = 3000
 """Largest number of training rows of the small searches."""

@@ -13,10 +13,9 @@ from gen.measured.topography import OWN_SUFFIXES, Topography, read, sides_from
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 from gen.runtime.numbers import magnitude, shown, values_from
+from learn.arrays import Values
 from learn.features.sets import STATISTICS
 from learn.reading import Reading
-
-Values = NDArray[np.float64]
 
 INSTRUMENTS = {
     *(".x3p", ".sur", ".al3d", ".opd", ".opdx", ".plu", ".plux", ".gwy", ".nc", ".di", ".ibw"),

@@ -23,6 +23,15 @@ def solved(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def yielding(tmp_path_factory):
+    """The path of a database of 90 samples, each with a hardness of its own."""
+    folder = tmp_path_factory.mktemp("yielding")
+    (folder / "scene.toml").write_text(f"{SCENE}[contact]\nhardness_ratio = [0.003, 0.1]\n")
+    assert cli.main(["run", str(folder / "scene.toml"), "-o", str(folder / "yielding.h5")]) == 0
+    return folder / "yielding.h5"
+
+
+@pytest.fixture(scope="session")
 def made(solved, tmp_path_factory):
     """A folder with a database, surrogates of it, surfaces and a table of statistics."""
     folder = tmp_path_factory.mktemp("made")

@@ -110,7 +110,9 @@ def _description(law: Law, name: str) -> Iterator[str]:
     """Yield the paragraphs of the comment at the top."""
     version = versions(["asperity"]).get("asperity", "")
     commit = git_commit()[:12]
-    yield f"Contact law of rough surfaces, E* = {law.e_star:.17g} MPa."
+    yield f"Contact law of rough surfaces, E* = {law.bodies.e_star:.17g} MPa."
+    if law.bodies.hardness is not None:
+        yield f"Bodies that yield, without hardening: hardness {law.bodies.hardness:.17g} MPa."
     yield f"Surface: {'; '.join(law.origins)}"
     if law.order.command:
         yield f"Command: {law.order.command}"

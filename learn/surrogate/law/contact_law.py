@@ -14,17 +14,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
+from learn.arrays import Values
 from learn.reading import Reading
+from learn.surrogate.bodies import Bodies
 from learn.surrogate.law import predicted, solved
 from learn.surrogate.law.curves import Curves
 from learn.surrogate.law.subjects import Subjects, found_in
 from learn.surrogate.model import Surrogate
 from learn.surrogate.sources import deltas_from, pressures_from
-
-Values = NDArray[np.float64]
 
 STEPS = 40
 """Number of displacements over the range of the training or the scene, where no load is given."""
@@ -50,6 +49,8 @@ class Order:
         Coverage of the band.
     e_star : float, optional
         E*; by default that of the training or the scene, else 1 MPa [MPa].
+    hardness : float, optional
+        Hardness of the softer body; by default the only one of the training or the scene [MPa].
     reading : Reading
         Options that say how files are read.
     command : str
@@ -63,6 +64,7 @@ class Order:
     surfaces: int = 50
     level: float = 0.9
     e_star: float | None = None
+    hardness: float | None = None
     reading: Reading = field(default_factory=Reading)
     command: str = ""
 
@@ -79,8 +81,8 @@ class Law:
         Table against the far-field displacement, which begins at 0 [um].
     over_pressure : Curves
         Table against the nominal pressure, with Delta among its curves [MPa].
-    e_star : float
-        E* [MPa].
+    bodies : Bodies
+        E* and hardness.
     band : str
         Description of the band.
     origins : tuple of str
@@ -92,7 +94,7 @@ class Law:
     order: Order
     over_delta: Curves
     over_pressure: Curves
-    e_star: float
+    bodies: Bodies
     band: str
     origins: tuple[str, ...]
     notes: tuple[str, ...]
@@ -121,27 +123,26 @@ def make(surrogate: Surrogate | None, order: Order, say: Callable[[str], None]) 
     deltas = np.unique(deltas_from(order.delta)) if order.delta else None
     pressures = np.unique(pressures_from(order.pressure)) if order.pressure else None
     subjects = found_in(order.inputs, order.surfaces, order.reading, say)
-    e_star = _modulus(surrogate, order, subjects)
+    bodies = _bodies(surrogate, order, subjects)
     if deltas is None and (pressures is None or not order.solver):
         deltas = _usual_deltas(surrogate, subjects)
     if order.solver:
-        material = order.e_star is not None
         over_delta, over_pressure, notes = solved.tables(
-            subjects.surfaces, deltas, pressures, order.level, e_star, material=material
+            subjects.surfaces, deltas, pressures, order.level, bodies
         )
         how = "solved contact by contact"
     else:
         assert surrogate is not None
         assert deltas is not None
         over_delta, over_pressure, notes = predicted.tables(
-            surrogate, subjects.surfaces, deltas, pressures, order.level, e_star
+            surrogate, subjects.surfaces, deltas, pressures, order.level, bodies
         )
         how = f"predicted by {surrogate.card['title']}"
     return Law(
         order=order,
         over_delta=over_delta,
         over_pressure=over_pressure,
-        e_star=e_star,
+        bodies=bodies,
         band=_band(order, len(subjects.surfaces)),
         origins=tuple(subjects.origins),
         notes=(how, *(each for each in subjects.origins if ": " in each), *notes),
@@ -155,13 +156,17 @@ def _check_surrogate(surrogate: Surrogate | None) -> None:
         raise InputError("a law needs a surrogate of both area and force: fit --target both")
 
 
-def _modulus(surrogate: Surrogate | None, order: Order, subjects: Subjects) -> float:
-    """Return E* of the options, of the surrogate's training, or of the scenes; else 1 MPa."""
-    if order.e_star is not None:
-        return order.e_star
-    if surrogate is not None:
-        return surrogate.modulus
-    return subjects.modulus() or 1.0
+def _bodies(surrogate: Surrogate | None, order: Order, subjects: Subjects) -> Bodies:
+    """Return E* and hardness of the options, the surrogate's training or the scenes; else 1 MPa."""
+    e_star, hardness = order.e_star, order.hardness
+    if e_star is None:
+        e_star = (subjects.modulus() or 1.0) if surrogate is None else surrogate.modulus
+    if hardness is None and (ratio := subjects.hardness_ratio()) is not None:
+        hardness = ratio * e_star
+    if surrogate is not None and not (order.solver and hardness is not None):
+        ratio = surrogate.hardness_ratio(hardness, e_star)
+        hardness = None if ratio is None else ratio * e_star
+    return Bodies(e_star, hardness, known=order.e_star is not None)
 
 
 def _usual_deltas(surrogate: Surrogate | None, subjects: Subjects) -> Values:

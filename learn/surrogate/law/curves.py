@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
+from learn.arrays import Values
 from learn.surrogate.law.points import Points
-
-Values = NDArray[np.float64]
 
 QUANTITIES = ("area_percent", "force_uN", "mean_gap_um", "pressure_MPa")
 COLUMNS = {

@@ -14,11 +14,9 @@ of the results.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from learn.arrays import Values
 from learn.surrogate.law.points import Points
-
-Values = NDArray[np.float64]
 
 FINE = 20
 """Steps into which an interval of Delta is divided to invert the cubic in it."""

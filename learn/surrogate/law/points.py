@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from gen.measured.single import contact_warnings, solve_loads
 from gen.measured.topography import Topography
 from gen.runtime.errors import InputError
+from learn.arrays import Values
+from learn.surrogate.bodies import Bodies
 from learn.surrogate.law.subjects import Subject
 from learn.surrogate.model import OnSurface
 
 if TYPE_CHECKING:
     from bem import Contact
-
-Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class Points:
 
 
 def predicted(
-    pressed: OnSurface, subject: Subject, deltas: Values, level: float, e_star: float
+    pressed: OnSurface, subject: Subject, deltas: Values, level: float, bodies: Bodies
 ) -> Points:
     """Predict the law of one surface.
 
@@ -91,15 +91,16 @@ def predicted(
         Ascending displacements above 0 [um].
     level : float
         Coverage of the intervals.
-    e_star : float
-        E* [MPa].
+    bodies : Bodies
+        E* and hardness.
 
     Raises
     ------
     InputError
         If a prediction is not finite.
     """
-    answer = pressed.predict(deltas, e_star=e_star, level=level)
+    e_star, hardness = bodies.e_star, bodies.hardness
+    answer = pressed.predict(deltas, e_star=e_star, hardness=hardness, level=level)
     for name, found in answer.values.items():
         if not np.isfinite(found).all():
             place = int(np.argmin(np.isfinite(found)))
@@ -111,7 +112,7 @@ def predicted(
     for ends in (answer.values, answer.low, answer.high):
         gap = ends.get("mean_gap")
         if gap is None:  # which rises with the force
-            gap = _mean_gap(pressed, deltas, ends["force"] / e_star)
+            gap = _mean_gap(pressed, deltas, ends["force"] / e_star, bodies)
         parts.append(
             {
                 "area_percent": ends["area"],
@@ -124,9 +125,7 @@ def predicted(
     return Points({"delta_um": deltas, **values}, low, high, answer.reasons)
 
 
-def solved(
-    subject: Subject, load: str, loads: Sequence[float], e_star: float, *, material: bool
-) -> Points:
+def solved(subject: Subject, load: str, loads: Sequence[float], bodies: Bodies) -> Points:
     """Solve the law of one surface at the given loads; there are no intervals.
 
     Parameters
@@ -137,10 +136,8 @@ def solved(
         Kind of load: "delta" [um] or "pressure" [MPa].
     loads : sequence of float
         Ascending loads, 0 or more.
-    e_star : float
-        E* [MPa].
-    material : bool
-        True if E* is that of a material, so that warnings about pressures apply.
+    bodies : Bodies
+        E* and hardness.
 
     Raises
     ------
@@ -148,26 +145,30 @@ def solved(
         If a load has no solution, or the solver does not converge.
     """
     topography = Topography(subject.name, subject.heights, subject.sides)
-    settings = {"modulus": e_star, **subject.settings}
+    settings = {"modulus": bodies.e_star, **subject.settings}
+    if bodies.hardness is not None:
+        settings["hardness"] = bodies.hardness
     rows = []
     notable: dict[int, Contact] = {}  # the first with each number of warnings, which only rises
     for contact, _ in solve_loads(topography, load, loads, **settings):
         pressure = contact.force / subject.nominal
         area, gap = contact.area_percent, max(contact.mean_gap, 0.0)  # below 0 by rounding alone
         rows.append((contact.delta, area, contact.force, gap, pressure))
-        notes = contact_warnings(topography, [contact], material=material)
+        notes = contact_warnings(topography, [contact], material=bodies.known)
         notable.setdefault(len(notes), contact)
-    said = contact_warnings(topography, [*notable.values(), contact], material=material)
+    said = contact_warnings(topography, [*notable.values(), contact], material=bodies.known)
     names = "delta_um", "area_percent", "force_uN", "mean_gap_um", "pressure_MPa"
     columns = np.array(rows, dtype=np.float64).reshape(-1, len(names)).T
     values = dict(zip(names, columns, strict=True))
     return Points(values, reasons=("",) * len(rows), warnings=tuple(said))
 
 
-def _mean_gap(pressed: OnSurface, deltas: Values, force: Values) -> Values:
+def _mean_gap(pressed: OnSurface, deltas: Values, force: Values, bodies: Bodies) -> Values:
     """Return the mean gap from forces over E*, (k,) [um]."""
     surface = pressed.surface
     heights = surface.heights
     rest = float(heights.max()) - float(heights.mean())
-    compliance = np.array([surface.compliance(float(delta)) for delta in deltas])
-    return np.maximum(rest - deltas + compliance * force / surface.length, 0.0)
+    coarse = [surface.coarse_means(float(delta), bodies.hardness_ratio) for delta in deltas]
+    compliance, yielded = np.array(coarse).reshape(-1, 2).T
+    mean = compliance * force / surface.length  # displacement
+    return np.asarray(np.maximum(rest - deltas + mean + yielded, 0.0))

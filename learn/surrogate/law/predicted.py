@@ -3,20 +3,24 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
 from gen.runtime.progress import RunProgress
+from learn.arrays import Values
+from learn.surrogate.bodies import Bodies
 from learn.surrogate.law import inversion
 from learn.surrogate.law.curves import Curves, continued, monotone, tabulated
 from learn.surrogate.law.points import Points, predicted
 from learn.surrogate.law.subjects import Subject
 from learn.surrogate.model import OnSurface, Surrogate
 
-Values = NDArray[np.float64]
-
 BEYOND = (1.15, 1.4, 2.0, 3.0)
 """Further Deltas to predict, over the last one: some surfaces reach a pressure late."""
+
+ESTIMATED_GAP = (
+    "warning: the mean gap of bodies that yield is a coarse estimate: fit one with --target"
+    " area,force,mean_gap"
+)
 
 CORRECTED = 0.01
 """Correction for monotone curves, over the largest value, above which there is a warning."""
@@ -28,7 +32,7 @@ def tables(
     deltas: Values,
     pressures: Values | None,
     level: float,
-    e_star: float,
+    bodies: Bodies,
 ) -> tuple[Curves, Curves, list[str]]:
     """Predict all surfaces; tabulate against Delta and against pressure.
 
@@ -44,8 +48,8 @@ def tables(
         Ascending pressures of 0 or more; None for those at the displacements [MPa].
     level : float
         Coverage of the band.
-    e_star : float
-        E* [MPa].
+    bodies : Bodies
+        E* and hardness.
 
     Returns
     -------
@@ -63,26 +67,28 @@ def tables(
     with RunProgress(len(surfaces), "surfaces") as progress:
         for surface in surfaces:
             pressed = OnSurface(surrogate, surface.features())
-            raw = predicted(pressed, surface, deltas, level, e_star).from_rest(surface)
+            raw = predicted(pressed, surface, deltas, level, bodies).from_rest(surface)
             smooth, correction = monotone(raw)
             parts.append(smooth)
-            whole.append(_extended(smooth, pressed, surface, level, e_star))
+            whole.append(_extended(smooth, pressed, surface, level, bodies))
             corrections.append(correction)
             progress.advance(1, 0)
     over_delta = tabulated("delta_um", np.append(0.0, deltas), parts, level)
     notes = [*_unknown(over_delta), *_corrected(over_delta, corrections)]
+    if bodies.hardness is not None and "mean_gap" not in surrogate.learnt:
+        notes.append(ESTIMATED_GAP)
     chosen, late = _pressures(over_delta, whole, pressures)
     inverted = [inversion.at_pressures(each, chosen) for each in whole]
     return over_delta, tabulated("pressure_MPa", chosen, inverted, level), [*notes, *late]
 
 
 def _extended(
-    points: Points, pressed: OnSurface, surface: Subject, level: float, e_star: float
+    points: Points, pressed: OnSurface, surface: Subject, level: float, bodies: Bodies
 ) -> Points:
     """Extend the law to larger displacements, where they can be predicted."""
     further = points.values["delta_um"][-1] * np.array(BEYOND)
     try:
-        return continued(points, predicted(pressed, surface, further, level, e_star))
+        return continued(points, predicted(pressed, surface, further, level, bodies))
     except InputError:
         return points
 

@@ -4,14 +4,14 @@ from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.runtime.progress import RunProgress
+from learn.arrays import Values
+from learn.surrogate.bodies import Bodies
 from learn.surrogate.law.curves import Curves, held, tabulated
 from learn.surrogate.law.points import Points, solved
 from learn.surrogate.law.subjects import Subject
 
-Values = NDArray[np.float64]
 Load = Literal["delta", "pressure"]
 
 ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}
@@ -22,9 +22,7 @@ def tables(
     deltas: Values | None,
     pressures: Values | None,
     level: float,
-    e_star: float,
-    *,
-    material: bool,
+    bodies: Bodies,
 ) -> tuple[Curves, Curves, list[str]]:
     """Solve all surfaces under the given loads; tabulate against Delta and against pressure.
 
@@ -42,10 +40,8 @@ def tables(
         Ascending pressures of 0 or more, or None; one of both has to be given [MPa].
     level : float
         Coverage of a population's band.
-    e_star : float
-        E* [MPa].
-    material : bool
-        True if E* is that of a material, so that warnings about pressures apply.
+    bodies : Bodies
+        E* and hardness.
 
     Returns
     -------
@@ -62,7 +58,7 @@ def tables(
     asked: dict[Load, Values | None] = {"delta": deltas, "pressure": pressures}
 
     def solve(load: Load, loads: Values) -> list[Points]:
-        return _each(surfaces, load, loads, e_star, material=material)
+        return _each(surfaces, load, loads, bodies)
 
     found = {load: solve(load, loads) for load, loads in asked.items() if loads is not None}
     made: dict[Load, Curves] = {}
@@ -94,14 +90,12 @@ def _warnings(solutions: Iterable[Sequence[Points]]) -> list[str]:
     return list(lines)
 
 
-def _each(
-    surfaces: Sequence[Subject], load: Load, loads: Values, e_star: float, *, material: bool
-) -> list[Points]:
+def _each(surfaces: Sequence[Subject], load: Load, loads: Values, bodies: Bodies) -> list[Points]:
     """Solve every surface under the same loads."""
     found = []
     with RunProgress(len(surfaces), "surfaces") as progress:
         for surface in surfaces:
-            found.append(solved(surface, load, loads.tolist(), e_star, material=material))
+            found.append(solved(surface, load, loads.tolist(), bodies))
             progress.advance(1, 0)
     return found
 

@@ -5,17 +5,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gen.runtime.errors import InputError
 from gen.scene import Scene, preset_names
-from learn.dataset import modulus
+from learn.arrays import Values
 from learn.features import SurfaceFeatures
+from learn.features.hardness import hardness_limits, modulus
 from learn.reading import Reading
 from learn.surrogate.sources import files_in, is_table, read_surface
 
-Values = NDArray[np.float64]
 Sides = tuple[float, float]
 
 
@@ -96,6 +93,22 @@ class Subjects:
             said = " and ".join(f"{each:g}" for each in sorted(found))
             raise InputError(f"the scenes have E* = {said} MPa: give one with --e-star")
         return found.pop()
+
+    def hardness_ratio(self) -> float | None:
+        """Return the hardness over E* of all scenes, or None if a surface comes from a file.
+
+        Raises
+        ------
+        InputError
+            If the scenes have several.
+        """
+        limits = {hardness_limits(scene) for scene in self.scenes}
+        if not self.only_scenes or limits <= {None}:
+            return None
+        ends = {end for each in limits if each is not None for end in each}
+        if None in limits or len(ends) > 1:
+            raise InputError("the scenes have more than one hardness: give one with --hardness")
+        return ends.pop()
 
     def displacements(self) -> Sides | None:
         """Return the range of Delta of all scenes [um], or None if a surface comes from a file."""

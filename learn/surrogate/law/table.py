@@ -38,7 +38,7 @@ def show(law: Law) -> None:
     console = wide_console(140)
     for note in law.notes:
         console.print(note, highlight=False, markup=False, soft_wrap=True)
-    title = f"E* = {law.e_star:g} MPa; band: {law.band}"
+    title = f"{law.bodies.text}; band: {law.band}"
     if law.order.delta or not law.order.pressure:
         console.print(_printed(law.over_delta, title))
     if law.order.pressure:
@@ -79,6 +79,8 @@ def _rows(law: Law) -> Iterator[Row]:
     for curves in (law.over_delta, law.over_pressure):
         for place, argument in enumerate(curves.at):
             row: Row = {"against": curves.against, "outside": float(curves.outside[place])}
+            if law.bodies.hardness is not None:
+                row["hardness_MPa"] = law.bodies.hardness
             for name in names:
                 row |= {f"{name}{end}": "" for end in ENDS}
                 if name == curves.against:

@@ -138,3 +138,21 @@ def test_an_overruled_scale_is_told_beside_the_predictions(work, capsys):
     assert told in Path("law.h").read_text()
     assert run(*ask, "--channel", "Phase") == 2
     assert "holds 0 'Topo'" in capsys.readouterr().err
+
+
+def test_a_hardness_is_named_and_refused_by_surrogates_of_elastic_bodies(work, yielding, capsys):
+    """In one line, for surfaces and for tables of statistics."""
+    surface, statistics = ["many/s0.npy", "--side", "1000"], ["table.csv"]
+    for name, given in (("hybrid", surface), ("dimensionless", statistics)):
+        ask = ["predict", f"{name}.surrogate", *given, "--delta", "10", "--hardness", "0.01"]
+        assert run(*ask) == 2
+        (line,) = capsys.readouterr().err.strip().splitlines()[-1:]
+        assert "trained on elastic bodies" in line
+    assert run("fit", yielding, "-o", "plastic.surrogate", "--model", "decision-tree") == 0
+    ask = ["predict", "plastic.surrogate", *statistics, "--delta", "10"]
+    assert run(*ask) == 2
+    assert "give --hardness" in capsys.readouterr().err
+    assert run(*ask, "--hardness", "0.01") == 0
+    assert "hardness = 0.01 MPa" in " ".join(capsys.readouterr().out.split())
+    assert run("card", "plastic.surrogate") == 0
+    assert "hardness 0.003 to 0.1 E*" in " ".join(capsys.readouterr().out.split())

@@ -1,11 +1,13 @@
 """Surrogates of every model: fitted, stored, asked."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import learn
+from gen import cli
 from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn import Surrogate, split
@@ -185,3 +187,73 @@ def test_the_package_offers_the_class_and_nothing_else():
     assert learn.Surrogate is Surrogate
     with pytest.raises(AttributeError, match="Oracle"):
         _ = learn.Oracle
+
+
+@pytest.fixture(scope="module")
+def plastic(yielding):
+    """A surrogate of bodies that yield at 0.003 to 0.1 E*."""
+    return fitted(yielding, features="hybrid", targets=("area", "force", "yielded_percent"))
+
+
+def test_a_file_from_before_the_hardness_answers_as_it_did():
+    old = Surrogate.load(Path(__file__).with_name("elastic.surrogate"))
+    surface = generate("diamond-square", 17, 0.7, 12.0, np.random.default_rng(0))
+    found = old.predict(surface, 1000.0, [10.0, 30.0])
+    np.testing.assert_allclose(found.area, [15.30474605202898, 50.88284574374893], rtol=1e-12)
+    np.testing.assert_allclose(found.force, [3923.17097756496, 24576.016456407888], rtol=1e-12)
+    low = [6.389432139583134, 41.967531831303084]
+    np.testing.assert_allclose(found.low["area"], low, rtol=1e-12)
+    assert old.hardness_limits is None
+    with pytest.raises(InputError, match="trained on elastic bodies"):
+        old.predict(surface, 1000.0, 10.0, hardness=0.01)
+
+
+def test_bodies_that_yield_touch_more_at_a_smaller_hardness(plastic, heights, tmp_path):
+    plastic.save(tmp_path / "plastic.surrogate")
+    loaded = Surrogate.load(tmp_path / "plastic.surrogate")
+    assert loaded.card["hardness_ratio"] == pytest.approx([0.003, 0.1])
+    soft = loaded.predict(heights, 1000.0, [8.0, 20.0], hardness=0.004)
+    hard = loaded.predict(heights, 1000.0, [8.0, 20.0], hardness=0.09)
+    assert (soft.area > hard.area).all()
+    assert (soft.force < hard.force).all()
+    assert (soft.values["yielded_percent"] > hard.values["yielded_percent"]).all()
+    assert (soft.values["yielded_percent"] <= 100).all()
+    same = plastic.predict(heights, 1000.0, [8.0, 20.0], hardness=0.004)
+    np.testing.assert_array_equal(same.area, soft.area)
+
+
+def test_hardness_and_modulus_count_by_their_ratio(plastic, heights):
+    unit = plastic.predict(heights, 1000.0, 12.0, hardness=0.01)
+    steel = plastic.predict(heights, 1000.0, 12.0, hardness=2000.0, e_star=200e3)
+    np.testing.assert_allclose(steel.area, unit.area, rtol=1e-9)
+    np.testing.assert_allclose(steel.force, 200e3 * unit.force, rtol=1e-9)
+
+
+def test_a_hardness_outside_the_training_is_flagged_and_none_is_refused(plastic, heights):
+    on_surface = plastic.for_surface(heights, 1000.0)
+    for hardness in (0.0029, 0.11):
+        (reason,) = on_surface.predict(12.0, hardness=hardness).reasons
+        assert f"hardness/E* {hardness:.4g} outside 0.003 to 0.1" in reason
+    assert "hardness/E*" not in on_surface.predict(12.0, hardness=0.02).reasons[0]
+    with pytest.raises(InputError, match=r"give --hardness: .* yield at 0\.003 to 0\.1 E"):
+        on_surface.predict(12.0)
+    for wrong in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(InputError, match="--hardness"):
+            on_surface.predict(12.0, hardness=wrong)
+
+
+@pytest.mark.parametrize("features", ["paper", "dimensionless"])
+def test_one_hardness_of_the_training_is_the_one_of_the_answers(tmp_path, heights, features):
+    (tmp_path / "one.toml").write_text(
+        "samples = 60\n[surface]\nnodes = 33\n[contact]\nhardness_ratio = 0.02\n"
+    )
+    assert cli.main(["run", str(tmp_path / "one.toml"), "-o", str(tmp_path / "one.h5")]) == 0
+    surrogate = fitted(tmp_path / "one.h5", features=features)
+    assert surrogate.hardness_limits == pytest.approx((0.02, 0.02))
+    own = surrogate.predict(heights, 1000.0, 12.0)
+    given = surrogate.predict(heights, 1000.0, 12.0, hardness=2.0, e_star=100.0)
+    np.testing.assert_allclose(given.area, own.area, rtol=1e-9)
+    assert "hardness" not in own.reasons[0]
+    assert "hardness" not in given.reasons[0]
+    (reason,) = surrogate.predict(heights, 1000.0, 12.0, hardness=0.021).reasons
+    assert "hardness/E* 0.021 outside 0.02 to 0.02" in reason

@@ -281,3 +281,61 @@ def test_laws_of_scenes_databases_and_given_pressures(work, capsys):
     np.testing.assert_allclose(column(rows, "pressure_MPa"), np.linspace(0, 0.005, 6))
     run(*ask, "--pressure", "9", ends=2)
     assert "give a larger --delta" in capsys.readouterr().err
+
+
+def test_a_solved_law_takes_a_hardness(work, capsys):
+    """As `gen contact` does; the hardness stands in the title, the table and the header."""
+    load = ["--delta", "5,20", "--e-star", "1", "--hardness", "0.01"]
+    ask = ["many/s0.npy", "--side", "1000", "--solver", *load]
+    capsys.readouterr()
+    run("law", *ask, "--csv", "law.csv", "--header", "law.h")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "E* = 1 MPa, hardness = 0.01 MPa" in said
+    arguments = ["contact", "many/s0.npy", "--side", "1000", *load, "--csv", "gen.csv"]
+    assert gen_cli.main(arguments) == 0
+    contacts, found = rows_of("gen.csv"), rows_of("law.csv", "delta_um")[1:]
+    for name in ("area_percent", "force_uN", "mean_gap_um"):
+        np.testing.assert_allclose(column(found, name), column(contacts, name), rtol=1e-6)
+    assert set(column(found, "hardness_MPa")) == {0.01}
+    assert "hardness 0.01" in Path("law.h").read_text()
+    run("law", "many/s0.npy", "--side", "1000", "--solver", *load[:-2], "--csv", "elastic.csv")
+    elastic = rows_of("elastic.csv", "delta_um")[1:]
+    assert (column(found, "area_percent") > column(elastic, "area_percent")).all()
+    assert "hardness_MPa" not in elastic[0]
+    run("law", *ask[:-6], "--pressure", "0.02", *load[2:], ends=2)
+    assert "0.01" in capsys.readouterr().err, "no pressure is above the hardness"
+
+
+def test_a_predicted_law_of_bodies_that_yield_is_near_the_solved_one(yielding, work, capsys):
+    run("fit", yielding, "--features", "hybrid", "-o", "plastic.surrogate")
+    ask = ["many/s0.npy", "--side", "1000", "--delta", "5:25:5"]
+    run("law", "plastic.surrogate", *ask, ends=2)
+    assert "give --hardness" in capsys.readouterr().err
+    run("law", "hybrid.surrogate", *ask, "--hardness", "0.01", ends=2)
+    assert "trained on elastic bodies" in capsys.readouterr().err
+    ask += ["--hardness", "0.01", "--csv"]
+    run("law", "plastic.surrogate", *ask, "predicted.csv", "--header", "law.h")
+    assert "the mean gap of bodies that yield is a coarse estimate" in capsys.readouterr().out
+    assert "hardness 0.01" in Path("law.h").read_text()
+    run("law", *ask, "solved.csv", "--solver")
+    predicted, solved = (rows_of(name, "delta_um")[1:] for name in ("predicted.csv", "solved.csv"))
+    for name in ("area_percent", "force_uN"):
+        true = column(solved, name)
+        assert np.abs(column(predicted, name) - true).max() < 0.15 * true.max()
+
+
+def test_a_law_of_a_scene_takes_its_hardness(work, capsys):
+    for name, text in (("one", "0.01"), ("range", "[0.01, 0.1]")):
+        Path(f"{name}.toml").write_text(
+            f"samples = 4\n[surface]\nnodes = 17\n[contact]\nhardness_ratio = {text}\n"
+        )
+    ask = ["--solver", "--surfaces", "2", "--delta", "5,20"]
+    run("law", "one.toml", *ask, "--csv", "law.csv")
+    assert set(column(rows_of("law.csv"), "hardness_MPa")) == {0.01}
+    run("law", "one.toml", *ask, "--e-star", "200e3", "--csv", "law.csv")
+    assert set(column(rows_of("law.csv"), "hardness_MPa")) == {2000.0}
+    capsys.readouterr()
+    run("law", "range.toml", *ask, ends=2)
+    assert "give one with --hardness" in capsys.readouterr().err
+    run("law", "range.toml", *ask, "--hardness", "0.02", "--csv", "law.csv")
+    assert set(column(rows_of("law.csv"), "hardness_MPa")) == {0.02}
