@@ -1,6 +1,7 @@
 """Read inputs and targets from a database, and leave out the rows that cannot be used."""
 
 import hashlib
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -270,8 +271,7 @@ def _usable(
     odd = (reasons == "") & ~np.isfinite(made).all(axis=1)
     reasons[odd] = f"{wanted.name} features not finite"
     kept = np.flatnonzero(reasons == "")
-    counted = zip(*np.unique(reasons[reasons != ""], return_counts=True), strict=True)
-    dropped = {str(reason): int(number) for reason, number in counted}
+    dropped = {reason: number for reason, number in sorted(Counter(reasons).items()) if reason}
     _check(stored.path, column.name, values[kept], dropped)
     scene, described = stored.scene, inputs[kept]
     hardness = () if stored.hardness is None else (stored.hardness,)

@@ -15,6 +15,7 @@ import numpy as np
 from gen.runtime.figure import new_figure
 from learn import memory
 from learn.arrays import Values
+from learn.comparison.folder import Folder
 from learn.comparison.pictures import save
 from learn.comparison.preparation import open_folder, read_single
 from learn.dataset import Dataset
@@ -118,7 +119,12 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
             f" {case.ridge_scores.r2:.4f} % (kernel ridge), predictions differ by"
             f" {case.largest:.1e} of the largest area"
         )
-    table = folder.write_table(
+    return [_write_table(folder, cases), _draw(cases, folder.path / "appendix.png")]
+
+
+def _write_table(folder: Folder, cases: list[Agreement]) -> Path:
+    """Write appendix.csv."""
+    return folder.write_table(
         "appendix.csv",
         ["case", "gp_r2", "ridge_r2", "gp_nmse", "ridge_nmse", "largest_difference"],
         [
@@ -129,7 +135,6 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
             for case in cases
         ],
     )
-    return [table, _draw(cases, folder.path / "appendix.png")]
 
 
 def _draw(cases: list[Agreement], path: Path) -> Path:

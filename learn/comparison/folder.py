@@ -115,16 +115,8 @@ class Folder:
         InputError
             If the folder belongs to another comparison, or cannot be written.
         """
-        record = self.path / "comparison.json"
-        if record.exists():
-            stored = EARLIER | self.record()["conditions"]
-            for name in sorted(agreed.keys() | stored.keys()):
-                if stored.get(name) != agreed.get(name):
-                    raise InputError(
-                        f"{self.path} was made with {name} {stored.get(name)!r}, not"
-                        f" {agreed.get(name)!r}: give another folder, or the same database, options"
-                        " and versions"
-                    )
+        if (self.path / "comparison.json").exists():
+            self._check(agreed)
             return
         self.write_table("rows.csv", ("row", "part", "fold"), _rows(dataset, split))
         self.write_json(
@@ -142,6 +134,17 @@ class Folder:
                 "threads": 1,
             },
         )
+
+    def _check(self, agreed: dict[str, Any]) -> None:
+        """Refuse a folder that was made under other conditions, naming the first that differs."""
+        stored = EARLIER | self.record()["conditions"]
+        for name in sorted(agreed.keys() | stored.keys()):
+            if stored.get(name) != agreed.get(name):
+                raise InputError(
+                    f"{self.path} was made with {name} {stored.get(name)!r}, not"
+                    f" {agreed.get(name)!r}: give another folder, or the same database, options"
+                    " and versions"
+                )
 
     def record(self) -> dict[str, Any]:
         """Read the folder's description: the conditions of its results.

@@ -20,10 +20,11 @@ from learn import dataset, features, memory, split
 from learn.comparison.folder import Folder
 from learn.comparison.pictures import save
 from learn.comparison.preparation import open_folder, read_single
+from learn.comparison.search.pruning import Settings
 from learn.comparison.search.spaces import untuned
 from learn.comparison.winner import settings_of
 from learn.metrics import Scores, scores
-from learn.models import chosen, pipeline
+from learn.models import Model, chosen, pipeline
 from learn.request import Request
 
 SHUFFLES = 5
@@ -192,12 +193,7 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
     settings, origin = _settings(folder, model.name, request.features)
     say(f"{model.title}, {origin}: {settings}")
 
-    def build() -> Any:
-        bare = pipeline(
-            model, settings, normalisation=request.normalisation, seed=request.seed, tuned=True
-        )
-        return _of_scaled_target(bare) if features.chosen(rows.features).scaled else bare
-
+    build = partial(_built, model, settings, request)
     worths = rank_inputs(rows, parts, build)
     for worth in worths:
         say(f"  {worth.name:38} {worth.mean:9.4f} +- {worth.deviation:.4f} % of R2")
@@ -238,15 +234,20 @@ def _write_tables(
     ]
 
 
-def _of_scaled_target(model: Any) -> Any:
-    """Wrap a model so that it is trained on the standardised target, as in a search."""
+def _built(model: Model, settings: Settings, request: Request) -> Any:
+    """Return an unfitted pipeline that is trained on the target as a search sees it."""
     from sklearn.compose import TransformedTargetRegressor
     from sklearn.preprocessing import StandardScaler
 
-    return TransformedTargetRegressor(model, transformer=StandardScaler())
+    bare = pipeline(
+        model, settings, normalisation=request.normalisation, seed=request.seed, tuned=True
+    )
+    if not features.chosen(request.features).scaled:
+        return bare
+    return TransformedTargetRegressor(bare, transformer=StandardScaler())
 
 
-def _settings(folder: Folder, model: str, features: str) -> tuple[dict[str, Any], str]:
+def _settings(folder: Folder, model: str, features: str) -> tuple[Settings, str]:
     """Return the settings of the tuned model, or untuned ones, and their origin."""
     result = folder.result("tuned", model)
     tuned = settings_of(folder, model)

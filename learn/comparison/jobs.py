@@ -54,12 +54,13 @@ class _Target:
         return self.executor.call(fit_and_time, self.training, task)
 
     @contextmanager
-    def searching(self, model: Model, space: Space) -> Iterator[GridSearch]:
-        """Open the finished fits of a model's grid."""
+    def searching(self, model: Model, source: str, space: Space) -> Iterator[GridSearch]:
+        """Open the finished fits of a model's grid, whose name is `source`."""
         grid = pruning.grid(model, space, self.training.columns)
         path = self.folder.path / "trials" / f"{model.name}.jsonl"
         with Trials(path, self.folder.record()["conditions"]) as trials:
-            yield GridSearch(model, grid, self.training, trials, self.executor, self.stopping)
+            context = self.training, trials, self.executor, self.stopping
+            yield GridSearch(model, grid, *context, source=source)
 
 
 class _Clock:
@@ -141,10 +142,11 @@ def tune(request: Request, executor: Executor, given: Mapping[str, Space] | None
         for target in _targets(request, models, executor, interruption, searched=True):
             for model in models:
                 if not interruption.requested():
-                    source, space = spaces.of(model.name, request.features)
+                    grid = spaces.of(model.name, request.features)
                     if given is not None:
-                        source, space = spaces.GIVEN, given[model.name]
-                    _tune_model(target, model, source, space, clock.share())
+                        grid = spaces.GIVEN, given[model.name]
+                    with target.searching(model, *grid) as grid_search:
+                        _tune_model(target, grid_search, clock.share())
     return interruption.signal
 
 
@@ -174,11 +176,11 @@ def estimate(request: Request, executor: Executor) -> int:
         for target in _targets(request, models, executor, interruption, searched=True):
             for model in models:
                 if not interruption.requested():
-                    source, space = spaces.of(model.name, request.features)
-                    with target.searching(model, space) as grid_search:
+                    grid = spaces.of(model.name, request.features)
+                    with target.searching(model, *grid) as grid_search:
                         cost = whole_grid.estimate(grid_search, clock.share() or 0.0)
-                    if cost is not None:
-                        write_cost(target.folder, model, source, cost)
+                        if cost is not None:
+                            write_cost(target.folder, grid_search, cost)
     return interruption.signal
 
 
@@ -212,26 +214,22 @@ def _fit_baselines(target: _Target, models: list[Model]) -> None:
             if target.stopping():
                 return
             if request.again or not there:
-                settings = spaces.baseline(model.name, request.features)
-                result = target.timed(TimedFit(model.name, settings))
-                write_fit(folder, "baseline", model, settings, target.training, result)
-                print_result(progress.say, model, "baseline", result)
+                task = TimedFit(model.name, spaces.baseline(model.name, request.features))
+                result = target.timed(task)
+                write_fit(folder, task, target.training, result)
+                print_result(progress.say, task, result)
             progress.advance(1, 0)
 
 
-def _tune_model(
-    target: _Target, model: Model, source: str, space: Space, limit: float | None
-) -> None:
+def _tune_model(target: _Target, grid_search: GridSearch, limit: float | None) -> None:
     """Search one model's grid, and fit and time the winner."""
-    with target.searching(model, space) as grid_search:
-        search = grid_search.whole() if limit is None else budget.search(grid_search, limit)
-        if target.stopping():
-            return
-        if search is None or search.scores.winner < 0:
-            write_failure(target.folder, model, search)
-            return
-        settings = grid_search.grid.differing[search.scores.winner]
-        again = target.request.again
-        if again or not has_winner(target.folder, model, settings, search, source):
-            result = target.timed(TimedFit(model.name, settings, tuned=True))
-            write_search(target.folder, grid_search, source, search, result)
+    folder, model = target.folder, grid_search.model
+    search = grid_search.whole() if limit is None else budget.search(grid_search, limit)
+    if target.stopping():
+        return
+    if search is None or search.scores.winner < 0:
+        write_failure(folder, model, search)
+    elif target.request.again or not has_winner(folder, grid_search, search):
+        winner = grid_search.grid.differing[search.scores.winner]
+        result = target.timed(TimedFit(model.name, winner, tuned=True))
+        write_search(folder, grid_search, search, result)

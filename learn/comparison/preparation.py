@@ -1,5 +1,7 @@
 """Prepare a target before any fit: split its rows, check the memory, open its folder."""
 
+from collections.abc import Iterator
+
 from gen.runtime.progress import RunProgress
 from learn import dataset, memory, split
 from learn.comparison.folder import Folder, conditions
@@ -47,15 +49,21 @@ def prepare(
         memory.check(model.name, parts.train.size, baseline=not searched)
     with RunProgress(1) as progress:
         folder = open_folder(request, rows, parts)
-        progress.say(
-            f"{request.database}: {rows.target_name}, {parts.train.size} training rows,"
-            f" {parts.test.size} test rows, {rows.features} features"
-        )
-        for line in dataset.remarks(rows, request.normalisation):
-            progress.say(f"  {line}")
-        if not parts.by_surface:
-            progress.say("  all rows share one surface: they are split one by one")
+        for line in _described(request, rows, parts):
+            progress.say(line)
     return folder, _training(request, rows, parts)
+
+
+def _described(request: Request, rows: Dataset, parts: Split) -> Iterator[str]:
+    """Yield the lines that tell a user what the models are trained on."""
+    yield (
+        f"{request.database}: {rows.target_name}, {parts.train.size} training rows,"
+        f" {parts.test.size} test rows, {rows.features} features"
+    )
+    for line in dataset.remarks(rows, request.normalisation):
+        yield f"  {line}"
+    if not parts.by_surface:
+        yield "  all rows share one surface: they are split one by one"
 
 
 def read_single(request: Request, target: str) -> tuple[Dataset, Split]:

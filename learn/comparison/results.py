@@ -9,51 +9,46 @@ from learn import split
 from learn.comparison.folder import Folder
 from learn.comparison.search import pruning
 from learn.comparison.search.grid_search import GridSearch, SearchResult
-from learn.comparison.search.pruning import Grid, Settings
+from learn.comparison.search.pruning import Grid
 from learn.comparison.search.scores import GridScores
 from learn.comparison.search.spaces import TABLE_2
 from learn.comparison.search.whole_grid import Cost
-from learn.comparison.timing import FitResult
+from learn.comparison.timing import FitResult, TimedFit
 from learn.comparison.training_data import Training
-from learn.models import Model
+from learn.models import MODELS, Model
 
 Say = Callable[[str], None]
 """Prints a line for the user."""
 
 
-def has_winner(
-    folder: Folder, model: Model, settings: Settings, search: SearchResult, source: str
-) -> bool:
+def has_winner(folder: Folder, grid_search: GridSearch, search: SearchResult) -> bool:
     """Whether a folder has the result of this very search and winner.
 
     Parameters
     ----------
     folder : Folder
         The folder of the target.
-    model : Model
-        The model.
-    settings : dict
-        Canonical settings of the winner.
+    grid_search : GridSearch
+        Model and grid.
     search : SearchResult
-        The search.
-    source : str
-        Name of its grid.
+        The search, which has a winner.
     """
-    result = folder.result("tuned", model.name)
+    result = folder.result("tuned", grid_search.model.name)
+    winner = grid_search.grid.differing[search.scores.winner]
     return (
         result is not None
         and "settings" in result
-        and result["settings_key"] == pruning.key(settings)
+        and result["settings_key"] == pruning.key(winner)
         and result["search"]["how"] == search.how
-        and result["search"].get("grid", TABLE_2) == source
+        and result["search"].get("grid", TABLE_2) == grid_search.source
         and result["search"]["candidates_scored"] == search.scores.scored
     )
 
 
 def write_search(
-    folder: Folder, grid_search: GridSearch, source: str, search: SearchResult, result: FitResult
+    folder: Folder, grid_search: GridSearch, search: SearchResult, result: FitResult
 ) -> None:
-    """Write the result of a search and of its winner.
+    """Write and print the result of a search and of its winner.
 
     Parameters
     ----------
@@ -61,17 +56,27 @@ def write_search(
         The folder of the target.
     grid_search : GridSearch
         Model, grid and data.
-    source : str
-        Name of the grid.
     search : SearchResult
         The search, which has a winner.
     result : FitResult
         Scores and times of the winner.
     """
     model, grid, scores = grid_search.model, grid_search.grid, search.scores
-    report = {
+    folder.write_table(f"tuned/{model.name}-grid.csv", *_candidates(grid, scores))
+    task = TimedFit(model.name, grid.first(scores.winner), tuned=True)
+    report = _report(grid_search, search)
+    write_fit(folder, task, grid_search.training, result, report, search.seconds)
+    for text, number in [*scores.failures.items(), *scores.remarks.items()]:
+        _say(f"{model.title}: {number} of {scores.folds.size} scores: {text}")
+    print_result(_say, task, result)
+
+
+def _report(grid_search: GridSearch, search: SearchResult) -> dict[str, Any]:
+    """Describe a search in the result of its winner."""
+    grid, scores = grid_search.grid, search.scores
+    return {
         "how": search.how,
-        "grid": source,
+        "grid": grid_search.source,
         "rows": search.rows,
         "candidates": grid.nominal,
         "candidates_differing": len(grid.differing),
@@ -82,14 +87,6 @@ def write_search(
         "failures": scores.failures,
         "remarks": scores.remarks,
     }
-    folder.write_table(f"tuned/{model.name}-grid.csv", *_candidates(grid, scores))
-    settings = grid.first(scores.winner)
-    write_fit(
-        folder, "tuned", model, settings, grid_search.training, result, report, search.seconds
-    )
-    for text, number in [*scores.failures.items(), *scores.remarks.items()]:
-        _say(f"{model.title}: {number} of {scores.folds.size} scores: {text}")
-    print_result(_say, model, "tuned", result)
 
 
 def write_failure(folder: Folder, model: Model, search: SearchResult | None) -> None:
@@ -126,9 +123,7 @@ def _candidates(grid: Grid, scores: GridScores) -> tuple[list[str], list[list[ob
 
 def write_fit(
     folder: Folder,
-    kind: str,
-    model: Model,
-    settings: Settings,
+    task: TimedFit,
     training: Training,
     result: FitResult,
     report: dict[str, Any] | None = None,
@@ -140,83 +135,80 @@ def write_fit(
     ----------
     folder : Folder
         The folder of the target.
-    kind : str
-        "baseline" or "tuned".
-    model : Model
-        The model.
-    settings : dict
-        Its settings.
+    task : TimedFit
+        The model and its settings.
     training : Training
         The data that it was fitted to.
     result : FitResult
         Scores, predictions and times.
     report : dict, optional
-        Description of the search that found the settings, empty for a baseline.
+        Description of the search for the settings; a baseline has none.
     search_seconds : float
         Sum of the times of the search's fits [s].
     """
     pairs = zip(training.test_target.tolist(), result.prediction.tolist(), strict=False)
     folder.write_table(
-        f"{kind}/{model.name}.csv",
+        f"{task.kind}/{task.model}.csv",
         ("test_row", "truth", "prediction"),
         ((number, *pair) for number, pair in enumerate(pairs)),
     )
-    canonical = pruning.canonical_settings(model, settings, training.columns)
-    folder.write_json(
-        f"{kind}/{model.name}.json",
-        {
-            "model": model.name,
-            "settings": settings,
-            "settings_key": pruning.key(canonical),
-            "refit": dict(model.refit) if kind == "tuned" else {},
-            "fitted": result.fitted,
-            "test": None if result.test is None else asdict(result.test),
-            "train": None if result.train is None else asdict(result.train),
-            "failure": result.failure,
-            "remarks": list(result.remarks),
-            "search": report or {},
-            "times": {**vars(result.times), "search": search_seconds},
-        },
-    )
+    content = _content(task, training, result)
+    content |= {"search": report or {}, "times": {**vars(result.times), "search": search_seconds}}
+    folder.write_json(f"{task.kind}/{task.model}.json", content)
 
 
-def write_cost(folder: Folder, model: Model, source: str, cost: Cost) -> None:
+def _content(task: TimedFit, training: Training, result: FitResult) -> dict[str, Any]:
+    """Return the settings and scores of a result as its file holds them."""
+    model = MODELS[task.model]
+    canonical = pruning.canonical_settings(model, task.settings, training.columns)
+    return {
+        "model": task.model,
+        "settings": task.settings,
+        "settings_key": pruning.key(canonical),
+        "refit": dict(model.refit) if task.tuned else {},
+        "fitted": result.fitted,
+        "test": None if result.test is None else asdict(result.test),
+        "train": None if result.train is None else asdict(result.train),
+        "failure": result.failure,
+        "remarks": list(result.remarks),
+    }
+
+
+def write_cost(folder: Folder, grid_search: GridSearch, cost: Cost) -> None:
     """Write the time that a model's whole grid takes.
 
     Parameters
     ----------
     folder : Folder
         The folder of the target.
-    model : Model
-        The model.
-    source : str
-        Name of the grid.
+    grid_search : GridSearch
+        Model and grid.
     cost : Cost
         The estimate.
     """
-    folder.write_json(f"whole-grid/{model.name}.json", {"grid": source, **asdict(cost)})
+    content = {"grid": grid_search.source, **asdict(cost)}
+    folder.write_json(f"whole-grid/{grid_search.model.name}.json", content)
 
 
-def print_result(say: Say, model: Model, kind: str, result: FitResult) -> None:
+def print_result(say: Say, task: TimedFit, result: FitResult) -> None:
     """Print a model's scores and times, and the warnings of its fit.
 
     Parameters
     ----------
     say : callable
         Prints a line.
-    model : Model
+    task : TimedFit
         The model.
-    kind : str
-        "baseline" or "tuned".
     result : FitResult
         Scores and times.
     """
+    title = f"{MODELS[task.model].title}, {task.kind}"
     if result.test is None:
-        say(f"warning: {model.title}, {kind}: {result.failure}")
+        say(f"warning: {title}: {result.failure}")
         return
     times = result.times
     say(
-        f"{model.title}, {kind}: R2 {result.test.r2:.2f} %, nMAE {result.test.nmae:.2f} %,"
+        f"{title}: R2 {result.test.r2:.2f} %, nMAE {result.test.nmae:.2f} %,"
         f" fit {times.fit:.3g} s, prediction {times.test:.3g} s"
     )
     for remark in result.remarks:

@@ -49,6 +49,11 @@ class TimedFit:
     settings: Settings = field(default_factory=dict)
     tuned: bool = False
 
+    @property
+    def kind(self) -> str:
+        """Name of the folder of its result."""
+        return "tuned" if self.tuned else "baseline"
+
 
 @dataclass(frozen=True, eq=False)
 class Times:

@@ -51,18 +51,12 @@ def fit(training: Training, task: Task) -> list[Trial]:
         scores = [p if isinstance(p, str) else _score(truth, p) for p in predictions]
         seconds = (perf_counter() - began) / len(task.candidates)
     remark = "; ".join(dict.fromkeys(_one_line(warning.message) for warning in caught))
-    return [
-        Trial(
-            candidate=key(candidate),
-            fold=task.fold,
-            rows=task.rows,
-            r2=None if isinstance(score, str) else score,
-            failure=score if isinstance(score, str) else "",
-            remark=remark,
-            seconds=seconds,
-        )
-        for candidate, score in zip(task.candidates, scores, strict=True)
-    ]
+    trials = []
+    for candidate, score in zip(task.candidates, scores, strict=True):
+        r2, failure = (None, score) if isinstance(score, str) else (score, "")
+        place = key(candidate), task.fold, task.rows
+        trials.append(Trial(*place, r2=r2, failure=failure, remark=remark, seconds=seconds))
+    return trials
 
 
 def _predictions(

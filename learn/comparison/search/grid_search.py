@@ -14,7 +14,7 @@ from gen.runtime.progress import RunProgress
 from learn.comparison.search.fits import fit
 from learn.comparison.search.pruning import Grid, key
 from learn.comparison.search.scores import GridScores, rank
-from learn.comparison.search.spaces import WHOLE
+from learn.comparison.search.spaces import TABLE_2, WHOLE
 from learn.comparison.search.task import Task, expected_work
 from learn.comparison.search.trials import Trial, Trials
 from learn.comparison.training_data import Training
@@ -63,6 +63,8 @@ class GridSearch:
         Does the fits.
     stopping : callable
         Asked before a fit is begun; True ends the search.
+    source : str
+        Name of the grid in results and tables.
     """
 
     model: Model
@@ -71,6 +73,7 @@ class GridSearch:
     trials: Trials
     executor: Executor
     stopping: Callable[[], bool] = lambda: False
+    source: str = TABLE_2
 
     def tasks(self, numbers: Iterable[int], rows: int, folds: int = FOLDS) -> list[Task]:
         """List the fits that some candidates still lack.

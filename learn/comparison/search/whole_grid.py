@@ -172,8 +172,7 @@ def cost(model: Model, grid: Grid, finished: Finished, rows: int, seed: int) -> 
     sizes = budget.steps(rows, LEAST_ROWS)
     times = {size: _times(grid, size, finished, seed) for size in sizes}
     fair = {size: _in_a_row(times[size], drawn(grid, seed)) for size in sizes}
-    # The size with most fits shows their mix best; of equal sizes, the largest.
-    base = max(sizes, key=lambda size: (len(fair[size]), size))
+    base = max(sizes, key=lambda size: (len(fair[size]), size))  # most fits show their mix best
     if not fair[base]:
         return None
     works = {place: _work(model, grid, place[0], base) for place in fair[base]}
@@ -182,8 +181,8 @@ def cost(model: Model, grid: Grid, finished: Finished, rows: int, seed: int) -> 
     factor, its_error, largest = _grown(times, base, budget.growth(model, budget.FACTOR))
     seconds = whole * per_work * factor
     known = error is not None and its_error is not None
-    stated = seconds * hypot(error, its_error) if known else None  # type: ignore[arg-type]
-    return Cost(seconds, stated, len(times[rows]), fits, largest)
+    total_error = seconds * hypot(error, its_error) if known else None  # type: ignore[arg-type]
+    return Cost(seconds, total_error, len(times[rows]), fits, largest)
 
 
 def _grown(times: dict[int, Times], base: int, growth: float) -> tuple[float, float | None, int]:
