@@ -121,3 +121,13 @@ def test_one_huge_input_hides_the_others_only_from_unit_length(solved, normalisa
         scores[name] = model.fit(inputs, rows.target).score(inputs, rows.target)
     assert scores["huge"] == pytest.approx(scores["as it is"], abs=1e-6)
     assert scores["huge"] > 0.9
+
+
+def test_targets_that_are_read_together_are_those_that_are_read_alone(change):
+    path = change("force", [3], np.nan)
+    together = dataset.read_targets(path, ("area", "force"), 40.0)
+    assert [len(rows.rows) for rows in together] == [together[0].size, together[0].size - 1]
+    for rows, target in zip(together, ("area", "force"), strict=True):
+        alone = dataset.read(path, target, 40.0)
+        for name, values in vars(alone).items():
+            np.testing.assert_equal(vars(rows)[name], values, err_msg=name)

@@ -4,14 +4,10 @@ import json
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gen import cli as gen_cli
-from gen.runtime.errors import InputError
 from learn import cli
-from learn.surrogate.law.curves import QUANTITIES, tabulated
-from learn.surrogate.law.points import Points
 
 SCENE = "samples = 60\nsamples_per_surface = 2\n[surface]\nnodes = 9\n"
 RESULT = "area/tuned/decision-tree.json"
@@ -129,14 +125,6 @@ def test_whole_numbers_in_place_of_others_are_those(folder, capsys):
     found["test"]["nmse"] = 10**25
     (folder / RESULT).write_text(json.dumps(found))
     assert cli.main(["show", "found"]) == 0, capsys.readouterr().err
-
-
-def test_a_law_that_is_not_finite_is_refused():
-    """Found by the fuzzer, with weights of 1e308 in a surrogate."""
-    at = np.array([0.0, 1.0, 2.0])
-    values = dict.fromkeys((*QUANTITIES, "delta_um"), at) | {"force_uN": np.array([0, 1, np.inf])}
-    with pytest.raises(InputError, match="force_uN of the law has values that are not finite"):
-        tabulated("delta_um", at, [Points(values, reasons=("", "", ""))], 0.9)
 
 
 def test_predictions_that_are_no_numbers_are_refused(folder, capsys):

@@ -1,0 +1,15 @@
+"""Gaussian process and kernel ridge with equal kernels."""
+
+import pytest
+from comparisons import run, table
+
+
+def test_appendix_a_holds_for_both_of_its_cases(work):
+    assert run("appendix", "database.h5", "-o", "out") == 0
+    first, second = table("out/area/appendix.csv")
+    # Case 1 is conditioned like 1e12: the tolerance is what double precision leaves.
+    assert float(first["largest_difference"]) < 1e-5
+    assert float(second["largest_difference"]) < 1e-10
+    assert float(first["gp_r2"]) > float(second["gp_r2"])
+    assert float(first["gp_r2"]) == pytest.approx(float(first["ridge_r2"]), abs=1e-3)
+    assert (work / "out/area/appendix.png").read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,253 @@
+"""Compare, tune and estimate: their results, what they repeat, and how they are stopped."""
+
+import json
+import signal
+import subprocess
+import time
+
+import h5py
+import numpy as np
+import pytest
+from comparisons import run, table
+from launch import TIMEOUT, command, environment, launch, mpiexec
+
+from learn import dataset
+from learn.comparison import folder, tables
+from learn.dataset import INPUTS
+
+
+def test_compare_tune_and_show(work, capsys):
+    models = ["--model", "decision-tree", "--model", "kernel-ridge"]
+    assert run("compare", "database.h5", "-o", "out", *models) == 0
+    said = capsys.readouterr()
+    assert "72 training rows, 18 test rows" in said.err
+    assert "(8.99)" in said.out, "the paper's number stands beside ours"
+    assert run("tune", "database.h5", "-o", "out", "--model", "kernel-ridge") == 0
+    said = capsys.readouterr()
+    assert "160 candidates, 88 differ, 55 fits, 55 to do" in said.err
+    assert "improvement" in said.out
+    assert run("show", "out") == 0
+    for name in ("parity.png", "scores.png", "times.png"):
+        assert (work / "out/area" / name).read_bytes().startswith(b"\x89PNG")
+    scores = table("out/area/scores.csv")
+    assert [(row["model"], row["result"]) for row in scores] == [
+        ("decision-tree", "baseline"),
+        ("kernel-ridge", "baseline"),
+        ("kernel-ridge", "tuned"),
+    ]
+    assert float(scores[2]["r2"]) > float(scores[1]["r2"])
+    assert scores[0]["train_r2"] == "100.0"
+    assert table("out/area/times.csv")[0]["fits"] != "0"
+    (found,) = table("out/area/tuning.csv")
+    assert (found["candidates"], found["fits"], found["fits_nominal"]) == ("160", "55", "800")
+    assert len(table("out/area/tuned/kernel-ridge-grid.csv")) == 160
+    record = json.loads((work / "out/area/comparison.json").read_text())
+    assert record["scene"]["samples"] == 90
+    assert record["conditions"]["versions"] == folder.versions()
+    assert len(record["conditions"]["database_sha256"]) == 64
+    parts = [row["part"] for row in table("out/area/rows.csv")]
+    assert (parts.count("train"), parts.count("test")) == (72, 18)
+
+
+def test_what_is_there_is_not_measured_again_unless_asked(work, capsys):
+    arguments = ["compare", "database.h5", "-o", "out", "--model", "decision-tree"]
+    assert run(*arguments) == 0
+    first = (work / "out/area/baseline/decision-tree.json").read_bytes()
+    assert run(*arguments) == 0
+    assert (work / "out/area/baseline/decision-tree.json").read_bytes() == first
+    assert run(*arguments, "--again") == 0
+    assert (work / "out/area/baseline/decision-tree.json").read_bytes() != first
+
+
+def test_both_targets_have_folders_and_force_has_no_nmse(work):
+    arguments = ["--model", "kernel-ridge", "--target", "both"]
+    assert run("tune", "database.h5", "-o", "out", *arguments) == 0
+    assert "nmse" in table("out/area/scores.csv")[0]
+    force = table("out/force/scores.csv")[0]
+    assert "nmse" not in force
+    assert "paper_r2" not in force
+    assert float(force["r2"]) > 90
+    assert tables.names("force") == ["nmae", "nmaxe", "r2"]
+
+
+def test_a_budget_is_reported_as_such(work, monkeypatch):
+    from learn.comparison.search import budget
+
+    monkeypatch.setitem(budget.GROWTH, "decision-tree", 99.0)
+    monkeypatch.setattr(budget, "LEAST_ROWS", 20)
+    arguments = ["--model", "decision-tree", "--budget", "1h"]
+    assert run("tune", "database.h5", "-o", "out", *arguments) == 0
+    (found,) = table("out/area/tuning.csv")
+    assert found["searched"] == (
+        "successive halving: 110 candidates on 24 rows, 1 fold, 37 candidates on 72 rows"
+    )
+    assert found["candidates_scored"] == "37"
+
+
+def test_whole_grids_are_estimated_and_then_measured(work, capsys):
+    models = ["--model", "decision-tree", "--model", "svm"]
+    assert run("estimate", "database.h5", "-o", "out", *models, "--budget", "1h") == 0
+    said = capsys.readouterr()
+    assert "550 fits, 40 drawn to be timed" in said.err
+    assert "Whole grids" in said.out
+    assert "time [h]" in said.out
+    tree, svm = table("out/area/whole-grids.csv")
+    assert (tree["fits"], tree["of"], svm["fits"], svm["of"]) == ("40", "550", "40", "660")
+    assert float(tree["seconds"]) > float(tree["error"]) > 0
+    assert run("tune", "database.h5", "-o", "out", "--model", "decision-tree") == 0
+    assert "550 fits, 510 to do" in capsys.readouterr().err
+    measured, _ = table("out/area/whole-grids.csv")
+    assert (measured["fits"], measured["error"]) == ("550", "0.0")
+
+
+def test_a_model_that_fails_is_reported_and_the_others_go_on(work, capsys, monkeypatch):
+    from sklearn.tree import DecisionTreeRegressor
+
+    def refuse(self, *arguments, **named):
+        raise ValueError("no tree today")
+
+    monkeypatch.setattr(DecisionTreeRegressor, "fit", refuse)
+    models = ["--model", "decision-tree", "--model", "kernel-ridge"]
+    assert run("compare", "database.h5", "-o", "out", *models) == 0
+    said = capsys.readouterr()
+    assert "warning: Decision Tree, baseline: no tree today" in said.err
+    assert "Decision Tree, baseline, failed: no tree today" in said.out
+    assert run("show", "out") == 0
+    assert table("out/area/scores.csv")[0]["failure"] == "no tree today"
+    assert float(table("out/area/scores.csv")[1]["r2"]) > 0
+
+
+def huge(file):
+    file["height_max"][:] *= 1e12
+
+
+def spoilt(file):
+    file["asperity_density"][:] = 0.1
+    for name in (*INPUTS, "area_percent"):
+        file[name][40:70] = file[name][0:30]
+    file["delta"][80] = np.nan
+    file["area_percent"][81] = np.nan
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (huge, ["height_max is "]),
+        (
+            spoilt,
+            [
+                "constant over all rows, so of no use to a model: asperity_density",
+                "30 rows repeat others",
+                "left out 1 rows: target not finite",
+                "left out 1 rows: input not finite",
+            ],
+        ),
+    ],
+)
+def test_all_nine_models_survive_odd_data(work, change, words, capsys, monkeypatch):
+    from learn.comparison import timing
+
+    monkeypatch.setattr(timing, "FITS", (1, 1))
+    with h5py.File("database.h5", "r+") as file:
+        change(file)
+    assert run("compare", "database.h5", "-o", "out") == 0
+    said = capsys.readouterr().err
+    for word in words:
+        assert word in said
+    scores = table("out/area/scores.csv")
+    assert len(scores) == 9
+    for row in scores:
+        assert row["failure"] == ""
+        assert np.isfinite(float(row["r2"])), row["model"]
+    if change is spoilt:
+        assert max(float(row["r2"]) for row in scores) > 90
+
+
+def test_a_search_in_which_every_fit_fails_says_why(work, capsys):
+    from learn.comparison.jobs import tune
+    from learn.executor import Executor
+    from learn.request import Request
+
+    request = Request(work / "database.h5", work / "out", models=("svm",))
+    assert tune(request, Executor(), {"svm": {"C": [-1.0, -2.0]}}) == 0
+    assert "'C' parameter" in capsys.readouterr().err
+    assert run("show", "out") == 0
+    assert "failed" in capsys.readouterr().out
+    assert "'C' parameter" in table("out/area/scores.csv")[0]["failure"]
+
+
+def begin(work, ranks=0):
+    """Start a search and wait until some of its fits are on disk."""
+    arguments = ["tune", "database.h5", "-o", "cut", "--model", "decision-tree"]
+    started = subprocess.Popen(
+        command(ranks, *arguments, module="learn"),
+        cwd=work,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    trials = work / "cut/area/trials/decision-tree.jsonl"
+    limit = time.monotonic() + TIMEOUT
+    while not trials.exists() or trials.read_bytes().count(b"\n") < 12:
+        assert time.monotonic() < limit
+        assert started.poll() is None, started.communicate()
+        time.sleep(0.01)
+    return started, arguments
+
+
+@pytest.fixture(scope="module")
+def undisturbed(solved, tmp_path_factory):
+    """The folder of a search that nothing stopped."""
+    path = tmp_path_factory.mktemp("undisturbed") / "whole"
+    assert run("tune", solved, "-o", path, "--model", "decision-tree") == 0
+    return path / "area"
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_search_that_was_stopped_goes_on_and_ends_with_the_same_tables(
+    work, undisturbed, number, capsys
+):
+    started, arguments = begin(work)
+    started.send_signal(number)
+    out, err = started.communicate(timeout=TIMEOUT)
+    if number == signal.SIGTERM:
+        assert started.returncode == 128 + number, err
+        assert "stopped by SIGTERM; the same command goes on" in out
+    assert not (work / "cut/area/tuned").exists()
+    assert run(*arguments) == 0
+    said = capsys.readouterr().err
+    assert "550 fits" in said
+    assert "550 fits, 550 to do" not in said
+    for name in ("scores.csv", "tuning.csv", "tuned/decision-tree-grid.csv"):
+        assert (work / "cut/area" / name).read_bytes() == (undisturbed / name).read_bytes()
+
+
+@pytest.mark.mpi
+@pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
+def test_tables_do_not_depend_on_the_number_of_ranks(work):
+    models = ["--model", "kernel-ridge"]
+    for verb in ("compare", "tune"):
+        assert run(verb, "database.h5", "-o", "r0", *models) == 0
+        arguments = [verb, "database.h5", "-o", "r3", *models]
+        done = launch(3, *arguments, folder=work, module="learn")
+        assert done.returncode == 0, done.stderr
+    names = ("scores.csv", "tuning.csv", "rows.csv", "tuned/kernel-ridge-grid.csv")
+    predictions = ("baseline/kernel-ridge.csv", "tuned/kernel-ridge.csv")
+    for name in (*names, *predictions):
+        assert (work / "r0/area" / name).read_bytes() == (work / "r3/area" / name).read_bytes()
+
+
+def test_the_database_is_read_once_for_all_targets(work, monkeypatch):
+    opened = []
+
+    class Counted(dataset.Reader):
+        def __init__(self, path):
+            opened.append(path)
+            super().__init__(path)
+
+    monkeypatch.setattr(dataset, "Reader", Counted)
+    arguments = ["--model", "decision-tree", "--target", "both"]
+    assert run("compare", "database.h5", "-o", "out", *arguments) == 0
+    assert len(opened) == 1
+    assert table("out/area/scores.csv") != table("out/force/scores.csv")
