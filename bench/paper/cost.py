@@ -1,7 +1,7 @@
 """Total cost of solver and surrogate against the number of queries: section 4.4."""
 
-import csv
 import math
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +12,13 @@ from bench.paper.deviations import ratio
 from bench.paper.facts import TUNING_PAYS
 from bench.picture import new_figure, save
 from bench.style import STYLES
-from bench.surrogates.break_even import PAPER_BREAK_EVEN, TAKEN
+from bench.surrogates.break_even import PAPER_BREAK_EVEN, TAKEN, BuildTimes, break_even
 from bench.surrogates.clock import time_of
-from bench.surrogates.cost import NEW, OURS
+from bench.surrogates.cost import NEW, OURS, Question
 from bench.surrogates.cost import PAPER as PAPERS
-from bench.table import write_table
+from bench.table import read_table, write_table
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
-
-Question = dict[str, Any]
-
-NUMBERS = ("rows", "database", "tuning", "fit", "solve", "query", "break_even")
 
 
 def read(cost: Path) -> tuple[Question, list[Question]]:
@@ -30,32 +26,29 @@ def read(cost: Path) -> tuple[Question, list[Question]]:
 
     Returns
     -------
-    The paper's own costs, and ours on new surfaces, one of each feature set
+    (Question, list of Question)
+        The paper's own costs, and ours on new surfaces, one of each feature set.
 
     Raises
     ------
     InputError
         If the folder has no such table.
     """
-    path = require_file(cost / "cost.csv")
     try:
-        with path.open(encoding="utf-8") as file:
-            rows: list[Question] = [
-                {**row, **{name: float(row[name]) for name in NUMBERS}}
-                for row in csv.DictReader(file)
-            ]
-    except (OSError, KeyError, ValueError, TypeError):
+        found = [_question(row) for row in read_table(require_file(cost / "cost.csv"))[1]]
+    except (InputError, KeyError, ValueError):
         raise InputError(f"--cost {cost}: give a folder of python -m bench cost") from None
-    published = [row for row in rows if row["solver"] == PAPERS and row["asked"] != NEW]
-    ours = [row for row in rows if (row["solver"], row["asked"]) == (OURS, NEW)]
+    published = [each for each in found if each.solver == PAPERS and each.asked != NEW]
+    ours = [each for each in found if (each.solver, each.asked) == (OURS, NEW)]
     if not published or not ours:
         raise InputError(f"--cost {cost}: its cost.csv lacks rows; run python -m bench cost again")
     return published[0], ours
 
 
-def build(question: Question) -> float:
-    """What is paid before the first answer [s]."""
-    return float(question["database"] + question["tuning"] + question["fit"])
+def _question(row: dict[str, str]) -> Question:
+    build = BuildTimes(*(float(row[name]) for name in ("database", "tuning", "fit")))
+    who = row["asked"], row["solver"], row["features"]
+    return Question(*who, int(row["rows"]), build, float(row["solve"]), float(row["query"]))
 
 
 def total_cost(folder: Path, cost: Path) -> list[Content]:
@@ -64,19 +57,19 @@ def total_cost(folder: Path, cost: Path) -> list[Content]:
     first = ours[0]
     table = write_table(
         folder / "total-cost.csv",
-        ("cost", "paper", *(f"ours_{each['features']}" for each in ours), "ours_over_paper", "why"),
+        ("cost", "paper", *(f"ours_{q.features}" for q in ours), "ours_over_paper", "why"),
         _rows(published, ours),
     )
     picture = save(_picture(published, ours), folder / "total-cost.png")
     text = (
         "Section 4.4, total cost against the number of contacts: the solver's line starts at zero,"
         " a surrogate's at its database, search and fit. Left, the paper's own times: they meet at"
-        f" {published['break_even']:,.0f} contacts (it says about {PAPER_BREAK_EVEN:,}), hardly"
+        f" {published.break_even:,.0f} contacts (it says about {PAPER_BREAK_EVEN:,}), hardly"
         " more than its database has, for all else costs next to nothing beside it. Right, ours:"
-        f" with a solve of {time_of(first['solve'])} they meet at {first['break_even']:,.0f} with"
+        f" with a solve of {time_of(first.solve)} they meet at {first.break_even:,.0f} with"
         " the paper's features, statistics of each new surface included, and the surrogate gains"
-        f" {first['solve'] / first['query']:.3g}-fold at most, the paper's"
-        f" {published['solve'] / published['query']:,.0f}-fold."
+        f" {first.solve / first.query:.3g}-fold at most, the paper's"
+        f" {published.solve / published.query:,.0f}-fold."
     )
     return [
         Figure(picture, text, data=(table,)),
@@ -88,35 +81,44 @@ def total_cost(folder: Path, cost: Path) -> list[Content]:
     ]
 
 
-def _rows(published: Question, ours: list[Question]) -> list[tuple[str, ...]]:
-    """One row a cost."""
-    names = {
-        "rows": ("rows of the database", ""),
-        "solve": ("a contact by the solver", "the solver makes the difference"),
-        "database": ("t_d, database", "the solver makes the difference"),
-        "tuning": ("t_h, search for settings", "none: the paper's optimum was taken"),
-        "fit": ("t_f, fit", "another machine, one thread"),
-        "query": ("t_p, an answer", "ours with the features of a new surface"),
-        "break_even": ("contacts from which on it pays", "a faster solver needs no surrogate"),
-    }
-    found = []
-    for name, (title, why) in names.items():
-        cells = [_cell(name, each[name]) for each in (published, *ours)]
-        times = "" if name == "rows" or "none" in cells else ratio(ours[0][name], published[name])
-        found.append((title, *cells, times, why))
-    pays = [each["tuning"] / (each["solve"] - each["query"]) for each in (published, *ours)]
-    cells = [f"{math.ceil(value):,}" if 0 <= value < math.inf else "never" for value in pays]
+def _rows(published: Question, ours: list[Question]) -> Iterator[tuple[str, ...]]:
+    """One row a cost: its cells, ours over the paper's, and why."""
+    solver = "the solver makes the difference"
+    costs: tuple[tuple[str, Callable[[Question], float], Callable[[float], str], str], ...] = (
+        ("rows of the database", lambda q: q.rows, _count, ""),
+        ("a contact by the solver", lambda q: q.solve, time_of, solver),
+        ("t_d, database", lambda q: q.build.database, time_of, solver),
+        ("t_h, search for settings", _search, _searched, "none: the paper's optimum was taken"),
+        ("t_f, fit", lambda q: q.build.fit, time_of, "another machine, one thread"),
+        ("t_p, an answer", lambda q: q.query, time_of, "ours with the features of a new surface"),
+        (
+            "contacts from which on it pays",
+            lambda q: q.break_even,
+            _count,
+            "a faster solver needs no surrogate",
+        ),
+    )
+    sides = (published, *ours)
+    for number, (title, value, text, why) in enumerate(costs):
+        cells = [text(value(each)) for each in sides]
+        compared = number and "none" not in cells
+        yield title, *cells, ratio(value(ours[0]), value(published)) if compared else "", why
+    cells = [_count(break_even(_search(each), each.solve, each.query)) for each in sides]
     cells[0] += f" (it says {TUNING_PAYS})"
-    found.append(("contacts that pay for the search", *cells, "", ""))
-    return found
+    yield "contacts that pay for the search", *cells, "", ""
 
 
-def _cell(name: str, value: float) -> str:
-    if math.isinf(value):
-        return "never"
-    if name in {"rows", "break_even"}:
-        return f"{value:,.0f}"
-    return time_of(value) if name != "tuning" or value > TAKEN else "none"
+def _search(question: Question) -> float:
+    return question.build.tuning
+
+
+def _searched(seconds: float) -> str:
+    return time_of(seconds) if seconds > TAKEN else "none"
+
+
+def _count(number: float) -> str:
+    """A number of rows or contacts, or never."""
+    return "never" if math.isinf(number) else f"{number:,.0f}"
 
 
 def _picture(published: Question, ours: list[Question]) -> Any:
@@ -124,7 +126,7 @@ def _picture(published: Question, ours: list[Question]) -> Any:
     figure = new_figure(10.5, 4.6)
     left, right = figure.subplots(1, 2)
     _draw(left, [published], ["surrogate (kernel ridge)"])
-    _draw(right, ours, [f"{each['features']} features" for each in ours])
+    _draw(right, ours, [f"{each.features} features" for each in ours])
     left.set_title("(a) the paper's times")
     right.set_title("(b) ours, new surfaces")
     return figure
@@ -132,17 +134,17 @@ def _picture(published: Question, ours: list[Question]) -> Any:
 
 def _draw(axis: Any, questions: list[Question], names: list[str]) -> None:
     """The solver's line, each surrogate's, and where they meet."""
-    finite = [each["break_even"] for each in questions if math.isfinite(each["break_even"])]
+    finite = [each.break_even for each in questions if math.isfinite(each.break_even)]
     queries = np.geomspace(1, 30 * max(finite, default=1e5), 300)
-    solver = questions[0]["solve"]
+    solver = questions[0].solve
     label = f"solver, {time_of(solver)} a contact"
     axis.loglog(queries, queries * solver, color="0.3", lw=2, label=label)
     for each, name, style in zip(questions, names, STYLES, strict=False):
-        meets = f"{each['break_even']:,.0f}" if math.isfinite(each["break_even"]) else "never"
-        total = build(each) + queries * each["query"]
-        axis.loglog(queries, total, color=style["color"], label=f"{name}, pays from {meets}")
-        if math.isfinite(each["break_even"]):
-            axis.plot(each["break_even"], each["break_even"] * solver, ms=8, **style)
+        total = each.build.total + queries * each.query
+        label = f"{name}, pays from {_count(each.break_even)}"
+        axis.loglog(queries, total, color=style["color"], label=label)
+        if math.isfinite(each.break_even):
+            axis.plot(each.break_even, each.break_even * solver, ms=8, **style)
     axis.set(xlabel="number of contacts", ylabel="total time [s]")
     axis.grid(visible=True, which="major", color="0.9")
     axis.legend(fontsize=9, loc="upper left")

@@ -75,16 +75,16 @@ def _of_the_comparison(comparison: Path) -> Iterator[Row]:
 
 def _of_the_cost(cost: Path) -> Iterator[Row]:
     published, (first, *_) = costs.read(cost)
-    theirs, ours = published["query"], first["query"]
+    theirs, ours = published.query, first.query
     why = "ours with the statistics of a new surface, which take most of it"
     times = ratio(ours, theirs)
     yield "time of an answer", "4.4", time_of(theirs), time_of(ours), times, why
-    pays = first["tuning"] / (first["solve"] - first["query"])
-    if first["tuning"] > TAKEN:
+    pays = first.build.tuning / (first.solve - first.query)
+    if first.build.tuning > TAKEN:
         why = "a faster solver makes the search dearer in contacts"
         yield _row("contacts that pay for the search", "4.4", TUNING_PAYS, pays, why, "{:,.0f}")
     why = "statistics included; the database is cheaper here, and so is what it is compared with"
-    even = first["break_even"]
+    even = first.break_even
     yield _row("break-even [contacts]", "4.4", PAPER_BREAK_EVEN, even, why, "{:,.0f}")
 
 
