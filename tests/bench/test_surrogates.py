@@ -10,7 +10,8 @@ import pytest
 
 import gen.cli
 from bench import __main__ as bench
-from bench.surrogates import cases, clock, cost_report, databases, generalisation_report
+from bench import databases
+from bench.surrogates import cases, clock, cost_report, generalisation_report
 from bench.surrogates.break_even import PAPER_BREAK_EVEN, PAPER_SOLVE, break_even, of_the_paper
 from bench.surrogates.cases import CASES, FINE, HOME, HURST, resampled, scan_length, unseen_hurst
 from bench.surrogates.cost import cost, tuning_seconds
