@@ -17,7 +17,7 @@ def iterations_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="module", params=["few by dense algebra", "iterations alone"])
 def both_ways(request: pytest.FixtureRequest) -> Iterator[None]:
     """Every test of a module, with and without dense algebra; for `usefixtures`."""
-    flat_punch.cache_clear()  # it would be the one that the other way found
+    flat_punch.cache_clear()  # else it would come from the other way
     with pytest.MonkeyPatch.context() as patch:
         if request.param == "iterations alone":
             patch.setattr(half_space, "FEW_PER_ROOT", 0.0)

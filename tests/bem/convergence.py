@@ -1,19 +1,19 @@
 """Orders of convergence: force and area of round indenters against their closed forms.
 
-What is to be expected, with h the spacing of the nodes and `uniform-pressure`:
+The orders expected with `uniform-pressure`, where h is the spacing of the nodes:
 
-- Force, smooth profiles: order 2. Surfaces meet at the centres of cells only, a midpoint rule; and
-  the force is largest at the true contact area (Barber, Journal of Strain Analysis 9 (1974)), so
+- Force, smooth profiles: order 2. The surfaces meet at the centres of cells, as in a midpoint rule.
+  The force is largest at the true contact area (Barber, Journal of Strain Analysis 9 (1974)), so
   that an edge that is wrong by a share of a cell costs the square of that share.
 - Force, flat punch: order 1. Its area is prescribed and wrong by a share of a cell, nothing makes
   the force stationary, and no cell resolves the pressure that rises as d^(-1/2) towards the rim.
-- Area, smooth profiles: order 1. The edge is found to a share of a cell, the same all round.
-- Area, flat punch: order 3/2. Cells cover a circle without bias, and what is left are the
-  independent errors of the a/h cells on its rim.
+- Area, smooth profiles: order 1. The edge is wrong by a share of a cell, the same all round.
+- Area, flat punch: order 3/2. Cells cover a circle without bias, and only the independent errors
+  of the a/h cells on its rim remain.
 
-With `concentrated-force` the force on smooth profiles is of order 1: a cell gives way too little
-under its own pressure, by a displacement in proportion to h. The displacement at a given force has
-the order of the force at a given displacement, since dF / dDelta = 2 E* a.
+With `concentrated-force` the force on smooth profiles is of order 1: the displacement of a cell
+under its own pressure is too small by an amount proportional to h. The displacement at a given
+force has the order of the force at a given displacement, since dF / dDelta = 2 E* a.
 """
 
 from collections.abc import Sequence
@@ -34,13 +34,16 @@ RTOL = 1e-8  # far below the errors that are measured
 
 @dataclass(frozen=True)
 class Profile:
-    """An indenter and how far it is pressed in.
+    """An indenter and its indentation.
 
     Attributes
     ----------
-    name : for tables
-    indenter : its closed form
-    delta : indentation, from the tip on [um]
+    name : str
+        Name in messages.
+    indenter : Indenter
+        Closed form of the indenter.
+    delta : float
+        Indentation from the tip on [um].
     """
 
     name: str
@@ -48,28 +51,33 @@ class Profile:
     delta: float
 
 
-def _pressed_to_radius(name: str, indenter: PowerLaw) -> Profile:
+def _at_contact_radius(name: str, indenter: PowerLaw) -> Profile:
+    """Choose the indentation at which the contact radius is `RADIUS`."""
     return Profile(name, indenter, indenter.indentation(RADIUS))
 
 
 PROFILES = (
-    _pressed_to_radius("sphere", Paraboloid(5000.0)),
-    _pressed_to_radius("cone", Cone(0.01)),
-    _pressed_to_radius("r^4", PowerLaw(1e-9, 4.0)),
+    _at_contact_radius("sphere", Paraboloid(5000.0)),
+    _at_contact_radius("cone", Cone(0.01)),
+    _at_contact_radius("r^4", PowerLaw(1e-9, 4.0)),
     Profile("flat punch", FlatPunch(RADIUS), 1.0),
 )
 
 
 @dataclass(frozen=True)
-class Row:
-    """How far one grid is from the closed form.
+class GridErrors:
+    """The distance of the results on one grid from the closed form.
 
     Attributes
     ----------
-    nodes : a side
-    spacing : h over the contact radius [1]
-    force_error : of the force, relative, root mean square over the placements [1]
-    area_error : of the area of the cells in contact, likewise [1]
+    nodes : int
+        Nodes a side.
+    spacing : float
+        Spacing h over the contact radius [1].
+    force_error : float
+        Relative error of the force, root mean square over the placements [1].
+    area_error : float
+        Relative error of the area of the cells in contact, root mean square likewise [1].
     """
 
     nodes: int
@@ -83,39 +91,43 @@ def convergence(
     nodes: Sequence[int],
     kernel: Kernel = "uniform-pressure",
     placements: int = PLACEMENTS,
-) -> list[Row]:
-    """Errors on each grid.
+) -> list[GridErrors]:
+    """Compute the errors on a number of grids.
 
     Parameters
     ----------
-    profile : what is pressed
-    nodes : a side, one grid after the other
-    kernel : see `bem.solve`
-    placements : of the axis between the nodes, over which errors are averaged, since the number
-        of cells in a circle jumps with every shift; the first is the patch's centre, which is a
-        node where their number is odd
+    profile : Profile
+        Indenter and indentation.
+    nodes : sequence of int
+        Nodes a side of the grids.
+    kernel : str
+        Influence coefficients, see `bem.solve`.
+    placements : int
+        Number of placements of the axis between the nodes over which errors are averaged, because
+        the number of cells in a circle jumps with every shift. The first is the patch's centre,
+        which is a node if the number of nodes is odd.
     """
-    return [_row(profile, count, kernel, placements) for count in nodes]
+    return [_grid_errors(profile, count, kernel, placements) for count in nodes]
 
 
 def fitted_order(spacings: Sequence[float], errors: Sequence[float]) -> float:
-    """Slope of log(error) over log(spacing), by least squares [1]."""
+    """Fit the slope of log(error) over log(spacing) by least squares [1]."""
     return float(
         np.polynomial.Polynomial.fit(np.log(spacings), np.log(errors), 1).convert().coef[1]
     )
 
 
-def force_order(rows: Sequence[Row]) -> float:
-    """Order of convergence of the force [1]."""
-    return fitted_order([row.spacing for row in rows], [row.force_error for row in rows])
+def force_order(grids: Sequence[GridErrors]) -> float:
+    """Return the order of convergence of the force [1]."""
+    return fitted_order([grid.spacing for grid in grids], [grid.force_error for grid in grids])
 
 
-def area_order(rows: Sequence[Row]) -> float:
-    """Order of convergence of the area [1]."""
-    return fitted_order([row.spacing for row in rows], [row.area_error for row in rows])
+def area_order(grids: Sequence[GridErrors]) -> float:
+    """Return the order of convergence of the area [1]."""
+    return fitted_order([grid.spacing for grid in grids], [grid.area_error for grid in grids])
 
 
-def _row(profile: Profile, nodes: int, kernel: Kernel, placements: int) -> Row:
+def _grid_errors(profile: Profile, nodes: int, kernel: Kernel, placements: int) -> GridErrors:
     spacing = SIDE / (nodes - 1)
     errors = [
         _errors(profile, nodes, kernel, (share[0] * spacing, share[1] * spacing))
@@ -123,13 +135,13 @@ def _row(profile: Profile, nodes: int, kernel: Kernel, placements: int) -> Row:
     ]
     force_error, area_error = np.sqrt(np.mean(np.square(errors), axis=0)).tolist()
     radius = profile.indenter.contact_radius(profile.delta)
-    return Row(nodes, spacing / radius, force_error, area_error)
+    return GridErrors(nodes, spacing / radius, force_error, area_error)
 
 
 def _errors(
     profile: Profile, nodes: int, kernel: Kernel, shift: tuple[float, float]
 ) -> tuple[float, float]:
-    """Relative errors of force and area with the axis shifted out of the centre [um]."""
+    """Return the relative errors of force and area with the axis shifted by `shift` [um]."""
     heights = profile.indenter.heights(distances_to_centre((nodes, nodes), SIDE, shift))
     below_tip = float(heights.max())
     contact = bem.solve(heights, SIDE, profile.delta + below_tip, kernel=kernel, rtol=RTOL)
@@ -140,6 +152,6 @@ def _errors(
 
 
 def _shares_of_a_cell(count: int) -> list[tuple[float, float]]:
-    """Evenly spread shifts of at most half a cell, from none on (Roberts's R2 sequence)."""
+    """Return evenly spread shifts of at most half a cell, zero first (Roberts's R2 sequence)."""
     steps = np.outer(np.arange(count), TURNS)
     return [(float(s), float(t)) for s, t in steps - np.round(steps)]

@@ -54,8 +54,8 @@ def test_dense_reference_is_least_squares(kind: str, seed: int, data: st.DataObj
     interference = (heights - heights.max()).reshape(-1) + data.draw(st.floats(0.01, 3))
     factor = np.linalg.cholesky(matrix)
     expected, _ = nnls(factor.T, np.linalg.solve(factor, interference), maxiter=100 * nodes)
-    found = dense.solve(matrix, interference)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * expected.max())
+    pressure = dense.solve(matrix, interference)
+    np.testing.assert_allclose(pressure, expected, rtol=0, atol=1e-10 * expected.max())
 
 
 @settings(max_examples=150)
@@ -149,11 +149,11 @@ def test_other_operators_have_the_same_solution(kind: str, seed: int, data: st.D
     interference = (heights - heights.max()) / delta + 1
     expected = dense.solve(matrix, interference)
     operators = Dense(matrix)
-    found, converged = solve_complementarity(
+    iterate, converged = solve_complementarity(
         operators, interference, rtol=1e-12, max_iterations=2000
     )
     assert converged
-    np.testing.assert_allclose(found.pressure, expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(iterate.pressure, expected, rtol=0, atol=1e-9)
     slow = Iterate(np.zeros_like(interference), interference.copy())
     while slow.violation() > 1e-12:
         descend(operators, interference, slow, steps=8)
@@ -172,12 +172,12 @@ def test_the_first_step_from_a_start_is_the_best_in_its_plane(seed: int) -> None
     best = plane @ np.linalg.solve(plane.T @ matrix @ plane, plane.T @ interference)
     assert best.min() > 0
     start = Iterate(near.copy(), interference - matrix @ near)
-    found, converged = solve_complementarity(
+    iterate, converged = solve_complementarity(
         Dense(matrix), interference, rtol=1e-12, max_iterations=1, start=start, pace=FROM_NEAR
     )
     assert not converged
-    np.testing.assert_allclose(found.pressure, best, rtol=0, atol=1e-12)
-    assert near @ found.residual == pytest.approx(0, abs=1e-12)
+    np.testing.assert_allclose(iterate.pressure, best, rtol=0, atol=1e-12)
+    assert near @ iterate.residual == pytest.approx(0, abs=1e-12)
 
 
 class Rounded(Dense):
@@ -202,14 +202,16 @@ def test_few_exact_products_are_enough(depth: float, rtol: float) -> None:
     heights = surface("self-affine", shape, seed=3).reshape(-1)
     interference = (heights - heights.max()) / (depth * np.ptp(heights)) + 1
     operators = Rounded(matrix)
-    found, converged = solve_complementarity(operators, interference, rtol=rtol, max_iterations=500)
+    iterate, converged = solve_complementarity(
+        operators, interference, rtol=rtol, max_iterations=500
+    )
     assert converged
-    assert found.exact
+    assert iterate.exact
     assert operators.exact <= (1 if rtol == 1e-4 else 3)
-    residual = interference - matrix @ found.pressure
-    np.testing.assert_allclose(found.residual, residual, rtol=0, atol=1e-14)
+    residual = interference - matrix @ iterate.pressure
+    np.testing.assert_allclose(iterate.residual, residual, rtol=0, atol=1e-14)
     assert residual.max() <= rtol
-    assert np.abs(residual[found.pressure > 0]).max() <= rtol
+    assert np.abs(residual[iterate.pressure > 0]).max() <= rtol
 
 
 class Spoiled(Dense):
@@ -234,27 +236,29 @@ def spoiled(spoil: Callable[[np.ndarray], np.ndarray]) -> tuple[Iterate, bool, S
     operators = Spoiled(dense.influence_matrix((9, 9), "uniform-pressure").reshape(81, 81), spoil)
     overlap = (heights - heights.max()).reshape(-1) / 0.4 + 1
     with at_most(20):
-        found, converged = solve_complementarity(
+        iterate, converged = solve_complementarity(
             operators, overlap, rtol=1e-9, max_iterations=10**6
         )
-    return found, converged, operators
+    return iterate, converged, operators
 
 
 def test_residuals_that_rounding_keeps_up_end_the_solve() -> None:
-    """Each recomputed residual is off by some 1e-6: no step mends that, none is tried forever."""
+    """Recomputed residuals are off by some 1e-6; no step corrects that, and the solve ends."""
     random = np.random.default_rng(0)
-    found, converged, operators = spoiled(lambda moved: moved + 1e-6 * random.random(81))
+    iterate, converged, operators = spoiled(
+        lambda displacement: displacement + 1e-6 * random.random(81)
+    )
     assert not converged
-    assert found.stalled
+    assert iterate.stalled
     assert operators.applied < 20
-    assert found.violation() < 1e-5
+    assert iterate.violation() < 1e-5
 
 
 def test_what_is_no_number_ends_the_solve() -> None:
-    found, converged, operators = spoiled(lambda moved: moved * np.nan)
+    iterate, converged, operators = spoiled(lambda exact: exact * np.nan)
     assert not converged
     assert operators.applied < 5
-    assert np.isnan(found.residual).all()
+    assert np.isnan(iterate.residual).all()
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
@@ -284,7 +288,7 @@ def test_default_tolerance_finds_the_nodes_in_contact() -> None:
 
 
 def test_threads_do_not_disturb_one_another() -> None:
-    """Filters are scratch space too, so each thread has its own."""
+    """Filters are scratch space too, so that every thread has its own."""
     surfaces = [surface("self-affine", (33, 33), seed) for seed in range(12)]
 
     def force(heights: np.ndarray) -> float:

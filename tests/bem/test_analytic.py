@@ -47,8 +47,8 @@ def test_pressure_carries_the_force(indenter: Indenter, delta: float) -> None:
 @pytest.mark.parametrize("indenter", INDENTERS, ids=repr)
 def test_pressure_moves_the_centre_by_delta(indenter: Indenter, delta: float) -> None:
     """u(0) = integral of p / (pi E* r) over the circle = 2 / E* integral of p dr."""
-    moved = 2 / MODULUS * angle_integral(indenter, delta, power=0)
-    assert moved == pytest.approx(delta, rel=1e-8)
+    computed = 2 / MODULUS * angle_integral(indenter, delta, power=0)
+    assert computed == pytest.approx(delta, rel=1e-8)
 
 
 @pytest.mark.parametrize("delta", [0.01, 1.0, 30.0])
@@ -121,8 +121,8 @@ def test_pressure_makes_the_half_space_fit_the_profile(indenter: PowerLaw) -> No
     radius = indenter.contact_radius(delta)
     for share in (0.1, 0.5, 0.93):
         fitting = delta + float(indenter.heights(np.array(share * radius)))
-        moved = displacement(indenter, delta, share * radius)
-        assert moved == pytest.approx(fitting, rel=0, abs=1e-6 * delta)
+        computed = displacement(indenter, delta, share * radius)
+        assert computed == pytest.approx(fitting, rel=0, abs=1e-6 * delta)
     for share in (1.01, 1.5, 4.0):
         overlap = delta + float(indenter.heights(np.array(share * radius)))
         assert displacement(indenter, delta, share * radius) > overlap

@@ -38,8 +38,8 @@ def displacement(contact: bem.Contact) -> np.ndarray:
     shape = contact.pressure.shape
     table = influence_coefficients(shape, problem.kernel, problem.aspect)
     mirrored = table[np.ix_(*(np.abs(np.arange(1 - nodes, nodes)) for nodes in shape))]
-    moved = fftconvolve(mirrored, contact.pressure, mode="valid")
-    return moved * problem.spacing[0] / problem.modulus
+    reduced = fftconvolve(mirrored, contact.pressure, mode="valid")
+    return reduced * problem.spacing[0] / problem.modulus
 
 
 def gap(contact: bem.Contact) -> np.ndarray:

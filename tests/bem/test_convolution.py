@@ -19,8 +19,8 @@ def random_field(shape: tuple[int, int]) -> np.ndarray:
     return np.random.default_rng(shape).standard_normal(shape)
 
 
-def relative_error(found: np.ndarray, expected: np.ndarray) -> float:
-    return float(np.abs(found - expected).max() / np.abs(expected).max())
+def relative_error(computed: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.abs(computed - expected).max() / np.abs(expected).max())
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
@@ -39,8 +39,8 @@ def test_displacement_is_the_dense_product(shape: tuple[int, int], kernel: Kerne
 def test_displacement_on_oblong_cells(shape: tuple[int, int], aspect: float) -> None:
     pressure = random_field(shape)
     expected = dense.displace(pressure, "uniform-pressure", aspect)
-    found = displacement_filter(shape, "uniform-pressure", aspect)(pressure)
-    assert relative_error(found, expected) < 1e-12
+    displacement = displacement_filter(shape, "uniform-pressure", aspect)(pressure)
+    assert relative_error(displacement, expected) < 1e-12
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
@@ -48,9 +48,9 @@ def test_unit_pressures_give_back_the_coefficients(kernel: Kernel) -> None:
     """A load in a corner sees every offset once, and nothing comes round from the other side."""
     pressure = np.zeros((20, 33))
     pressure[0, -1] = 1
-    found = displacement_filter(pressure.shape, kernel)(pressure)
+    displacement = displacement_filter(pressure.shape, kernel)(pressure)
     np.testing.assert_allclose(
-        found[:, ::-1], influence_coefficients(pressure.shape, kernel), rtol=1e-12
+        displacement[:, ::-1], influence_coefficients(pressure.shape, kernel), rtol=1e-12
     )
 
 
@@ -104,13 +104,13 @@ def test_kept_filters_count_all_that_they_hold() -> None:
     for nodes in (9, 33, 129):
         kept = displacement_filter((nodes, nodes), "uniform-pressure")
         bases: dict[int, np.ndarray] = {}
-        found: list[object] = list(vars(kept).values())
-        while found:
-            each = found.pop()
-            if isinstance(each, list | tuple):
-                found += each
-            elif isinstance(each, np.ndarray):
-                base = each
+        reachable: list[object] = list(vars(kept).values())
+        while reachable:
+            item = reachable.pop()
+            if isinstance(item, list | tuple):
+                reachable += item
+            elif isinstance(item, np.ndarray):
+                base = item
                 while isinstance(base.base, np.ndarray):
                     base = base.base
                 bases[id(base)] = base
@@ -147,10 +147,10 @@ def test_what_filters_occupy_is_bounded_for_all_threads_together(
 
 
 def test_threads_have_filters_of_their_own() -> None:
-    found = []
+    others = []
     work = threading.Thread(
-        target=lambda: found.append(displacement_filter((9, 9), "uniform-pressure"))
+        target=lambda: others.append(displacement_filter((9, 9), "uniform-pressure"))
     )
     work.start()
     work.join()
-    assert found[0] is not displacement_filter((9, 9), "uniform-pressure")
+    assert others[0] is not displacement_filter((9, 9), "uniform-pressure")

@@ -31,13 +31,13 @@ def test_few_nodes_are_solved_alike_by_both_methods(
     heights = surface(kind, shape, seed)
     delta = share * (float(np.ptp(heights)) or 1.0)
     arguments = {"spacing": 1.0, "kernel": kernel, "rtol": 1e-12}
-    found = bem.solve(heights, 1.0, delta, **arguments)
+    exact = bem.solve(heights, 1.0, delta, **arguments)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(displacement_control, "FEW_NODES", 0)
         iterated = bem.solve(heights, 1.0, delta, **arguments)
-    assert found.iterations <= direct.CONTACT_SETS or kernel == "concentrated-force"
+    assert exact.iterations <= direct.CONTACT_SETS or kernel == "concentrated-force"
     largest = iterated.pressure.max()
-    assert np.abs(found.pressure - iterated.pressure).max() < 1e-8 * largest
+    assert np.abs(exact.pressure - iterated.pressure).max() < 1e-8 * largest
 
 
 def test_sets_that_cycle_are_left_to_the_iteration(monkeypatch: pytest.MonkeyPatch) -> None:

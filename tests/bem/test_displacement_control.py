@@ -66,10 +66,10 @@ def test_a_start_that_claims_to_be_the_solution_is_found_out() -> None:
     claimed = ROUGH - ROUGH.max() + 30.0  # as of a solution with every node in contact
     near = 0.9 * alone.pressure
     start = equilibrium.Start(near, claimed)
-    found = displacement_control.on_rigid_far_field(pose(ROUGH, 1000.0, 30.0), 30.0, start)
-    assert found.converged
-    assert found.iterate.effort.convolutions > 1
-    np.testing.assert_array_equal(found.pressure > 0, alone.pressure > 0)
+    reached = displacement_control.on_rigid_far_field(pose(ROUGH, 1000.0, 30.0), 30.0, start)
+    assert reached.converged
+    assert reached.iterate.effort.convolutions > 1
+    np.testing.assert_array_equal(reached.pressure > 0, alone.pressure > 0)
 
 
 @pytest.mark.parametrize("amount", [1e50, 1e300])

@@ -32,14 +32,14 @@ def test_it_solves_the_complementarity_on_its_nodes(
     picked = picked[np.argsort(-interference)]
     interference = np.sort(interference)[::-1].copy()
     matrix = written_out()[np.ix_(picked, picked)]
-    found = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0), picked)
-    pressure, sets = found.solve(interference)
+    factorised = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0), picked)
+    pressure, sets = factorised.solve(interference)
     assert pressure.min() >= 0
     assert 1 <= sets <= 20
     gap = matrix @ pressure - interference
     assert np.abs(gap[pressure > 0]).max(initial=0.0) < 1e-12
     assert gap.min() > -1e-12  # what pulled once always pulls: no node's pressure pulls on another
-    change = found.correct(matrix @ pressure, np.inf)
+    change = factorised.correct(matrix @ pressure, np.inf)
     np.testing.assert_allclose(change, pressure, rtol=0, atol=1e-11)
 
 
@@ -53,14 +53,14 @@ def test_a_correction_puts_back_what_penetrates(
     nodes = np.arange(63)
     heights = np.random.default_rng(8).uniform(-0.2, 0, 63)
     matrix = written_out() - softening
-    found = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0, dtype), nodes)
-    few, _ = found.solve(heights + 0.3, first_contact.far_field_law(softening, 0.0))
+    factorised = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0, dtype), nodes)
+    few, _ = factorised.solve(heights + 0.3, first_contact.far_field_law(softening, 0.0))
     right = matrix @ np.full(63, 0.05)  # under which every node carries load
     pressure = few
     for _ in range(6):
         left = right - matrix @ pressure
         law = first_contact.far_field_law(softening, 0.0)
-        pressure = pressure + found.correct(left, 1e-13, law)
+        pressure = pressure + factorised.correct(left, 1e-13, law)
     assert np.count_nonzero(few) < 63
     assert np.abs(right - matrix @ pressure).max() < 1e-12
 
@@ -69,13 +69,13 @@ def test_a_correction_puts_back_what_penetrates(
 def test_a_load_that_is_given(load: float) -> None:
     """The far field moves until the pressure adds up to the load."""
     heights = np.random.default_rng(5).uniform(-0.2, 0, 63)
-    found = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0), np.arange(63))
-    pressure, _ = found.solve(heights, first_contact.far_field_law(0.0, 0.0, load))
+    factorised = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0), np.arange(63))
+    pressure, _ = factorised.solve(heights, first_contact.far_field_law(0.0, 0.0, load))
     gap = written_out() @ pressure - heights
-    moved = gap[pressure > 0].mean()
+    displacement = gap[pressure > 0].mean()
     assert pressure.sum() == pytest.approx(load, rel=1e-12)
-    assert np.abs(gap[pressure > 0] - moved).max() < 1e-12
-    assert gap[found.kept].min() > moved - 1e-12
+    assert np.abs(gap[pressure > 0] - displacement).max() < 1e-12
+    assert gap[factorised.kept].min() > displacement - 1e-12
 
 
 @pytest.mark.parametrize("softening", [-0.3, 1e-3])
@@ -85,20 +85,20 @@ def test_a_far_field_that_gives_way(softening: float) -> None:
     heights = np.random.default_rng(5).uniform(-0.2, 0, 63)
     common = 1.0 - min(softening, 0)
     matrix = written_out() - softening
-    found = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0), nodes)
+    factorised = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0), nodes)
     law = first_contact.far_field_law(softening, common)
-    pressure, _ = found.solve(heights, law)
+    pressure, _ = factorised.solve(heights, law)
     gap = matrix @ pressure - (heights + common)
     assert 0 < np.count_nonzero(pressure) < 63
     assert np.abs(gap[pressure > 0]).max() < 1e-15 * abs(softening) * 63 + 1e-12
-    assert gap[found.kept].min() > -1e-15 * abs(softening) * 63 - 1e-12
+    assert gap[factorised.kept].min() > -1e-15 * abs(softening) * 63 - 1e-12
 
 
 def test_a_far_field_that_gives_way_too_much_has_no_pressure() -> None:
     nodes = np.arange(63)
-    found = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0), nodes)
+    factorised = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0), nodes)
     with pytest.raises(np.linalg.LinAlgError):
-        found.solve(np.ones(63), first_contact.far_field_law(10.0, 0.0))
+        factorised.solve(np.ones(63), first_contact.far_field_law(10.0, 0.0))
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])

@@ -166,8 +166,8 @@ def test_flat_punch_stays_flat_on_large_grids(nodes: int, kernel: Kernel) -> Non
     pressure = flat_punch((nodes, nodes), kernel)
     table = influence_coefficients((nodes, nodes), kernel)
     mirrored = np.pad(table, ((nodes - 1, 0), (nodes - 1, 0)), mode="reflect")
-    moved = fftconvolve(mirrored, pressure, mode="valid")
-    np.testing.assert_allclose(moved, 1.0, rtol=0, atol=2e-12)
+    displacement = fftconvolve(mirrored, pressure, mode="valid")
+    np.testing.assert_allclose(displacement, 1.0, rtol=0, atol=2e-12)
 
 
 def test_flat_punch_is_kept_and_cannot_be_written() -> None:

@@ -24,12 +24,12 @@ SIDE = 1000.0
 def test_few_nodes_in_contact_are_what_iterations_find(
     monkeypatch: pytest.MonkeyPatch, kernel: Kernel, delta: float, rtol: float
 ) -> None:
-    found = bem.solve(ROUGH, SIDE, delta, kernel=kernel, rtol=rtol)
+    contact = bem.solve(ROUGH, SIDE, delta, kernel=kernel, rtol=rtol)
     monkeypatch.setattr(half_space, "FEW_PER_ROOT", 0.0)
     expected = bem.solve(ROUGH, SIDE, delta, kernel=kernel, rtol=1e-12)
-    assert found.residual <= rtol
-    assert abs(found.contact_nodes - expected.contact_nodes) <= (0 if rtol < 1e-6 else 5)
-    assert found.force == pytest.approx(expected.force, rel=10 * rtol)
+    assert contact.residual <= rtol
+    assert abs(contact.contact_nodes - expected.contact_nodes) <= (0 if rtol < 1e-6 else 5)
+    assert contact.force == pytest.approx(expected.force, rel=10 * rtol)
 
 
 def at_load(load: str, delta: float, **settings: Any) -> bem.Contact:
@@ -73,9 +73,9 @@ def settled(lost: int, most_sets: int = 50) -> tuple[Iterate, Iterate]:
 
 @pytest.mark.parametrize("lost", [0, 1, 20, 100])
 def test_nodes_that_were_lost_are_found_again(lost: int) -> None:
-    _, found = settled(lost)
-    assert found.exact
-    assert found.violation() <= 1e-12
+    _, iterate = settled(lost)
+    assert iterate.exact
+    assert iterate.violation() <= 1e-12
 
 
 def test_many_nodes_and_singular_matrices_are_left_as_they_were(

@@ -13,7 +13,7 @@ SIDE = 1000.0  # um; with R, the example of the paper's section 2.4
 SPHERE = Paraboloid(5000.0)
 
 
-def pressed(
+def solved(
     indenter: Indenter, nodes: int, delta: float, kernel: Kernel = "uniform-pressure"
 ) -> bem.Contact:
     heights = indenter.heights(distances_to_centre((nodes, nodes), SIDE))
@@ -34,7 +34,7 @@ def area(contact: bem.Contact) -> float:
 @pytest.mark.parametrize("delta", [0.25, 0.5, 0.75, 1.0])
 def test_uniform_pressure_meets_hertz(nodes: int, delta: float) -> None:
     """The paper's example: force within 1 %, area within a ring of cells, above it at the end."""
-    contact = pressed(SPHERE, nodes, delta)
+    contact = solved(SPHERE, nodes, delta)
     radius = SPHERE.contact_radius(indentation(contact))
     ring = 2 * np.pi * radius * contact.problem.spacing[0]
     assert contact.force == pytest.approx(SPHERE.force(indentation(contact)), rel=1e-2)
@@ -45,7 +45,7 @@ def test_uniform_pressure_meets_hertz(nodes: int, delta: float) -> None:
 @pytest.mark.parametrize(("nodes", "excess"), [(128, 0.03), (129, 0.03), (256, 0.02), (257, 0.02)])
 def test_concentrated_force_is_stiff_as_in_the_papers_figure(nodes: int, excess: float) -> None:
     """At Delta = 1 the force is 1 to 3 % high and the area low, both less so on a finer grid."""
-    contact = pressed(SPHERE, nodes, 1.0, "concentrated-force")
+    contact = solved(SPHERE, nodes, 1.0, "concentrated-force")
     radius = SPHERE.contact_radius(indentation(contact))
     assert 0.01 < contact.force / SPHERE.force(indentation(contact)) - 1 < excess
     assert area(contact) < np.pi * radius**2
@@ -58,7 +58,7 @@ def test_concentrated_force_is_stiff_as_in_the_papers_figure(nodes: int, excess:
 @pytest.mark.parametrize("nodes", [128, 129, 256, 257])
 def test_pressure_profile_is_hertz(nodes: int, kernel: Kernel, accepted: float) -> None:
     """As a share of the largest pressure, but for the last two cells before the edge."""
-    contact = pressed(SPHERE, nodes, 1.0, kernel)
+    contact = solved(SPHERE, nodes, 1.0, kernel)
     spacing = contact.problem.spacing[0]
     distance = distances_to_centre((nodes, nodes), SIDE)
     exact = SPHERE.pressure(distance, indentation(contact))
@@ -70,7 +70,7 @@ def test_pressure_profile_is_hertz(nodes: int, kernel: Kernel, accepted: float) 
 
 def force_errors(indenter: Indenter, delta: float) -> list[float]:
     """Relative error of the force on 33, 65, 129 and 257 nodes a side."""
-    contacts = [pressed(indenter, nodes, delta) for nodes in (33, 65, 129, 257)]
+    contacts = [solved(indenter, nodes, delta) for nodes in (33, 65, 129, 257)]
     return [abs(contact.force / indenter.force(delta) - 1) for contact in contacts]
 
 
@@ -91,7 +91,7 @@ def test_force_converges_under_refinement(
 def test_cone_meets_its_closed_form() -> None:
     """Area within half a ring of cells; pressure within 0.5 % of E* slope but for tip and edge."""
     cone, delta = Cone(0.01), 3.0
-    contact = pressed(cone, 129, delta)
+    contact = solved(cone, 129, delta)
     spacing, radius = contact.problem.spacing[0], cone.contact_radius(delta)
     distance = distances_to_centre((129, 129), SIDE)
     exact = cone.pressure(distance, delta)
@@ -103,7 +103,7 @@ def test_cone_meets_its_closed_form() -> None:
 def test_flat_punch_meets_its_closed_form() -> None:
     """Contact on its face alone; pressure within 1 % up to three quarters of its radius."""
     punch = FlatPunch(200.0)
-    contact = pressed(punch, 129, 1.0)
+    contact = solved(punch, 129, 1.0)
     distance = distances_to_centre((129, 129), SIDE)
     np.testing.assert_array_equal(contact.pressure > 0, distance <= 200.0)
     within = distance < 150.0

@@ -31,7 +31,7 @@ def largest_table() -> np.ndarray:
 
 
 def random_offsets(count: int, farthest: int) -> list[tuple[int, int]]:
-    """Offsets in every direction, as many at each order of magnitude of the distance."""
+    """Offsets in every direction, as many at every order of magnitude of the distance."""
     random = np.random.default_rng(2025)
     distance = np.maximum(farthest ** random.random(count), 2)
     angle = random.uniform(0, np.pi / 2, count)

@@ -94,7 +94,7 @@ def test_turning_a_patch_turns_its_sides() -> None:
 
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_two_far_spikes_carry_twice_the_load_of_one(kernel: Kernel) -> None:
-    """But for the displacement 1 / (pi r) per unit of force that each gives the other."""
+    """But for the displacement 1 / (pi r) per unit of force that one gives the other."""
     one = np.zeros((9, 257))
     one[4, 4] = 100.0
     two = one.copy()

@@ -64,9 +64,9 @@ def test_ladders_of_forces_and_pressures(
     unit = 1e6 * (65 / 64) ** 2 if name == "forces" else 1.0  # um2 of all cells
     settings: dict[str, Any] = {"modulus": 2.0, "far_field": far_field, "rtol": 1e-9}
     given: dict[str, Any] = {name: [unit * load for load in loads]}
-    found = list(bem.ladder(ROUGH, 1000.0, **given, **settings))
-    assert len(found) == len(loads)
-    for contact, load in zip(found, loads, strict=True):
+    contacts = list(bem.ladder(ROUGH, 1000.0, **given, **settings))
+    assert len(contacts) == len(loads)
+    for contact, load in zip(contacts, loads, strict=True):
         alone = bem.solve(ROUGH, 1000.0, pressure=load, **settings)
         assert contact.contact_nodes == alone.contact_nodes
         assert contact.force == pytest.approx(1e6 * (65 / 64) ** 2 * load, rel=2e-6)

@@ -54,12 +54,12 @@ ROUGH = generate("diamond-square", 129, 0.65, 12.5, np.random.default_rng(4))
 def test_it_is_cheap_and_exact_on_rough_surfaces(delta: float, far_field: str) -> None:
     """The count of convolutions is the cost; its mean ratio is in `pytest bench -k given_force`."""
     expected = bem.solve(ROUGH, 1000.0, delta, modulus=3.0, far_field=far_field)
-    found = bem.solve(ROUGH, 1000.0, force=expected.force, modulus=3.0, far_field=far_field)
-    assert found.force == pytest.approx(expected.force, rel=2e-6)
-    assert found.delta == pytest.approx(delta, rel=5e-6)
-    assert found.approach == pytest.approx(expected.approach, rel=5e-6)
-    assert abs(found.contact_nodes - expected.contact_nodes) <= 1
-    assert found.convolutions <= 60
+    contact = bem.solve(ROUGH, 1000.0, force=expected.force, modulus=3.0, far_field=far_field)
+    assert contact.force == pytest.approx(expected.force, rel=2e-6)
+    assert contact.delta == pytest.approx(delta, rel=5e-6)
+    assert contact.approach == pytest.approx(expected.approach, rel=5e-6)
+    assert abs(contact.contact_nodes - expected.contact_nodes) <= 1
+    assert contact.convolutions <= 60
 
 
 def test_a_given_force_takes_hardly_more_convolutions_than_a_given_displacement() -> None:
@@ -67,7 +67,9 @@ def test_a_given_force_takes_hardly_more_convolutions_than_a_given_displacement(
     deltas = np.linspace(6.0, 30.0, 9)
     given_delta = [bem.solve(ROUGH, 1000.0, delta) for delta in deltas]
     given_force = [bem.solve(ROUGH, 1000.0, force=contact.force) for contact in given_delta]
-    counts = [sum(each.convolutions for each in some) for some in (given_force, given_delta)]
+    counts = [
+        sum(contact.convolutions for contact in contacts) for contacts in (given_force, given_delta)
+    ]
     assert counts[0] <= 1.5 * counts[1]
 
 
@@ -96,13 +98,13 @@ def test_a_root_is_found_where_contact_sets_cycle(monkeypatch: pytest.MonkeyPatc
     solved = load_control._on_few_nodes_or_all
 
     def cycling(*arguments: Any) -> Any:
-        found = solved(*arguments)
-        return replace(found, converged=False, approach=0.3 * found.approach)
+        equilibrium = solved(*arguments)
+        return replace(equilibrium, converged=False, approach=0.3 * equilibrium.approach)
 
     monkeypatch.setattr(load_control, "_on_few_nodes_or_all", cycling)
-    found = bem.solve(ROUGH, 1000.0, force=expected.force)
-    assert found.force == pytest.approx(expected.force, rel=1e-14)
-    assert found.delta == pytest.approx(25.0, rel=1e-6)
+    contact = bem.solve(ROUGH, 1000.0, force=expected.force)
+    assert contact.force == pytest.approx(expected.force, rel=1e-14)
+    assert contact.delta == pytest.approx(25.0, rel=1e-6)
     with pytest.raises(bem.NotConverged) as stopped:
         bem.solve(ROUGH, 1000.0, force=expected.force, max_iterations=12, rtol=1e-12)
     assert stopped.value.contact.residual > 1e-12
@@ -171,11 +173,11 @@ def test_residual_and_force_are_what_is_said(rtol: float, far_field: str) -> Non
 
 @pytest.mark.parametrize("most", [1, 2, 5])
 def test_what_is_reached_before_the_bound_makes_sense(most: int) -> None:
-    found = bem.solve(ROUGH, 1000.0, pressure=0.02)
+    contact = bem.solve(ROUGH, 1000.0, pressure=0.02)
     with pytest.raises(bem.NotConverged, match="raise max_iterations") as stopped:
         bem.solve(ROUGH, 1000.0, pressure=0.02, max_iterations=most, rtol=1e-12)
     reached = stopped.value.contact
-    assert found.delta / 3 < reached.delta < 3 * found.delta
+    assert contact.delta / 3 < reached.delta < 3 * contact.delta
     assert reached.pressure.mean() == pytest.approx(0.02, rel=1e-12)
     gap = np.where(reached.pressure > 0, np.abs(reached.gap), -reached.gap)
     assert reached.residual == pytest.approx(gap.max() / reached.approach, rel=1e-9)

@@ -13,8 +13,8 @@ from bench.references import dense
 from gen.surface import generate
 
 
-def relative_error(found: np.ndarray, expected: np.ndarray) -> float:
-    return float(np.abs(found - expected).max() / np.abs(expected).max())
+def relative_error(computed: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.abs(computed - expected).max() / np.abs(expected).max())
 
 
 def matrix_of(operator: Filter) -> np.ndarray:
@@ -44,7 +44,7 @@ def test_circulant_inverse_is_positive_definite_on_any_nodes(
 def test_circulant_inverse_belongs_to_the_nearest_circulant(
     shape: tuple[int, int], periods: tuple[int, int], kernel: Kernel
 ) -> None:
-    """In the Frobenius norm that is the mean over each wrapped diagonal (T. Chan 1988)."""
+    """In the Frobenius norm that is the mean over a wrapped diagonal (T. Chan 1988)."""
     matrix = dense.influence_view(periods, kernel)
     i, j = np.ogrid[: periods[0], : periods[1]]
     nearest = np.empty((*periods, *periods))
@@ -54,8 +54,8 @@ def test_circulant_inverse_belongs_to_the_nearest_circulant(
     nodes = periods[0] * periods[1]
     inverse = np.linalg.inv(nearest.reshape(nodes, nodes)).reshape(*periods, *periods)
     part = inverse[: shape[0], : shape[1], : shape[0], : shape[1]]
-    found = matrix_of(circulant_inverse(shape, kernel, dtype="float64"))
-    assert relative_error(found, part.reshape(found.shape)) < 1e-12
+    computed = matrix_of(circulant_inverse(shape, kernel, dtype="float64"))
+    assert relative_error(computed, part.reshape(computed.shape)) < 1e-12
 
 
 def restricted_matrix(

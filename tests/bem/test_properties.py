@@ -232,15 +232,15 @@ def test_every_start_leads_to_the_same_pressure(
     random = np.random.default_rng(seed)
     pressure = scale * random.random(overlap.size) * (random.random(overlap.size) < loaded)
     start = Iterate(pressure, overlap - operators.displace(pressure))
-    found, converged = solve_complementarity(
+    iterate, converged = solve_complementarity(
         operators, overlap, rtol=RTOL, max_iterations=5000, start=start
     )
     assert converged
     expected, gap = dense.press(heights, depth, kernel)
-    np.testing.assert_allclose(found.pressure, expected.reshape(-1), rtol=0, atol=UNDECIDED)
+    np.testing.assert_allclose(iterate.pressure, expected.reshape(-1), rtol=0, atol=UNDECIDED)
     decided = ((expected > UNDECIDED) | (gap > UNDECIDED)).reshape(-1)
     contact = expected.reshape(-1) > UNDECIDED
-    np.testing.assert_array_equal((found.pressure > 0)[decided], contact[decided])
+    np.testing.assert_array_equal((iterate.pressure > 0)[decided], contact[decided])
 
 
 @settings(max_examples=60)
@@ -268,12 +268,12 @@ def test_every_start_leads_to_the_same_pressure_on_a_compliant_far_field(
     pressure = scale * random.random(overlap.size) * (random.random(overlap.size) < loaded)
     start = Iterate(pressure, overlap - operators.displace(pressure))
     descend(operators, overlap, start, steps=300)
-    found, converged = solve_complementarity(
+    iterate, converged = solve_complementarity(
         operators, overlap, rtol=RTOL, max_iterations=5000, start=start
     )
     assert converged
-    approach = 1 + softening * found.pressure.sum()
+    approach = 1 + softening * iterate.pressure.sum()
     expected, _ = dense.press(heights, delta * approach, kernel)
     np.testing.assert_allclose(
-        found.pressure, approach * expected.reshape(-1), rtol=0, atol=UNDECIDED * approach
+        iterate.pressure, approach * expected.reshape(-1), rtol=0, atol=UNDECIDED * approach
     )

@@ -70,8 +70,8 @@ def displacement(contact: bem.Contact) -> np.ndarray:
     """(nx, ny) [um]."""
     problem = contact.problem
     coefficients = table(contact.pressure.shape, problem.kernel, problem.aspect)
-    moved = signal.convolve(coefficients, contact.pressure, mode="valid", method="direct")
-    return moved * problem.spacing[0] / problem.modulus
+    reduced = signal.convolve(coefficients, contact.pressure, mode="valid", method="direct")
+    return reduced * problem.spacing[0] / problem.modulus
 
 
 def gap(contact: bem.Contact) -> np.ndarray:
