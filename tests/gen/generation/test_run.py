@@ -15,7 +15,7 @@ from gen import cli
 from gen.database import Reader
 from gen.schema import PHYSICS, PHYSICS_CHANGES
 
-SAMPLE = Path(__file__).resolve().parents[2] / "examples" / "sample.h5"
+SAMPLE = Path(__file__).resolve().parents[3] / "examples" / "sample.h5"
 SCENE = "samples = {}\nsamples_per_surface = 2\n{}\n[surface]\nnodes = 17\n"
 
 
