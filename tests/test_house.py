@@ -1,6 +1,7 @@
 """The rules that keep the house easy to live in: who imports what, and when."""
 
 import ast
+import functools
 import graphlib
 import re
 import subprocess
@@ -29,6 +30,12 @@ ONE_HOME = {
     "sklearn": {"learn", "bench"},
     "xgboost": {"learn/models.py"},
 }
+REPORTS = {
+    *("bench.circumstances", "bench.databases", "bench.files", "bench.page", "bench.picture"),
+    *("bench.report", "bench.style", "bench.table"),
+}
+"""What the rooms of every report may import."""
+
 ROOMS = {
     "gen.runtime": set(),
     "gen.database": {"gen.runtime", "gen.scene", "gen.schema"},
@@ -37,8 +44,54 @@ ROOMS = {
         *("gen.arrays", "gen.database", "gen.runtime", "gen.scene", "gen.schema"),
         *("gen.statistics", "gen.surface"),
     },
+    "learn.features": {"learn.arrays", "learn.executor"},
+    "learn.comparison.search": {
+        *("learn.arrays", "learn.comparison.records", "learn.comparison.training_data"),
+        *("learn.executor", "learn.features", "learn.kernel_ridge", "learn.memory"),
+        *("learn.models", "learn.split"),
+    },
+    "learn.comparison": {
+        *("learn.arrays", "learn.dataset", "learn.executor", "learn.features"),
+        *("learn.kernel_ridge", "learn.memory", "learn.metrics", "learn.models"),
+        *("learn.request", "learn.split", "learn.target"),
+    },
+    "learn.surrogate.law": {
+        *("learn.arrays", "learn.features", "learn.reading", "learn.surrogate"),
+    },
+    "learn.surrogate": {
+        *("learn.arrays", "learn.comparison", "learn.dataset", "learn.executor"),
+        *("learn.features", "learn.memory", "learn.metrics", "learn.models"),
+        *("learn.reading", "learn.request", "learn.split", "learn.target"),
+    },
+    "learn.commands": {
+        *("learn.comparison", "learn.executor", "learn.features", "learn.models"),
+        *("learn.reading", "learn.request", "learn.surrogate"),
+    },
+    "bench.references": set(),
+    "bench.solvers": {"bench.references"},
+    "bench.ledger": set(),
+    "bench.page": {"bench.circumstances", "bench.databases", "bench.files", "bench.table"},
+    "bench.scale": REPORTS,
+    "bench.stability": {*REPORTS, "bench.references"},
+    "bench.surrogates": REPORTS,
+    "bench.work_precision": {*REPORTS, "bench.solvers"},
+    "bench.peers": {*REPORTS, "bench.solvers"},
+    "bench.paper": {*REPORTS, "bench.hertz", "bench.surrogates"},
+    "bench.commands": {"bench"},
 }
-"""What each room may import of its own package: `gen.runtime` is below everything of `gen`."""
+"""What each room may import of its own package; `gen.runtime` is below everything of `gen`."""
+
+TESTED_TOGETHER = {
+    "tests/bem/test_convergence.py": "the study of orders of convergence, which only tests use",
+    "tests/bem/test_indenters.py": "a property of all solves: pressed indenters",
+    "tests/bem/test_invariances.py": "a property of all solves: symmetries and scalings",
+    "tests/bem/test_properties.py": "a property of all solves: complementarity, uniqueness ...",
+    "tests/bem/test_recomputation.py": "a contact's numbers, computed again without bem",
+    "tests/gen/test_bad_input.py": "bad input of every command",
+    "tests/gen/test_parts.py": "parts of databases, in every command that reads or writes them",
+    "tests/learn/test_crafted_databases.py": "crafted files, for every command that reads them",
+}
+"""Tests that are named after a property of many modules, and the property."""
 
 BEM_NEEDS = {"numpy", "scipy", "pyfftw", "threadpoolctl"}
 NUMERICS = {"numpy", "scipy", "pyfftw", "h5py", "mpi4py", "matplotlib", "sklearn", "pandas"}
@@ -85,6 +138,7 @@ def room_of(module: str) -> str:
     return module.rpartition(".")[0]
 
 
+@functools.cache
 def arrows(package: str) -> dict[str, set[str]]:
     """The other rooms of a package that each of its rooms imports."""
     found: dict[str, set[str]] = {}
@@ -103,21 +157,36 @@ def test_no_rooms_import_each_other(package):
     graphlib.TopologicalSorter(arrows(package)).prepare()  # CycleError names the circle
 
 
+def imported_by(room: str) -> set[str]:
+    """What a room, with the rooms inside it, imports of the rest of its package."""
+    inside = f"{room}."
+    return {
+        target
+        for source, targets in arrows(room.partition(".")[0]).items()
+        if f"{source}.".startswith(inside)
+        for target in targets
+        if not f"{target}.".startswith(inside)
+    }
+
+
 @pytest.mark.parametrize("room", ROOMS)
 def test_rooms_import_what_is_below_them(room):
-    package = room.partition(".")[0]
-    found = {
+    strangers = [
         target
-        for source, targets in arrows(package).items()
-        if source == room or source.startswith(f"{room}.")
-        for target in targets
-        if target != room and not target.startswith(f"{room}.")
-    }
-    allowed = ROOMS[room]
-    strangers = [t for t in found if not any(f"{t}.".startswith(f"{a}.") for a in allowed)]
+        for target in imported_by(room)
+        if not any(f"{target}.".startswith(f"{below}.") for below in ROOMS[room])
+    ]
     assert not strangers, f"{room} imports {strangers}"
-    unused = [a for a in allowed if not any(f"{t}.".startswith(f"{a}.") for t in found)]
-    assert not unused, f"{room} does not import {unused}: drop them from its rule"
+
+
+@pytest.mark.parametrize("room", [room for room in ROOMS if not room.startswith("bench.")])
+def test_rules_of_rooms_hold_no_more_than_is_imported(room):
+    unused = [
+        below
+        for below in ROOMS[room]
+        if not any(f"{target}.".startswith(f"{below}.") for target in imported_by(room))
+    ]
+    assert not unused, f"{room} does not import {unused}: take them out of its rule"
 
 
 def rooms_of(package: str) -> set[str]:
@@ -127,9 +196,28 @@ def rooms_of(package: str) -> set[str]:
     return rooms - {package}
 
 
-@pytest.mark.parametrize("package", ["gen"])
+@pytest.mark.parametrize("package", MAY_IMPORT)
 def test_every_room_has_a_rule(package):
-    assert {room for room in ROOMS if room.startswith(f"{package}.")} == rooms_of(package)
+    """A room inside another one has the rule of that, unless it has one of its own."""
+    for room in rooms_of(package):
+        assert any(f"{room}.".startswith(f"{ruled}.") for ruled in ROOMS), f"{room} has no rule"
+    assert {room for room in ROOMS if room.startswith(f"{package}.")} <= rooms_of(package)
+
+
+def is_named_after_a_module(test: Path) -> bool:
+    """Whether tests/PACKAGE/ROOM/test_NAME.py has a module, or a room, PACKAGE/ROOM/NAME."""
+    home = ROOT / test.relative_to("tests").parent / test.stem.removeprefix("test_")
+    return home.with_suffix(".py").is_file() or (home / "__init__.py").is_file()
+
+
+def test_tests_are_named_after_the_modules_that_they_test():
+    tests = [
+        path.relative_to(ROOT)
+        for package in MAY_IMPORT
+        for path in sorted((ROOT / "tests" / package).rglob("test_*.py"))
+    ]
+    other = {path.as_posix() for path in tests if not is_named_after_a_module(path)}
+    assert other == TESTED_TOGETHER.keys()
 
 
 @pytest.mark.parametrize("library", ONE_HOME)
