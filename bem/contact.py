@@ -4,8 +4,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bem.arrays import Field, Mask
 from bem.convolution import displacement_filter
 from bem.displacement_control import on_compliant_far_field, on_rigid_far_field
 from bem.equilibrium import Equilibrium, Start
@@ -15,7 +16,6 @@ from bem.problem import (
     MAX_ITERATIONS,
     RTOL,
     FarField,
-    Field,
     Problem,
     checked_start,
     pose,
@@ -107,10 +107,10 @@ class Contact:
         return 100.0 * int(np.count_nonzero(self._yielded)) / self.pressure.size
 
     @property
-    def _yielded(self) -> NDArray[np.bool_]:
+    def _yielded(self) -> Mask:
         """Nodes whose pressure is the hardness, (nx, ny)."""
         hardness = np.inf if self.problem.hardness is None else self.problem.hardness
-        yielded: NDArray[np.bool_] = self.pressure >= hardness
+        yielded: Mask = self.pressure >= hardness
         return yielded
 
     @property
@@ -144,9 +144,11 @@ class NotConverged(ArithmeticError):
 
     Attributes
     ----------
-    contact : its residual is above the tolerance that its problem asks for
-    stalled : whether rounding left no step that would come nearer, so that more iterations would
-        change nothing; else the bound on them was met
+    contact : Contact
+        The contact reached, whose residual is above the tolerance of its problem.
+    stalled : bool
+        Whether rounding left no step that would come nearer, so that more iterations would change
+        nothing; otherwise the bound on iterations was met.
     """
 
     def __init__(self, contact: Contact, stalled: bool = False) -> None:
@@ -162,7 +164,7 @@ class NotConverged(ArithmeticError):
         )
 
     def __reduce__(self) -> tuple[type["NotConverged"], tuple[Contact, bool]]:
-        """Say how to copy it to another process."""
+        """Let the error be pickled, so that worker processes can raise it."""
         return NotConverged, (self.contact, self.stalled)
 
 
@@ -293,46 +295,59 @@ def equilibrium_of(
     return on_rigid_far_field(problem, problem.delta, near, keep_displacement=keep_displacement)
 
 
-def contact_of(problem: Problem, found: Equilibrium | None) -> Contact:
-    """Give a reduced pressure its units back; refuse to pass an unconverged one as a result."""
-    if found is None:
+def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:
+    """Convert an equilibrium from reduced units to a `Contact`.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem that was solved.
+    equilibrium : Equilibrium or None
+        Its equilibrium; None if the bodies are apart or just touch.
+
+    Raises
+    ------
+    NotConverged
+        If the equilibrium does not meet the tolerance of the problem.
+    """
+    if equilibrium is None:
         return _untouched(problem)
-    unit = found.length / problem.spacing[0] * problem.modulus
-    touching = int(np.count_nonzero(found.pressure > 0))
-    pressure = found.pressure * unit
+    unit = equilibrium.length / problem.spacing[0] * problem.modulus
+    touching = int(np.count_nonzero(equilibrium.pressure > 0))
+    pressure = equilibrium.pressure * unit
     if problem.hardness is not None:  # units may have cost the last digit
         pressure[np.abs(pressure - problem.hardness) <= ULPS * problem.hardness] = problem.hardness
     pressure.setflags(write=False)
     contact = Contact(
         problem=problem,
         pressure=pressure,
-        force=float(found.pressure.sum()) * unit * (problem.spacing[0] * problem.spacing[1]),
-        area_percent=100.0 * touching / found.pressure.size,
+        force=float(equilibrium.pressure.sum()) * unit * (problem.spacing[0] * problem.spacing[1]),
+        area_percent=100.0 * touching / equilibrium.pressure.size,
         contact_nodes=touching,
-        delta=found.delta,
-        approach=found.approach,
-        residual=found.iterate.violation(),
-        iterations=found.iterate.effort.iterations,
-        convolutions=found.iterate.effort.convolutions,
+        delta=equilibrium.delta,
+        approach=equilibrium.approach,
+        residual=equilibrium.iterate.violation(),
+        iterations=equilibrium.iterate.effort.iterations,
+        convolutions=equilibrium.iterate.effort.convolutions,
     )
-    if found.converged:
+    if equilibrium.converged:
         return contact
-    # Nodes that the solver left aside count too, if it did not arrive.
-    contact = replace(contact, residual=_violation(contact) / found.length)
+    # Without convergence, nodes that the solver left aside count too.
+    contact = replace(contact, residual=_violation(contact) / equilibrium.length)
     exceeded = problem.hardness is not None and contact.largest_pressure > problem.hardness
     if exceeded or not contact.residual <= problem.rtol:  # a residual that is nan is refused too
-        raise NotConverged(contact, found.iterate.stalled)
+        raise NotConverged(contact, equilibrium.iterate.stalled)
     return contact
 
 
 def _violation(contact: Contact) -> float:
-    """Largest |gap| in contact or penetration outside, by one convolution [um]."""
-    open_or_pulled = np.where(contact.pressure > 0, np.abs(contact.gap), -contact.gap)
-    return max(float(open_or_pulled.max()), 0.0)
+    """Compute the largest |gap| in contact or penetration outside, by one convolution [um]."""
+    violations = np.where(contact.pressure > 0, np.abs(contact.gap), -contact.gap)
+    return max(float(violations.max()), 0.0)
 
 
 def _untouched(problem: Problem) -> Contact:
-    """The bodies are apart, or just touch."""
+    """Return the contact of bodies that are apart or just touch."""
     pressure = np.zeros(problem.heights.shape)
     pressure.setflags(write=False)
     return Contact(

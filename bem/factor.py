@@ -11,9 +11,8 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bem.arrays import Nodes, Real, Values
+from bem.arrays import Mask, Nodes, Real, Values
 from bem.influence import InfluenceMatrix
 
 # Maps the sum of the pressure under u, and its sum under a unit displacement, to the displacement
@@ -182,7 +181,7 @@ class ContactFactor:
         self._removed = np.concatenate([self._removed, nodes])
         self._gram = self._factorised(self._columns.T @ self._columns)
 
-    def _return(self, nodes: NDArray[np.bool_]) -> None:
+    def _return(self, nodes: Mask) -> None:
         """Drop the columns of V of some removed nodes, which may then carry pressure again."""
         self._columns, self._removed = self._columns[:, ~nodes], self._removed[~nodes]
         if self._removed.size:
