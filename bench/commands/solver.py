@@ -47,19 +47,25 @@ def peers(
         str, typer.Option(metavar="UM,...", help="Displacements of the far field.")
     ] = "5,25,45",
     rounds: Annotated[int, typer.Option(min=1, help="Turns; medians count.")] = 4,
+    hardness: Annotated[
+        str, typer.Option(metavar="RATIO,...", help="Over E*: bodies that yield, DIR/hardness.csv.")
+    ] = "",
 ) -> None:
     """Compare with other solvers, and with the paper's algorithm, at equal accuracy.
 
     ContactMechanics, Tamaas and ASPHER where they are installed, on surfaces with H = 0.65 and
     sigma0 = 20 um: each at the loosest tolerance that gives force and contact well enough, timed
     in turn. Minutes at 129 and 257 nodes, much longer beyond. Prints tables, writes
-    DIR/peers.csv and DIR/peers.png.
+    DIR/peers.csv and DIR/peers.png. With --hardness, bodies that yield: the solvers that know a
+    hardness, DIR/hardness.csv and .png, and loads up to full contact, DIR/hardness-loads.csv.
     """
     from bench.peers.report import report
 
     sizes, loads = numbers("nodes", nodes, int), numbers("deltas", deltas, float)
-    require_place(output, "peers.csv", "peers.png")
-    tell(output, report(sizes, loads, rounds, typer.echo))
+    ratios = numbers("hardness", hardness, float) if hardness else []
+    names = ["hardness.csv", "hardness-loads.csv", "hardness.png"]
+    require_place(output, *(names if ratios else ["peers.csv", "peers.png"]))
+    tell(output, report(sizes, loads, rounds, typer.echo, ratios))
 
 
 def growth(

@@ -22,7 +22,7 @@ class Errors:
     Attributes
     ----------
     load_error : relative error of the force, or of the displacement where the force is given [1]
-    misplaced_nodes : nodes in contact in it or in the reference, not in both
+    misplaced_nodes : nodes in contact, or that have yielded, in it or in the reference, not in both
     pressure_error : largest error of a pressure over the largest pressure [1]
     """
 
@@ -52,9 +52,11 @@ def find_errors(pressure: Field, control: Control, case: Case, exact: Exact) -> 
         load_error = (pressure * approach).sum() / pressure.sum() / case.delta - 1
     else:
         load_error = pressure.sum() * case.spacing**2 / exact.force - 1
+    touching = (pressure > 0) != (exact.pressure > 0)
+    yielded = case.yielded(pressure) != case.yielded(exact.pressure)
     return Errors(
         load_error=abs(float(load_error)),
-        misplaced_nodes=int(np.count_nonzero((pressure > 0) != (exact.pressure > 0))),
+        misplaced_nodes=int(np.count_nonzero(touching) + np.count_nonzero(yielded)),
         pressure_error=float(np.abs(pressure - exact.pressure).max() / exact.pressure.max()),
     )
 

@@ -25,6 +25,7 @@ class Row:
     ----------
     nodes, hurst, sigma0, delta : the contact, see `Sample`; sigma0 and delta in um
     contact_nodes : nodes in contact in the reference
+    hardness, yielded_nodes : over E*, None for elastic bodies, and nodes of the reference at it
     solver, version : which
     control : what it was given, "displacement" or "force"
     set_up_seconds : CPU time of making what serves all contacts on the grid [s]
@@ -32,6 +33,7 @@ class Row:
     seconds : CPU time of a solve after that, median [s]
     times_ours : `seconds` over that of the first solver, ours [1]
     load_error, misplaced_nodes, pressure_error : see `Errors`
+    convolutions : applications of the influence matrix, None if the solver does not count them
     remark : why there are no numbers
     """
 
@@ -51,6 +53,9 @@ class Row:
     misplaced_nodes: int | None = None
     pressure_error: float | None = None
     remark: str = ""
+    hardness: float | None = None
+    yielded_nodes: int = 0
+    convolutions: int | None = None
 
 
 class Trial:
@@ -75,8 +80,11 @@ class Trial:
         self._case = case
         self._exact = find_exact(case, REFERENCE_RTOL)
         self.contact_nodes = int(np.count_nonzero(self._exact.pressure > 0))
-        self._tried: dict[float, tuple[Errors, float]] = {}
+        self.yielded_nodes = int(np.count_nonzero(case.yielded(self._exact.pressure)))
+        self.convolutions: int | None = None
+        self._tried: dict[float, tuple[Errors, float, int | None]] = {}
         self._seconds: list[float] = []
+        self._failed = 0.0
 
     def find_tolerance(self, guess: float) -> None:
         """Search the solver's ladder."""
@@ -85,22 +93,25 @@ class Trial:
             return
         self.tolerance = loosest(self._good_enough, self.solver.ladder, guess)
         if self.tolerance is not None:
-            self.errors, seconds = self._tried[self.tolerance]
+            self.errors, seconds, self.convolutions = self._tried[self.tolerance]
             self._seconds = [seconds] if seconds > PATIENCE else []
             self.remark = ""
         elif not self.remark:
             self.remark = f"not good enough at {self.solver.ladder[-1]:.0e}"
 
     def _good_enough(self, tolerance: float) -> bool:
+        if tolerance < self._failed:  # whoever does not reach one tolerance reaches no tighter one
+            return False
         began = time.process_time()
         try:
-            pressure = self.solver.solve(self._case, tolerance).pressure
+            answer = self.solver.solve(self._case, tolerance)
         except Failure as failure:
+            self._failed = tolerance
             self.remark = f"tolerance {tolerance:.0e}: {failure}"
             return False
         seconds = time.process_time() - began
-        errors = find_errors(pressure, self.solver.control, self._case, self._exact)
-        self._tried[tolerance] = errors, seconds
+        errors = find_errors(answer.pressure, self.solver.control, self._case, self._exact)
+        self._tried[tolerance] = errors, seconds, answer.convolutions
         return errors.good_enough(self.contact_nodes)
 
     def take_turn(self) -> None:
@@ -183,5 +194,8 @@ def _rows(
             tolerance=trial.tolerance if good else None,
             seconds=trial.seconds if good else None,
             times_ours=trial.seconds / ours if good and trial.seconds and ours else None,
+            hardness=sample.hardness,
+            yielded_nodes=trial.yielded_nodes,
+            convolutions=trial.convolutions if good else None,
             **(asdict(trial.errors) if good and trial.errors else {}),
         )

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,8 @@ from rich.table import Table
 from bench.page import content
 from bench.peers.accuracy import LOAD_ERROR, MISPLACED_SHARE
 from bench.peers.compare import Row, compare
-from bench.peers.sample import samples
+from bench.peers.loads import Pressed, up_to_full_contact
+from bench.peers.sample import samples, yielding_samples
 from bench.picture import new_figure
 from bench.report import Report
 from bench.solvers.others import OTHERS, installed, missing
@@ -23,6 +25,45 @@ from bench.table import read_table
 from gen.runtime.errors import InputError
 
 OWN = (BEM, PAPERS)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How rows are shown: a table, and a column of the picture, for each group of them.
+
+    Attributes
+    ----------
+    group : callable
+        Returns the key by which rows belong together.
+    title : callable
+        Returns the name of a row's group.
+    setting, detail : callable
+        Return the quantity that varies within a group, and what it makes of the contact.
+    axis : str
+        Label of that quantity's axis.
+    """
+
+    group: Callable[[Row], tuple[float, ...]]
+    title: Callable[[Row], str]
+    setting: Callable[[Row], float | str]
+    detail: Callable[[Row], str]
+    axis: str
+
+
+LOADS = Layout(
+    group=lambda row: (row.nodes, row.hurst),
+    title=lambda row: f"{row.nodes} × {row.nodes} nodes, H = {row.hurst}",
+    setting=lambda row: row.delta,
+    detail=lambda row: f"{row.contact_nodes} nodes",
+    axis="far-field displacement Δ [µm]",
+)
+HARDNESSES = Layout(
+    group=lambda row: (row.nodes, row.delta),
+    title=lambda row: f"{row.nodes} × {row.nodes} nodes, Δ = {row.delta:g} µm",
+    setting=lambda row: "elastic" if row.hardness is None else f"{row.hardness:g}",
+    detail=lambda row: f"{row.contact_nodes} nodes, {row.yielded_nodes} yielded",
+    axis="hardness over E*",
+)
 
 _CONDITIONS = f"""\
 Each at its loosest tolerance with the force, or the displacement where it is given the force,
@@ -37,8 +78,12 @@ def report(
     deltas: Sequence[float],
     rounds: int,
     announce: Callable[[str], None] = lambda line: None,
+    hardnesses: Sequence[float] = (),
 ) -> Report:
     """Compare all solvers that are installed at equal accuracy.
+
+    With hardnesses, those solvers that know one are compared on bodies that yield, elastic ones
+    beside them, and pressed by loads up to full contact.
 
     Parameters
     ----------
@@ -50,11 +95,13 @@ def report(
         Turns in which each solver is timed.
     announce : callable
         Told what is missing, and what is being solved.
+    hardnesses : sequence of float
+        Over E* [1].
 
     Raises
     ------
     InputError
-        If a grid or a displacement cannot be used.
+        If a grid, a displacement or a hardness cannot be used.
     """
     for size in nodes:
         if size < 3 or (size - 1) & (size - 2):
@@ -62,10 +109,33 @@ def report(
     for delta in deltas:
         if not 0 < delta < float("inf"):
             raise InputError(f"delta {delta}: give a displacement above 0 um")
+    for hardness in hardnesses:
+        if not 0 < hardness < float("inf"):
+            raise InputError(f"hardness {hardness}: give a share of E* above 0")
     for package, install in missing().items():
         announce(f"{package} is not installed and left out: {install}")
+    if hardnesses:
+        return _yielding(nodes, deltas, hardnesses, rounds, announce)
     rows = compare(samples(nodes, deltas), [*OWN, *installed()], rounds, announce)
-    return Report({"peers": rows}, pictures={"peers": draw(rows)}, text=tables(rows))
+    return Report({"peers": rows}, pictures={"peers": draw(rows, LOADS)}, text=tables(rows, LOADS))
+
+
+def _yielding(
+    nodes: Sequence[int],
+    deltas: Sequence[float],
+    hardnesses: Sequence[float],
+    rounds: int,
+    announce: Callable[[str], None],
+) -> Report:
+    """Compare the solvers that know a hardness."""
+    solvers = [solver for solver in (BEM, *installed()) if solver.plastic]
+    rows = compare(yielding_samples(nodes, deltas, hardnesses), solvers, rounds, announce)
+    pressed = [each for size in nodes for each in up_to_full_contact(size, announce)]
+    return Report(
+        {"hardness": rows, "hardness-loads": pressed},
+        pictures={"hardness": draw(rows, HARDNESSES)},
+        text=tables(rows, HARDNESSES) + loads_table(pressed),
+    )
 
 
 def contents(folder: Path) -> list[content.Content]:
@@ -92,67 +162,129 @@ def contents(folder: Path) -> list[content.Content]:
             ),
         ),
         *(content.Absent(package, how) for package, how in absent.items()),
+        *yielding_contents(folder),
     ]  # fmt: skip
 
 
-def tables(rows: Sequence[Row]) -> str:
-    """Return a table for each grid and Hurst exponent: time, and time over ours."""
+def yielding_contents(folder: Path) -> list[content.Content]:
+    """List the comparison on bodies that yield, where the folder holds it."""
+    table = folder / "hardness.csv"
+    command = "python -m bench peers --hardness 0.005,0.02,0.05,0.1,0.3 -o DIR"
+    if not table.exists():
+        return [content.Absent("other solvers on bodies that yield", command)]
+    return [
+        content.Figure(
+            folder / "hardness.png",
+            "The same on bodies that yield, over the hardness: ContactMechanics' plastic system"
+            " beside ours, each at its loosest tolerance with the force within 1e-6 and the sets"
+            " of nodes in contact and of yielded ones within 0.05 %.",
+            command,
+            (table,),
+        ),
+        content.Table(
+            table,
+            "The same as numbers, with applications of the influence matrix.",
+            command,
+            (
+                "nodes", "delta_um", "hardness", "contact_nodes", "yielded_nodes", "solver",
+                "tolerance", "seconds", "times_ours", "convolutions", "load_error",
+                "misplaced_nodes", "remark",
+            ),
+        ),
+        content.Table(
+            folder / "hardness-loads.csv",
+            "A given mean pressure [E*] up to nearly the hardness, where all nodes yield: whether"
+            " each solver converges, in how many applications of the influence matrix, and the"
+            " largest difference of their pressures over the hardness.",
+            command,
+        ),
+    ]  # fmt: skip
+
+
+def tables(rows: Sequence[Row], layout: Layout) -> str:
+    """Return a table for each group: time, and time over ours."""
     text = io.StringIO()
     console = Console(file=text, width=200)
-    for group in _grouped(rows).values():
-        console.print(_table(group))
+    for group in _grouped(rows, layout).values():
+        console.print(_table(group, layout))
         for row in group:
             if row.remark:
-                text.write(f"{row.solver}, Delta = {row.delta:g}: {row.remark}\n")
+                text.write(f"{row.solver}, {layout.setting(row)}: {row.remark}\n")
     text.write(_CONDITIONS)
     return text.getvalue()
 
 
-def draw(rows: Sequence[Row]) -> Any:
-    """Draw time over the displacement above, over our time below; a column for each grid."""
-    groups = _grouped(rows)
+def loads_table(rows: Sequence[Pressed]) -> str:
+    """Return a table of the loads up to full contact."""
+    text = io.StringIO()
+    table = Table(
+        *("nodes", "p / E*", "H / E*", "area %", "yielded %", "ours: convolutions", "residual"),
+        *("theirs: converged", "convolutions", "difference / H"),
+        title="Pressed up to full contact",
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+    )
+    for row in rows:
+        difference = row.pressure_difference
+        table.add_row(
+            *(f"{each:g}" for each in (row.nodes, row.mean_pressure, row.hardness)),
+            *(f"{each:.2f}" for each in (row.area_percent, row.yielded_percent)),
+            f"{row.convolutions} {'' if row.converged else 'not converged'}",
+            f"{row.residual:.1e}",
+            row.theirs,
+            "-" if row.their_convolutions is None else str(row.their_convolutions),
+            "-" if difference is None else f"{difference:.1e}",
+        )
+    Console(file=text, width=200).print(table)
+    return text.getvalue()
+
+
+def draw(rows: Sequence[Row], layout: Layout) -> Any:
+    """Draw time above, time over ours below; a column for each group."""
+    groups = _grouped(rows, layout)
     figure = new_figure(2 + 4 * len(groups), 8)
     panels = figure.subplots(2, len(groups), squeeze=False, sharex="col")
     names = list(dict.fromkeys(row.solver for row in rows))
-    for column, ((nodes, hurst), group) in enumerate(groups.items()):
+    for column, group in enumerate(groups.values()):
         times, ratios = panels[:, column]
         for number, name in enumerate(names):
             known = [r for r in group if r.solver == name and r.seconds and r.times_ours]
             style = {**STYLES[number], "label": name}
-            deltas = [row.delta for row in known]
-            times.plot(deltas, [1e3 * (row.seconds or 0) for row in known], **style)
-            ratios.plot(deltas, [row.times_ours for row in known], **style)
-        times.set(yscale="log", title=f"{nodes} × {nodes} nodes, H = {hurst}")
-        ratios.set(yscale="log", xlabel="far-field displacement Δ [µm]")
+            places = [layout.setting(row) for row in known]
+            times.plot(places, [1e3 * (row.seconds or 0) for row in known], **style)
+            ratios.plot(places, [row.times_ours for row in known], **style)
+        times.set(yscale="log", title=layout.title(group[0]))
+        ratios.set(yscale="log", xlabel=layout.axis)
     panels[0, 0].set_ylabel("CPU time of a solve [ms]")
     panels[1, 0].set_ylabel("CPU time over ours")
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
 
 
-def _grouped(rows: Iterable[Row]) -> dict[tuple[int, float], list[Row]]:
-    """Return the rows of each grid and Hurst exponent."""
-    groups: dict[tuple[int, float], list[Row]] = {}
+def _grouped(rows: Iterable[Row], layout: Layout) -> dict[tuple[float, ...], list[Row]]:
+    """Return the rows of each group."""
+    groups: dict[tuple[float, ...], list[Row]] = {}
     for row in rows:
-        groups.setdefault((row.nodes, row.hurst), []).append(row)
+        groups.setdefault(layout.group(row), []).append(row)
     return groups
 
 
-def _table(rows: Sequence[Row]) -> Table:
-    """Solvers down, displacements across."""
-    deltas = sorted({row.delta for row in rows})
-    nodes, hurst = rows[0].nodes, rows[0].hurst
-    title = f"{nodes} x {nodes} nodes, H = {hurst}: CPU time in ms, and over ours"
+def _table(rows: Sequence[Row], layout: Layout) -> Table:
+    """Solvers down, settings across."""
+    title = f"{layout.title(rows[0])}: CPU time in ms, over ours, convolutions where they are known"
     table = Table("", "set-up", title=title, title_justify="left", box=box.SIMPLE_HEAD)
-    for delta in deltas:
-        touching = next(row.contact_nodes for row in rows if row.delta == delta)
-        table.add_column(f"Delta = {delta:g}\n{touching} nodes", justify="right")
+    columns = {layout.setting(row): row for row in rows}
+    for setting, row in columns.items():
+        table.add_column(f"{setting}\n{layout.detail(row)}", justify="right")
     for solver in dict.fromkeys(row.solver for row in rows):
-        mine = {row.delta: row for row in rows if row.solver == solver}
-        set_up = _milliseconds(mine[deltas[0]].set_up_seconds)
-        table.add_row(solver, set_up, *(_cell(mine[delta]) for delta in deltas))
+        mine = {layout.setting(row): row for row in rows if row.solver == solver}
+        set_up = _milliseconds(next(iter(mine.values())).set_up_seconds)
+        table.add_row(solver, set_up, *(_cell(mine[setting]) for setting in columns))
     table.add_section()
-    fastest = [_fastest_peer([row for row in rows if row.delta == delta]) for delta in deltas]
+    fastest = [
+        _fastest_peer([row for row in rows if layout.setting(row) == setting])
+        for setting in columns
+    ]
     table.add_row("fastest peer over ours", "", *fastest)
     return table
 
@@ -160,7 +292,8 @@ def _table(rows: Sequence[Row]) -> Table:
 def _cell(row: Row) -> str:
     if row.seconds is None or row.times_ours is None:
         return "-"
-    return f"{_milliseconds(row.seconds)}  {row.times_ours:6.2f}"
+    convolutions = "" if row.convolutions is None else f"  {row.convolutions}"
+    return f"{_milliseconds(row.seconds)}  {row.times_ours:6.2f}{convolutions}"
 
 
 def _fastest_peer(rows: Iterable[Row]) -> str:

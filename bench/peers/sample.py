@@ -31,16 +31,21 @@ class Sample:
     nodes : nodes a side, 2^k + 1
     hurst : Hurst exponent of its surface
     delta : displacement of the far field from first touch on [um]
+    hardness : over E*, None for elastic bodies [1]
     """
 
     nodes: int
     hurst: float
     delta: float
+    hardness: float | None = None
 
     def case(self) -> Case:
         """Surface and load."""
         name = f"H = {self.hurst}, Delta = {self.delta:g} um"
-        return Case(name, _heights(self.nodes, self.hurst), SIDE, self.delta)
+        if self.hardness is not None:
+            name += f", hardness {self.hardness:g} E*"
+        heights = _heights(self.nodes, self.hurst)
+        return Case(name, heights, SIDE, self.delta, hardness=self.hardness)
 
 
 def samples(nodes: Sequence[int], deltas: Sequence[float]) -> list[Sample]:
@@ -51,6 +56,16 @@ def samples(nodes: Sequence[int], deltas: Sequence[float]) -> list[Sample]:
         if size == PAPERS_NODES:
             found += [Sample(size, PAPERS_HURST, delta) for delta in PAPERS_DELTAS]
     return found
+
+
+def yielding_samples(
+    nodes: Sequence[int], deltas: Sequence[float], hardnesses: Sequence[float]
+) -> list[Sample]:
+    """Return the same surface at every load on every grid, elastic and with every hardness."""
+    bounds = (None, *sorted(hardnesses, reverse=True))
+    return [
+        Sample(size, HURST, delta, bound) for size in nodes for delta in deltas for bound in bounds
+    ]
 
 
 @lru_cache(maxsize=8)

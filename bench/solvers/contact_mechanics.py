@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy import fft
 
-from bench.solvers.case import Case, Field
+from bench.solvers.case import Case
 from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Solver
 
 
@@ -31,39 +31,51 @@ class _FreeHalfSpace:
 
     def __init__(self, nodes: int, spacing: float) -> None:
         self._package = importlib.import_module("ContactMechanics")
-        self._topography = importlib.import_module("SurfaceTopography").Topography
         self._sides = nodes * spacing, nodes * spacing
         self._cell = spacing**2
         half_space = self._package.FreeFFTElasticHalfSpace
         self._substrate = half_space((nodes, nodes), young=1.0, physical_sizes=self._sides)
 
-    def _system(self, heights: Field) -> Any:
-        topography = self._topography(heights, physical_sizes=self._sides)
-        return self._package.Systems.NonSmoothContactSystem(self._substrate, topography)
+    def _system(self, case: Case) -> Any:
+        surface = importlib.import_module("SurfaceTopography")
+        topography = surface.Topography(case.heights, physical_sizes=self._sides)
+        if case.hardness is None:
+            return self._package.Systems.NonSmoothContactSystem(self._substrate, topography)
+        plastic = surface.PlasticTopography(topography, case.hardness)
+        return self._package.make_plastic_system(substrate=self._substrate, surface=plastic)
 
-    def _answer(self, result: Any, forces: Any) -> Answer:
+    def _answer(self, result: Any, forces: Any, convolutions: int | None = None) -> Answer:
         if not result.success:
             raise Failure(str(result.message))
-        return Answer(np.asarray(forces) / self._cell, int(result.nit))
+        return Answer(np.asarray(forces) / self._cell, int(result.nit), convolutions)
 
 
 class PrimalGradients(_FreeHalfSpace):
     """Its default, Polonsky and Keer's conjugate gradients.
 
     The tolerance is the largest penetration over Delta, and the last change of the force over the
-    force; tension cut off in a step is not bounded.
+    force; tension cut off in a step, or pressure above the hardness, is not bounded. With a
+    hardness, nodes that have yielded leave the gradients, and where fewer than 1 % of the contact
+    are left it relaxes towards the bearing area instead. A step takes two convolutions.
     """
 
     def press(self, case: Case, force: float, tolerance: float) -> Answer:
         """Solve for a displacement."""
-        result = self._system(case.heights).minimize_proxy(
-            offset=case.delta - case.heights.max(),
+        return self._press(case, tolerance, offset=case.delta - case.heights.max())
+
+    def press_by_force(self, case: Case, force: float, tolerance: float) -> Answer:
+        """Solve for a force; the case's displacement is what the tolerance is relative to."""
+        return self._press(case, tolerance, external_force=force)
+
+    def _press(self, case: Case, tolerance: float, **load: float) -> Answer:
+        result = self._system(case).minimize_proxy(
+            **load,
             pentol=tolerance * case.delta,
             thermotol=tolerance,
             forcetol=np.inf,
             maxiter=MAX_ITERATIONS,
         )
-        return self._answer(result, result.jac)
+        return self._answer(result, result.jac, int(result.nfev))
 
 
 class DualGradients(_FreeHalfSpace):
@@ -76,7 +88,7 @@ class DualGradients(_FreeHalfSpace):
     def press(self, case: Case, force: float, tolerance: float) -> Answer:
         """Solve for a displacement."""
         offset = case.delta - case.heights.max()
-        result = self._system(case.heights).dual_minimize_proxy(
+        result = self._system(case).dual_minimize_proxy(
             offset=offset,
             init_force=np.maximum(case.heights + offset, 0) * case.spacing,
             solver="ccg-without-restart",
@@ -89,7 +101,7 @@ class DualGradients(_FreeHalfSpace):
 _solver = partial(Solver, package="ContactMechanics", install='pip install -e ".[peers]"')
 
 SOLVERS = (
-    _solver("ContactMechanics primal", open_session=PrimalGradients),
+    _solver("ContactMechanics primal", open_session=PrimalGradients, plastic=True),
     _solver("ContactMechanics dual", open_session=DualGradients),
     _solver("ContactMechanics dual, margin", open_session=DualGradients, grid=fast_grid),
 )

@@ -37,7 +37,12 @@ class BoundaryElements:
         """Solve for a displacement."""
         try:
             contact = bem.solve(
-                case.heights, case.side, case.delta, kernel=case.kernel, rtol=tolerance
+                case.heights,
+                case.side,
+                case.delta,
+                kernel=case.kernel,
+                rtol=tolerance,
+                hardness=case.hardness,
             )
         except bem.NotConverged as failure:
             raise Failure(str(failure)) from None
@@ -93,7 +98,7 @@ class PapersAlgorithm:
         return Answer(pressure * (case.delta / case.spacing), solves)
 
 
-BEM = Solver("bem", BoundaryElements, precision="mixed", kernels=KERNELS)
+BEM = Solver("bem", BoundaryElements, precision="mixed", kernels=KERNELS, plastic=True)
 PAPERS = Solver(
     "paper's NNLS",
     PapersAlgorithm,

@@ -88,6 +88,8 @@ class Solver:
         Precision of the numbers that it iterates with.
     kernels : tuple of str
         Influence coefficients that it knows.
+    plastic : bool
+        Whether it knows a hardness.
     grid : callable
         Maps the nodes a side of the surface to those of the grid that the solver runs on; the
         margin beyond the surface never touches.
@@ -104,6 +106,7 @@ class Solver:
     control: Control = "displacement"
     precision: str = "float64"
     kernels: tuple[Kernel, ...] = ("uniform-pressure",)
+    plastic: bool = False
     grid: Callable[[int], int] = same_grid
     ladder: tuple[float, ...] = LADDER
     largest_contact: float = math.inf
@@ -127,6 +130,8 @@ class Solver:
         """
         if case.kernel not in self.kernels:
             raise Failure(f"{self.name} has no kernel {case.kernel!r}")
+        if case.hardness is not None and not self.plastic:
+            raise Failure(f"{self.name} has no hardness")
         session = _kept_session(self, case.nodes, case.spacing)
         posed = case.with_margin(self.grid(case.nodes))
         given = self.control == "force"

@@ -22,7 +22,7 @@ class Point:
 
     Attributes
     ----------
-    study : what is varied: "tolerance", "grid", "precision" or "peers"
+    study : what is varied: "tolerance", "grid", "precision", "peers" or "hardness"
     solver : what solved it
     kernel : influence coefficients
     precision : of the numbers iterated with, "mixed" or "float64"
@@ -41,6 +41,7 @@ class Point:
     area_error_percent : error of the area [% of the exact area]
     pressure_error : norm of the error of the pressure over the norm of the pressure [1]; against a
         finer grid, of pressures averaged over the coarse cells
+    hardness : over E*, None for elastic bodies [1]
     """
 
     study: str
@@ -62,6 +63,7 @@ class Point:
     area_error_nodes: int | None
     area_error_percent: float
     pressure_error: float
+    hardness: float | None
 
 
 @dataclass(frozen=True)
@@ -170,6 +172,7 @@ def evaluate(task: Task, answer: Answer) -> Point:
         area_error_nodes=abs(touching - right) if same_grid else None,
         area_error_percent=100 * abs(share / exact.contact_share - 1),
         pressure_error=float(difference),
+        hardness=case.hardness,
     )
 
 

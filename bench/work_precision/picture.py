@@ -16,6 +16,7 @@ TITLES = {
     "grid": "Grid: both kernels, nodes a side as labelled, against the default's finest grid",
     "precision": "Precision: single for search directions (mixed), or double throughout",
     "peers": "Other solvers at tolerances of their own; no error in a force that was given",
+    "hardness": "Bodies that yield, hardness over E* as named; others at tolerances of their own",
 }
 
 ERRORS = {
@@ -67,19 +68,19 @@ def curves(study: str, points: Iterable[Point]) -> dict[str, list[Mark]]:
     has the grid that is its own reference, whose error is none of the grid's.
     """
     by_grid = study == "grid"
-    cases: dict[int, set[str]] = {}
+    cases: dict[tuple[int, float | None], set[str]] = {}
     groups: dict[str, dict[float, list[Point]]] = {}
     for point in points:
         if by_grid and point.nodes == point.reference_nodes:
             continue
         setting = point.nodes if by_grid else point.rtol
-        cases.setdefault(point.nodes, set()).add(point.case)
+        cases.setdefault((point.nodes, point.hardness), set()).add(point.case)
         groups.setdefault(_name(point), {}).setdefault(setting, []).append(point)
     return {
         name: [
             _mean(str(setting) if by_grid else f"{setting:.0e}", group)
             for setting, group in settings.items()
-            if {point.case for point in group} == cases[group[0].nodes]
+            if {point.case for point in group} == cases[group[0].nodes, group[0].hardness]
         ]
         for name, settings in groups.items()
     }
@@ -91,6 +92,8 @@ def _name(point: Point) -> str:
         return point.kernel
     if point.study == "precision":
         return f"{point.precision}, {point.nodes} × {point.nodes} nodes"
+    if point.hardness is not None:
+        return f"{point.solver}, {point.hardness:g}"
     return point.solver
 
 

@@ -1,7 +1,7 @@
 """What is varied: tolerance, grid, kernel, precision, solver."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from bem.influence import KERNELS, Kernel
@@ -53,6 +53,9 @@ LARGE_DELTA = 9.56  # um; 1 % contact at 513 nodes a side
 # to which the solvers of others are measured.
 PEER_ROWS = (4, 0, 7)
 PEER_RTOL = 1e-8
+
+# Over E*; on the paper's samples few nodes yield at the first, nearly all in contact at the last.
+HARDNESSES = (0.3, 0.1, 0.02)
 
 
 Found = tuple[list[Point], list[LeftOut]]
@@ -186,9 +189,22 @@ def peer_study(extent: Extent) -> Found:
     return points, left_out + unsolved
 
 
+def hardness_study(extent: Extent) -> Found:
+    """Bodies that yield, by ours and by other solvers that know a hardness."""
+    cases = [
+        replace(paper_case(row, extent.nodes), hardness=hardness)
+        for row in PEER_ROWS[: extent.samples]
+        for hardness in HARDNESSES
+    ]
+    solvers = [BEM, *(solver for solver in installed() if solver.plastic)]
+    rtols = [rtol for rtol in extent.rtols if rtol >= PEER_RTOL]
+    return compare("hardness", solvers, cases, rtols, rounds=2)
+
+
 STUDIES: dict[str, Callable[[Extent], Found]] = {
     "tolerance": tolerance_study,
     "grid": grid_study,
     "precision": precision_study,
     "peers": peer_study,
+    "hardness": hardness_study,
 }

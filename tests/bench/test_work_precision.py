@@ -25,6 +25,7 @@ from bench.table import read_table
 from bench.work_precision.measurement import LeftOut, Point, Task, admit, measure
 from bench.work_precision.picture import curves
 from bench.work_precision.studies import (
+    HARDNESSES,
     QUICK,
     Found,
     compare,
@@ -88,6 +89,18 @@ def test_errors_of_the_default_kernel_fall_with_the_grid(done: Found) -> None:
         assert good.force_error < poor.force_error
 
 
+def test_errors_fall_with_the_tolerance_on_bodies_that_yield(done: Found) -> None:
+    points = [point for point in done[0] if (point.study, point.solver) == ("hardness", "bem")]
+    assert {point.hardness for point in points} == set(HARDNESSES)
+    for case in {(point.case, point.hardness) for point in points}:
+        loose, *_, tight = (point for point in points if (point.case, point.hardness) == case)
+        assert tight.rtol < loose.rtol
+        assert tight.pressure_error <= loose.pressure_error
+        assert tight.force_error < 1e-6
+    drawn = curves("hardness", points)
+    assert list(drawn) == [f"bem, {hardness:g}" for hardness in HARDNESSES]
+
+
 def test_both_precisions_end_in_the_same_answer(small: Case) -> None:
     mixed, double = MIXED.solve(small, 1e-12), DOUBLE.solve(small, 1e-12)
     assert mixed.pressure == pytest.approx(double.pressure, rel=0, abs=1e-11)
@@ -97,10 +110,16 @@ def test_both_precisions_end_in_the_same_answer(small: Case) -> None:
 
 
 def test_ours_are_all_admitted_and_absent_peers_named(done: Found) -> None:
-    assert {point.study for point in done[0]} == {"tolerance", "grid", "precision", "peers"}
+    assert {point.study for point in done[0]} == {
+        "tolerance",
+        "grid",
+        "precision",
+        "peers",
+        "hardness",
+    }
     assert {point.solver for point in done[0]} >= {"bem", "active set"}
     for missing in done[1]:
-        assert missing.study == "peers"
+        assert missing.study in {"peers", "hardness"}
         assert missing.solver not in {"bem", "active set"}
     for package in ("ContactMechanics", "tamaas", "aspher"):
         if importlib.util.find_spec(package) is None:
