@@ -18,34 +18,39 @@ import gen.generation.sample
 from gen.arrays import Heights
 from gen.scene import Scene
 
-Solve = Callable[[Scene, Heights, float], bem.Contact]
+Solve = Callable[[Scene, Heights, float, float | None], bem.Contact]
 
 _healthy: Solve = gen.generation.sample.solve_contact
 
 
-def raises(scene: Scene, heights: Heights, delta: float) -> NoReturn:
+def raises(scene: Scene, heights: Heights, delta: float, hardness: float | None) -> NoReturn:
     """Stumble over the numbers."""
     raise FloatingPointError(f"injected into the sample with Delta = {delta}")
 
 
-def returns_nan(scene: Scene, heights: Heights, delta: float) -> bem.Contact:
+def returns_nan(
+    scene: Scene, heights: Heights, delta: float, hardness: float | None
+) -> bem.Contact:
     """Solve, and lose the result on the way."""
-    return replace(_healthy(scene, heights, delta), force=float("nan"))
+    return replace(_healthy(scene, heights, delta, hardness), force=float("nan"))
 
 
-def does_not_converge(scene: Scene, heights: Heights, delta: float) -> NoReturn:
+def does_not_converge(
+    scene: Scene, heights: Heights, delta: float, hardness: float | None
+) -> NoReturn:
     """Give the solver a single iteration; a contact for which that is enough is given up too."""
     starved = scene.contact.model_copy(update={"max_iterations": 1})
-    raise bem.NotConverged(_healthy(scene.model_copy(update={"contact": starved}), heights, delta))
+    less = scene.model_copy(update={"contact": starved})
+    raise bem.NotConverged(_healthy(less, heights, delta, hardness))
 
 
-def never_ends(scene: Scene, heights: Heights, delta: float) -> NoReturn:
+def never_ends(scene: Scene, heights: Heights, delta: float, hardness: float | None) -> NoReturn:
     """Solve again and again: whatever ends this ends it in the midst of a solve."""
     while True:
-        _healthy(scene, heights, delta)
+        _healthy(scene, heights, delta, hardness)
 
 
-def has_a_bug(scene: Scene, heights: Heights, delta: float) -> NoReturn:
+def has_a_bug(scene: Scene, heights: Heights, delta: float, hardness: float | None) -> NoReturn:
     """Raise what no sample may raise."""
     raise TypeError(f"injected into the sample with Delta = {delta}")
 
@@ -59,10 +64,12 @@ AILMENTS: dict[str, Solve] = {
 def ailing(ailments: Mapping[float, str]) -> Solve:
     """The solver of a program in which the samples with these displacements ail."""
 
-    def solve_contact(scene: Scene, heights: Heights, delta: float) -> bem.Contact:
+    def solve_contact(
+        scene: Scene, heights: Heights, delta: float, hardness: float | None
+    ) -> bem.Contact:
         name = ailments.get(delta)
         solve = _healthy if name is None else AILMENTS[name]
-        return solve(scene, heights, delta)
+        return solve(scene, heights, delta, hardness)
 
     return solve_contact
 
