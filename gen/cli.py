@@ -126,13 +126,7 @@ def contact(
 
     load, values = single.chosen_load({"delta": delta, "force": force, "pressure": pressure})
     single.require_yielding(flattened, hardness)
-    outputs = [
-        Output(table, "--csv"),
-        Output(picture, "--plot", "picture"),
-        Output(flattened, "--flattened", "heights"),
-    ]
-    check_outputs(outputs, [surface])
-    figure = None if picture is None else _contact_figure(picture)
+    figure = _try_contact_outputs(surface, table, picture, flattened)
     material = bool(young or e_star)
     settings: dict[str, Any] = {
         "modulus": combined_modulus(young or [], poisson or [], e_star),
@@ -164,8 +158,18 @@ def contact(
         draw_contacts(figure, contacts, subject, picture)
 
 
-def _contact_figure(picture: Path) -> Any:
-    """Return the figure of `contact --plot`, or refuse the picture before anything is solved."""
+def _try_contact_outputs(
+    surface: Path, table: Path | None, picture: Path | None, flattened: Path | None
+) -> Any:
+    """Refuse outputs of `contact` before anything is solved; return the figure to draw into."""
+    outputs = [
+        Output(table, "--csv"),
+        Output(picture, "--plot", "picture"),
+        Output(flattened, "--flattened", "heights"),
+    ]
+    check_outputs(outputs, [surface])
+    if picture is None:
+        return None
     from gen.runtime.figure import new_figure, require_picture_name
 
     require_picture_name(picture)

@@ -180,24 +180,9 @@ def describe(heights: NDArray[np.float64], spacing: float | tuple[float, float])
     bandwidths = [_bandwidth(variance, along, noise) for along in (along_x, along_y)]
     per_length = unit / spacing_x / spacing_x
     values = (
-        peaks.heights.mean * unit,
-        peaks.heights.rms * unit,
-        peaks.heights.kurtosis,
-        peaks.heights.skewness,
-        peaks.number / (2 * nodes.size),
-        peaks.curvatures.mean * per_length,
-        peaks.curvatures.kurtosis - 3.0,
-        peaks.curvatures.skewness,
+        *_peak_values(peaks, nodes.size, unit, per_length),
         *bandwidths,
-        asperities.heights.mean * unit,
-        asperities.heights.rms * unit,
-        asperities.heights.kurtosis - 3.0,
-        asperities.heights.skewness,
-        asperities.number / nodes.size,
-        asperities.curvatures.mean * per_length,
-        asperities.curvatures.rms * per_length,
-        asperities.curvatures.kurtosis,
-        asperities.curvatures.skewness,
+        *_asperity_values(asperities, nodes.size, unit, per_length),
         mean * unit,
         (surface.highest - surface.lowest) * unit,
         math.sqrt(variance) * unit,
@@ -211,6 +196,51 @@ def describe(heights: NDArray[np.float64], spacing: float | tuple[float, float])
     if 0.0 < variance <= (LOST * surface.spacing) ** 2:
         return _lost(named, surface)
     return Description(named, _reason(surface, peaks, asperities, bandwidths))
+
+
+def _peak_values(peaks: Summits, nodes: int, unit: float, per_length: float) -> tuple[float, ...]:
+    """Return the eight statistics of peaks in the order of Table 1.
+
+    Parameters
+    ----------
+    peaks : Summits
+        Peaks of all profiles, in units of the scaled heights.
+    nodes : int
+        Number of nodes of the surface.
+    unit : float
+        Unit of the heights [um].
+    per_length : float
+        Unit of the curvatures [1/um].
+    """
+    heights, curvatures = peaks.heights, peaks.curvatures
+    return (
+        heights.mean * unit,
+        heights.rms * unit,
+        heights.kurtosis,
+        heights.skewness,
+        peaks.number / (2 * nodes),
+        curvatures.mean * per_length,
+        curvatures.kurtosis - 3.0,
+        curvatures.skewness,
+    )
+
+
+def _asperity_values(
+    asperities: Summits, nodes: int, unit: float, per_length: float
+) -> tuple[float, ...]:
+    """Return the nine statistics of asperities in the order of Table 1, as `_peak_values` does."""
+    heights, curvatures = asperities.heights, asperities.curvatures
+    return (
+        heights.mean * unit,
+        heights.rms * unit,
+        heights.kurtosis - 3.0,
+        heights.skewness,
+        asperities.number / nodes,
+        curvatures.mean * per_length,
+        curvatures.rms * per_length,
+        curvatures.kurtosis,
+        curvatures.skewness,
+    )
 
 
 def _lost(values: dict[str, float], surface: Surface) -> Description:

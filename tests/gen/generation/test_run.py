@@ -69,7 +69,7 @@ def test_a_database_of_bodies_that_yield_lives_as_any_other(folder, capsys, hard
     assert "hardness" in capsys.readouterr().err
 
 
-def test_the_shipped_sample_is_resumed_extended_and_recomputed(folder, capsys):
+def test_the_shipped_sample_is_resumed_and_extended_and_keeps_its_bytes(folder, capsys):
     """Files made before scenes knew a hardness go on and keep their bytes."""
     shutil.copy(SAMPLE, "sample.h5")
     before = deterministic_bytes(folder / "sample.h5")
