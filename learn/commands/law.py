@@ -12,36 +12,39 @@ from learn.commands.option_groups import grouped
 from learn.commands.options import Coverage, Deltas, Material, note, typed
 from learn.reading import Reading
 
+SurrogateAndInputs = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="[SURROGATE] INPUT...",
+        help="A surrogate made by learn fit, which --solver does not need; then one surface, or"
+        " folders of them, databases or scenes: a population.",
+    ),
+]
+Pressures = Annotated[
+    str, typer.Option(metavar="MPA", help="Nominal pressures: 2, 1,2,5 or start:stop:count.")
+]
+TableFile = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table.")]
+HeaderFile = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Write a C header for finite elements.")
+]
+Solver = Annotated[
+    bool, typer.Option("--solver", help="Solve every contact instead of predicting it.")
+]
+Surfaces = Annotated[
+    int, typer.Option(min=2, max=10_000, help="Surfaces of a database's or scene's population.")
+]
+
 
 @grouped
 def law(
     context: typer.Context,
-    inputs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="[SURROGATE] INPUT...",
-            help="A surrogate made by learn fit, which --solver does not need; then one surface, or"
-            " folders of them, databases or scenes: a population.",
-        ),
-    ],
+    inputs: SurrogateAndInputs,
     delta: Deltas = "",
-    pressure: Annotated[
-        str,
-        typer.Option(metavar="MPA", help="Nominal pressures: 2, 1,2,5 or start:stop:count."),
-    ] = "",
-    table: Annotated[
-        Path | None, typer.Option("--csv", metavar="FILE", help="Write the table.")
-    ] = None,
-    header: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a C header for finite elements.")
-    ] = None,
-    solver: Annotated[
-        bool, typer.Option("--solver", help="Solve every contact instead of predicting it.")
-    ] = False,
-    surfaces: Annotated[
-        int,
-        typer.Option(min=2, max=10_000, help="Surfaces of a database's or scene's population."),
-    ] = 50,
+    pressure: Pressures = "",
+    table: TableFile = None,
+    header: HeaderFile = None,
+    solver: Solver = False,
+    surfaces: Surfaces = 50,
     interval: Coverage = 0.9,
     *,
     reading: Reading,
@@ -50,9 +53,9 @@ def law(
     """Tabulate area, force and mean gap against Delta and nominal pressure, monotone, with slopes.
 
     Bands are the surrogate's intervals for one surface, and quantiles over the surfaces of a
-    population; one surface that is solved has none, nor has ground that the surrogate does not
-    know. The solver solves at the Delta or pressures given; its E* is 1 MPa, a scene's, or that of
-    the surrogate's training unless given.
+    population. There is none for one surface that is solved, or outside the surrogate's training.
+    The solver solves at the given Delta or pressures; its E* is by default that of the surrogate's
+    training or of a scene, else 1 MPa.
     """
     from learn.surrogate import Surrogate
     from learn.surrogate.conformal import checked_level
@@ -74,14 +77,14 @@ def law(
         command=typed(context),
     )
     surrogate = None if file is None else Surrogate.load(file)
-    found = make(surrogate, order, note)
-    show(found)
-    for written in write(found, table, header):
+    tables = make(surrogate, order, note)
+    show(tables)
+    for written in write(tables, table, header):
         echo(f"wrote {written}")
 
 
 def _surrogate_and_inputs(given: list[str], *, solver: bool) -> tuple[Path | None, list[str]]:
-    """The surrogate, and the surfaces after it; the solver may go without a surrogate."""
+    """Return the surrogate, which the solver does not need, and the inputs after it."""
     first, *others = given
     if solver and not (Path(first).is_file() and kind_of(Path(first)) == "surrogate"):
         return None, given

@@ -11,26 +11,27 @@ from learn.commands.option_groups import grouped
 from learn.commands.options import Coverage, Deltas, File, Inputs, Material
 from learn.reading import Reading
 
+TableFile = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="CSV", help="Write all rows.")
+]
+
 
 @grouped
 def predict(
     file: File,
     inputs: Inputs,
     delta: Deltas = "",
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="CSV", help="Write all rows.")
-    ] = None,
+    output: TableFile = None,
     interval: Coverage = 0.9,
     *,
     reading: Reading,
     material: Material,
 ) -> None:
-    """Predict area and force of surfaces, with intervals, and a flag for what is unknown ground."""
+    """Predict area and force of surfaces, with intervals, and a flag outside the training."""
     from gen.runtime.progress import RunProgress
     from gen.runtime.table import Row, write_csv
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, show
-    from learn.surrogate.bodies import Bodies
     from learn.surrogate.conformal import checked_level
     from learn.surrogate.sources import deltas_from
 
@@ -48,10 +49,7 @@ def predict(
         for path in inputs:
             rows += answers(surrogate, [path], question, progress.say)
             progress.advance(1, 0)
-    e_star = question.e_star or surrogate.modulus
-    ratio = surrogate.hardness_ratio(question.hardness, e_star)
-    hardness = None if ratio is None else ratio * e_star
-    show(rows, interval, Bodies(e_star, hardness).text)
+    show(rows, interval, question.bodies(surrogate))
     if output is not None:
         write_csv(output, rows)
         echo(f"wrote {output}")

@@ -15,6 +15,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.table import Row
 from learn.arrays import Values
 from learn.reading import Reading
+from learn.surrogate.bodies import Bodies
 from learn.surrogate.model import Surrogate
 from learn.surrogate.prediction import Prediction
 from learn.surrogate.ranges import brief
@@ -52,6 +53,12 @@ class Question:
     hardness: float | None
     level: float
     reading: Reading
+
+    def bodies(self, surrogate: Surrogate) -> Bodies:
+        """Return E* and hardness of the answers, of which the surrogate has defaults."""
+        e_star = surrogate.modulus if self.e_star is None else self.e_star
+        ratio = surrogate.hardness_ratio(self.hardness, e_star)
+        return Bodies(e_star, None if ratio is None else ratio * e_star)
 
 
 def answers(
@@ -169,12 +176,12 @@ def heading(column: str, unit: str) -> str:
     return column if unit in {"%", "1"} else f"{column}_{unit}"
 
 
-def show(rows: Sequence[Row], level: float, bodies: str) -> None:
+def show(rows: Sequence[Row], level: float, bodies: Bodies) -> None:
     """Print the first rows of the table, and the reasons of those outside the training."""
     console = wide_console(160)
     hidden = ("_low", "_high", "_std", "warnings")  # warnings were said with the surface
     names = [name for name in rows[0] if not name.endswith(hidden)]
-    table = Printed(title=f"Predictions with {100 * level:g} % intervals, {bodies}")
+    table = Printed(title=f"Predictions with {100 * level:g} % intervals, {bodies.text}")
     for name in names:
         table.add_column(name, justify="left" if name in {"input", "flag", "reason"} else "right")
     for row in rows[:SHOWN]:
