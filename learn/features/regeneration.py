@@ -81,8 +81,8 @@ def _work_off(job: "_Job", executor: Executor, stopping: Callable[[], bool]) -> 
             f" in {job.cache}"
         )
 
-        def keep(block: Block, found: tuple[Values, Values]) -> None:
-            fault = job.keep(block, *found)
+        def keep(block: Block, result: tuple[Values, Values]) -> None:
+            fault = job.keep(block, *result)
             if fault:
                 faults.append(fault)
             progress.advance(block[1] - block[0], 0)

@@ -110,10 +110,10 @@ class SurfaceFeatures:
             every = [self.pressed(float(delta), hardness_ratio) for delta in deltas]
             pressed = np.array(every).reshape(-1, len(PRESSED))
         rows = np.repeat(self.statistics[None], deltas.size, axis=0)
-        found = build(features, rows, deltas, self.length, pressed, hardness_ratio)
-        if not np.isfinite(found).all():
+        columns = build(features, rows, deltas, self.length, pressed, hardness_ratio)
+        if not np.isfinite(columns).all():
             raise InputError(f"{self.name}: its features are not finite numbers")
-        return found
+        return columns
 
     def pressed(self, delta: float, hardness_ratio: float | None = None) -> tuple[float, ...]:
         """Return the columns of `PRESSED`, which the hybrid set adds, at one Delta [um]."""

@@ -3,8 +3,8 @@
 Examples
 --------
 >>> surrogate = Surrogate.load("area.surrogate")
->>> pressed = surrogate.for_surface(heights, side=1000.0)
->>> answer = pressed.predict([5.0, 10.0])
+>>> on_surface = surrogate.for_surface(heights, side=1000.0)
+>>> answer = on_surface.predict([5.0, 10.0])
 >>> answer.area, answer.low["area"], answer.high["area"], answer.reasons
 """
 

@@ -104,15 +104,15 @@ def answers(
             say(f"{path}: {'; '.join(topography.steps)}")
             for line in warnings:
                 say(f"  warning: {line}")
-            pressed = surrogate.for_surface(topography.heights, topography.sides, str(path))
-            found = pressed.predict(
+            on_surface = surrogate.for_surface(topography.heights, topography.sides, str(path))
+            prediction = on_surface.predict(
                 question.deltas,
                 e_star=question.e_star,
                 hardness=question.hardness,
                 level=question.level,
                 std=True,
             )
-            yield from _rows(surrogate, str(path), found, warnings)
+            yield from _rows(surrogate, str(path), prediction, warnings)
 
 
 def _of_table(surrogate: Surrogate, table: Table, question: Question) -> Prediction:
@@ -151,22 +151,22 @@ def _note(surrogate: Surrogate, table: Table, row: int) -> str:
 
 
 def _rows(
-    surrogate: Surrogate, name: str, found: Prediction, warnings: Sequence[str] = ()
+    surrogate: Surrogate, name: str, prediction: Prediction, warnings: Sequence[str] = ()
 ) -> Iterator[Row]:
     """Yield the rows of the table, each with the warnings about its surface.
 
     The ends of intervals are empty where a row is outside the training.
     """
-    for place, (delta, reason) in enumerate(zip(found.delta, found.reasons, strict=True)):
+    for place, (delta, reason) in enumerate(zip(prediction.delta, prediction.reasons, strict=True)):
         row: Row = {"input": name, "delta_um": float(delta)}
         for target, learnt in surrogate.learnt.items():
             key = heading(learnt.column, learnt.unit)
-            row[key] = float(found.values[target][place])
+            row[key] = float(prediction.values[target][place])
             # Outside the training no interval holds: the cells stay empty.
-            row[f"{key}_low"] = "" if reason else float(found.low[target][place])
-            row[f"{key}_high"] = "" if reason else float(found.high[target][place])
-            if target in found.std:
-                row[f"{key}_std"] = float(found.std[target][place])
+            row[f"{key}_low"] = "" if reason else float(prediction.low[target][place])
+            row[f"{key}_high"] = "" if reason else float(prediction.high[target][place])
+            if target in prediction.std:
+                row[f"{key}_std"] = float(prediction.std[target][place])
         row["flag"] = "outside" if reason else "inside"
         yield {**row, "reason": reason, "warnings": "; ".join(warnings)}
 

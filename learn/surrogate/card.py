@@ -170,9 +170,9 @@ def _scores(surrogate: "Surrogate") -> "Table":
     for column in ("from", "to", "nMSE", "nMAE", "nMaxE", "R2"):
         table.add_column(column, justify="right")
     for name, target in surrogate.card["targets"].items():
-        found, (low, high) = target["scores"], target["range"]
-        nmse = f"{found['nmse']:.3f}" if target["column"] == "area_percent" else "-"
-        others = (f"{found[score]:.3f}" for score in ("nmae", "nmaxe", "r2"))
+        scores, (low, high) = target["scores"], target["range"]
+        nmse = f"{scores['nmse']:.3f}" if target["column"] == "area_percent" else "-"
+        others = (f"{scores[score]:.3f}" for score in ("nmae", "nmaxe", "r2"))
         ends = f"{low:.4g}", f"{high:.4g}"
         table.add_row(_plain(name), _plain(target["unit"]), *ends, nmse, *others)
     return table

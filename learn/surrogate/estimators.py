@@ -138,7 +138,7 @@ def _trees_together(part: Part, name: str, width: int) -> list[Any]:
 
     pattern = DecisionTreeRegressor().fit(*_nothing(width))
     state = pattern.tree_.__getstate__()
-    found = []
+    estimators = []
     for tree in forest.unpacked(mapping(part, name), DOUBLE, width):
         leaf = tree.left == LEAF
         nodes = np.zeros(tree.left.size, dtype=state["nodes"].dtype)
@@ -151,8 +151,8 @@ def _trees_together(part: Part, name: str, width: int) -> list[Any]:
         built.__setstate__(state | own)
         estimator = copy(pattern)
         estimator.tree_ = built
-        found.append(estimator)
-    return found
+        estimators.append(estimator)
+    return estimators
 
 
 def _tree(part: Part, width: int) -> Any:
@@ -264,15 +264,15 @@ def _kernel_apart(kernel: Any) -> dict[str, Any]:
     """
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Product, Sum, WhiteKernel
 
-    found: dict[str, Any] = {"amplitude": None, "white": None}
+    parts: dict[str, Any] = {"amplitude": None, "white": None}
     radial = kernel
     if type(radial) is Sum and type(radial.k2) is WhiteKernel:
-        radial, found["white"] = radial.k1, float(radial.k2.noise_level)
+        radial, parts["white"] = radial.k1, float(radial.k2.noise_level)
     if type(radial) is Product and type(radial.k1) is ConstantKernel:
-        radial, found["amplitude"] = radial.k2, float(radial.k1.constant_value)
+        radial, parts["amplitude"] = radial.k2, float(radial.k1.constant_value)
     if type(radial) is not RBF:
         raise ValueError(f"Gaussian processes with the kernel {kernel} are not kept")
-    return found | {"lengths": np.atleast_1d(np.asarray(radial.length_scale, dtype=np.float64))}
+    return parts | {"lengths": np.atleast_1d(np.asarray(radial.length_scale, dtype=np.float64))}
 
 
 def _kernel_together(part: Part, width: int) -> Any:

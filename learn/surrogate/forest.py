@@ -53,16 +53,16 @@ def packed(trees: Iterable[Tree], kind: str) -> dict[str, Any]:
     kind : str
         Type of their numbers, f8 or f4.
     """
-    found = list(trees)
+    every = list(trees)
     parts = {
-        name: np.concatenate([getattr(tree, name) for tree in found]).astype("i4")
+        name: np.concatenate([getattr(tree, name) for tree in every]).astype("i4")
         for name in ("left", "right", "feature")
     }
-    count = np.array([tree.left.size for tree in found], dtype="i4")
+    count = np.array([tree.left.size for tree in every], dtype="i4")
     return {
         "nodes": count,
         **parts,
-        "number": np.concatenate([tree.number for tree in found]).astype(kind),
+        "number": np.concatenate([tree.number for tree in every]).astype(kind),
     }
 
 

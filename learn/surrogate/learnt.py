@@ -45,8 +45,8 @@ class Learnt:
     def raw(self, inputs: Values) -> Values:
         """Predict the target over its scale."""
         with np.errstate(over="ignore", invalid="ignore"):  # said by `predict_rows`, row by row
-            found = [self._predict(part) for part in _parts(inputs)]
-            return self.mean + self.deviation * np.concatenate(found)
+            predicted = [self._predict(part) for part in _parts(inputs)]
+            return self.mean + self.deviation * np.concatenate(predicted)
 
     def _predict(self, inputs: Values) -> Values:
         """Predict some rows, kernel ridge without scikit-learn's checks of its training rows."""
@@ -81,8 +81,10 @@ class Learnt:
             process.L_ = _factor(process)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # variances below 0 by rounding become 0
-            found = [self.pipeline.predict(part, return_std=True)[1] for part in _parts(inputs)]
-        return np.concatenate(found).reshape(-1) * self.deviation
+            deviations = [
+                self.pipeline.predict(part, return_std=True)[1] for part in _parts(inputs)
+            ]
+        return np.concatenate(deviations).reshape(-1) * self.deviation
 
 
 def _factor(process: Any) -> Values:

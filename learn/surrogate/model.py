@@ -258,7 +258,7 @@ class Surrogate:
             raise InputError(f"E* {e_star:g}: give a modulus above 0 MPa")
         ratio = 1.0 if e_star is None else e_star / self.modulus
         said = self.reasons(rows) if reasons else ("",) * len(rows.delta)
-        found = Prediction(rows.delta, {})
+        prediction = Prediction(rows.delta, {})
         for name, learnt in self.learnt.items():
             scale = target_scale(
                 self.features, learnt.column, rows.statistics, rows.delta, rows.length, self.modulus
@@ -268,15 +268,15 @@ class Surrogate:
             ceiling = CEILING.get(learnt.column, np.inf)
             raw = ranges.finite(learnt.raw(rows.inputs), scale)
             said = ranges.with_undefined(said, name, raw)
-            found.values[name] = np.clip(raw * scale, 0.0, ceiling)
+            prediction.values[name] = np.clip(raw * scale, 0.0, ceiling)
             if level is not None:
                 half = learnt.calibration.half_width(raw, level)
-                found.low[name] = np.clip((raw - half) * scale, 0.0, ceiling)
-                found.high[name] = np.clip((raw + half) * scale, 0.0, ceiling)
+                prediction.low[name] = np.clip((raw - half) * scale, 0.0, ceiling)
+                prediction.high[name] = np.clip((raw + half) * scale, 0.0, ceiling)
             spread = learnt.spread(rows.inputs) if std else None
             if spread is not None:
-                found.std[name] = spread * scale
-        return replace(found, reasons=said)
+                prediction.std[name] = spread * scale
+        return replace(prediction, reasons=said)
 
     def reasons(self, rows: Rows) -> tuple[str, ...]:
         """Return for each row the features outside their training ranges; "" if there is none."""

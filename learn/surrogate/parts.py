@@ -40,15 +40,15 @@ def array(part: Part, name: str, kind: str, *shape: int | None) -> NDArray[Any]:
     ValueError
         If the array is missing or differs; the message names it.
     """
-    found = _of(part, name)
-    if not isinstance(found, np.ndarray) or found.dtype != np.dtype(kind):
+    entry = _of(part, name)
+    if not isinstance(entry, np.ndarray) or entry.dtype != np.dtype(kind):
         raise ValueError(f"{name} is no array of {kind}")
-    same = [wanted in {None, size} for wanted, size in zip(shape, found.shape, strict=False)]
-    if len(shape) != found.ndim or not all(same):
-        raise ValueError(f"{name} has the shape {found.shape}")
-    if not np.isfinite(found).all():
+    same = [wanted in {None, size} for wanted, size in zip(shape, entry.shape, strict=False)]
+    if len(shape) != entry.ndim or not all(same):
+        raise ValueError(f"{name} has the shape {entry.shape}")
+    if not np.isfinite(entry).all():
         raise ValueError(f"{name} is not finite")
-    return found
+    return entry
 
 
 def numbers(part: Part, name: str, *shape: int | None) -> Values:
@@ -69,26 +69,26 @@ def number(part: Part, name: str, low: float = -math.inf, high: float = math.inf
     ValueError
         If the entry is missing or differs.
     """
-    found = _of(part, name)
-    if type(found) not in {int, float} or not math.isfinite(found) or not low <= found <= high:
-        raise ValueError(f"{name} is {str(found)[:40]}")
-    return float(found)
+    entry = _of(part, name)
+    if type(entry) not in {int, float} or not math.isfinite(entry) or not low <= entry <= high:
+        raise ValueError(f"{name} is {str(entry)[:40]}")
+    return float(entry)
 
 
 def count(part: Part, name: str, low: int = 0, high: int = 2**53) -> int:
     """Return a whole number within bounds; see `number`."""
-    found = number(part, name, low, high)
+    entry = number(part, name, low, high)
     if type(part[name]) is not int:
-        raise ValueError(f"{name} is {found}")
+        raise ValueError(f"{name} is {entry}")
     return int(part[name])
 
 
 def positive(part: Part, name: str) -> float:
     """Return a finite number above 0; see `number`."""
-    found = number(part, name, 0.0)
-    if not found:
+    entry = number(part, name, 0.0)
+    if not entry:
         raise ValueError(f"{name} is 0")
-    return found
+    return entry
 
 
 def text(part: Part, name: str, allowed: Collection[str] | None = None) -> str:
@@ -99,10 +99,10 @@ def text(part: Part, name: str, allowed: Collection[str] | None = None) -> str:
     ValueError
         If the entry is missing or differs.
     """
-    found = _of(part, name)
-    if not isinstance(found, str) or (allowed is not None and found not in allowed):
-        raise ValueError(f"{name} is {str(found)[:40]!r}")
-    return found
+    entry = _of(part, name)
+    if not isinstance(entry, str) or (allowed is not None and entry not in allowed):
+        raise ValueError(f"{name} is {str(entry)[:40]!r}")
+    return entry
 
 
 def mapping(part: Part, name: str) -> Part:
@@ -113,9 +113,9 @@ def mapping(part: Part, name: str) -> Part:
     ValueError
         If the entry is missing or no dictionary.
     """
-    found = _of(part, name)
-    if isinstance(found, dict):
-        return found
+    entry = _of(part, name)
+    if isinstance(entry, dict):
+        return entry
     raise ValueError(f"{name} is missing")
 
 
@@ -127,7 +127,7 @@ def sequence(part: Part, name: str, size: int | None = None) -> list[Any]:
     ValueError
         If the entry is missing, no list, or of another size.
     """
-    found = _of(part, name)
-    if not isinstance(found, list) or size not in {None, len(found)}:
+    entry = _of(part, name)
+    if not isinstance(entry, list) or size not in {None, len(entry)}:
         raise ValueError(f"{name} is no list of {'any' if size is None else size} entries")
-    return found
+    return entry

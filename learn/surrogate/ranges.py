@@ -30,15 +30,15 @@ def reasons(columns: tuple[str, ...], low: Values, high: Values, rows: Rows) -> 
     notes = notes or ("",) * len(rows.delta)
     if not outside.any():
         return notes
-    found = []
+    texts = []
     for row, note in enumerate(notes):
         beyond = [
             f"{columns[place]} {rows.inputs[row, place]:.4g} outside {low[place]:.4g} to"
             f" {high[place]:.4g}"
             for place in np.flatnonzero(outside[row])
         ]
-        found.append("; ".join([note, *beyond] if note else beyond))
-    return tuple(found)
+        texts.append("; ".join([note, *beyond] if note else beyond))
+    return tuple(texts)
 
 
 def finite(raw: Values, scale: Values) -> Values:

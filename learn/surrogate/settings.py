@@ -105,12 +105,12 @@ def tuned_conditions(folder: Folder, model: str) -> dict[str, Any]:
 
 
 def _tuned(folder: Folder, model: str) -> Settings:
-    found = settings_of(folder, model)
-    if found is None:
+    winner = settings_of(folder, model)
+    if winner is None:
         raise InputError(
             f"--from: {folder.path} has no tuned {model}: python -m learn tune --model {model}"
         )
-    settings, refit = found
+    settings, refit = winner
     return Settings(settings | refit, True, f"tuned in {folder.path}")
 
 
@@ -164,10 +164,10 @@ def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # lengths at their bound: inputs that do not matter
         few.fit(inputs[:LIKELIHOOD_ROWS], target[:LIKELIHOOD_ROWS])
-    found = few.named_steps[STEP].kernel_
+    likeliest = few.named_steps[STEP].kernel_
     rows = min(LIKELIHOOD_ROWS, len(inputs))
     return Settings(
-        {"kernel": found, "optimizer": None, "alpha": 1e-10},
+        {"kernel": likeliest, "optimizer": None, "alpha": 1e-10},
         False,
         f"kernel of the largest likelihood on {rows} rows",
     )

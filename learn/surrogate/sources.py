@@ -105,7 +105,7 @@ def files_in(paths: Sequence[Path]) -> tuple[list[Path], int]:
     InputError
         If there is no file.
     """
-    found: list[Path] = []
+    files: list[Path] = []
     others = 0
     for path in paths:
         if not path.is_dir():
@@ -116,7 +116,7 @@ def files_in(paths: Sequence[Path]) -> tuple[list[Path], int]:
                     f"{path}: is a database; python -m learn fit makes a surrogate of it, which"
                     " predicts for surfaces"
                 )
-            found.append(path)
+            files.append(path)
             continue
         inside = [each for each in sorted(path.iterdir()) if each.is_file()]
         inside = [each for each in inside if not each.name.startswith(".")]
@@ -126,8 +126,8 @@ def files_in(paths: Sequence[Path]) -> tuple[list[Path], int]:
         if not wanted:
             raise InputError(f"{path}: holds no surface")
         others += len(inside) - len(wanted)
-        found += wanted
-    return found, others
+        files += wanted
+    return files, others
 
 
 def _is_database(path: Path) -> bool:

@@ -21,7 +21,7 @@ from learn.reading import Reading
 from learn.surrogate.bodies import Bodies
 from learn.surrogate.law import predicted, solved
 from learn.surrogate.law.curves import Curves
-from learn.surrogate.law.subjects import Subjects, found_in
+from learn.surrogate.law.subjects import Subjects, read_subjects
 from learn.surrogate.model import Surrogate
 from learn.surrogate.sources import deltas_from, pressures_from
 
@@ -122,7 +122,7 @@ def make(surrogate: Surrogate | None, order: Order, say: Callable[[str], None]) 
         _check_surrogate(surrogate)
     deltas = np.unique(deltas_from(order.delta)) if order.delta else None
     pressures = np.unique(pressures_from(order.pressure)) if order.pressure else None
-    subjects = found_in(order.inputs, order.surfaces, order.reading, say)
+    subjects = read_subjects(order.inputs, order.surfaces, order.reading, say)
     bodies = _bodies(surrogate, order, subjects)
     if deltas is None and (pressures is None or not order.solver):
         deltas = _usual_deltas(surrogate, subjects)
@@ -175,10 +175,10 @@ def _usual_deltas(surrogate: Surrogate | None, subjects: Subjects) -> Values:
     if limits is None:
         raise InputError("give --delta or --pressure: without a surrogate nothing says a range")
     low, high = limits
-    found = np.unique(np.linspace(float(low), float(high), STEPS))
-    if not found[-1] > 0:
+    deltas = np.unique(np.linspace(float(low), float(high), STEPS))
+    if not deltas[-1] > 0:
         raise InputError("give --delta or --pressure: the scene presses nothing")
-    return found[found > 0]
+    return deltas[deltas > 0]
 
 
 def _band(order: Order, surfaces: int) -> str:

@@ -102,8 +102,8 @@ def _inverse(deltas: Values, reach: Values, pressures: Values, *, first: bool) -
     kept = np.concatenate([[True], rises] if first else [rises, [True]])
     end = curve[-1]
     asked = np.where(pressures <= end * (1 + ROUNDING), np.minimum(pressures, end), pressures)
-    found = np.interp(asked, curve[kept], fine[kept], right=np.nan)
-    return np.where(pressures > 0, found, 0.0)
+    deltas_at = np.interp(asked, curve[kept], fine[kept], right=np.nan)
+    return np.where(pressures > 0, deltas_at, 0.0)
 
 
 def _read(deltas: Values, values: Values, at: Values) -> Values:

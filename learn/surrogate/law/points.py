@@ -77,13 +77,13 @@ class Points:
 
 
 def predicted(
-    pressed: OnSurface, subject: Subject, deltas: Values, level: float, bodies: Bodies
+    on_surface: OnSurface, subject: Subject, deltas: Values, level: float, bodies: Bodies
 ) -> Points:
     """Predict the law of one surface.
 
     Parameters
     ----------
-    pressed : OnSurface
+    on_surface : OnSurface
         The surrogate on the surface.
     subject : Subject
         The surface.
@@ -100,10 +100,10 @@ def predicted(
         If a prediction is not finite.
     """
     e_star, hardness = bodies.e_star, bodies.hardness
-    answer = pressed.predict(deltas, e_star=e_star, hardness=hardness, level=level)
-    for name, found in answer.values.items():
-        if not np.isfinite(found).all():
-            place = int(np.argmin(np.isfinite(found)))
+    answer = on_surface.predict(deltas, e_star=e_star, hardness=hardness, level=level)
+    for name, predictions in answer.values.items():
+        if not np.isfinite(predictions).all():
+            place = int(np.argmin(np.isfinite(predictions)))
             raise InputError(
                 f"{subject.name}: the surrogate has no finite {name} at Delta ="
                 f" {deltas[place]:.4g} um: no law can be made of it"
@@ -112,7 +112,7 @@ def predicted(
     for ends in (answer.values, answer.low, answer.high):
         gap = ends.get("mean_gap")
         if gap is None:  # which rises with the force
-            gap = _mean_gap(pressed, deltas, ends["force"] / e_star, bodies)
+            gap = _mean_gap(on_surface, deltas, ends["force"] / e_star, bodies)
         parts.append(
             {
                 "area_percent": ends["area"],
@@ -163,9 +163,9 @@ def solved(subject: Subject, load: str, loads: Sequence[float], bodies: Bodies) 
     return Points(values, reasons=("",) * len(rows), warnings=tuple(said))
 
 
-def _mean_gap(pressed: OnSurface, deltas: Values, force: Values, bodies: Bodies) -> Values:
+def _mean_gap(on_surface: OnSurface, deltas: Values, force: Values, bodies: Bodies) -> Values:
     """Return the mean gap from forces over E*, (k,) [um]."""
-    surface = pressed.surface
+    surface = on_surface.surface
     heights = surface.heights
     rest = float(heights.max()) - float(heights.mean())
     coarse = [surface.coarse_means(float(delta), bodies.hardness_ratio) for delta in deltas]

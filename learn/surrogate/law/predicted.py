@@ -66,11 +66,11 @@ def tables(
     parts, whole, corrections = [], [], []
     with RunProgress(len(surfaces), "surfaces") as progress:
         for surface in surfaces:
-            pressed = OnSurface(surrogate, surface.features())
-            raw = predicted(pressed, surface, deltas, level, bodies).from_rest(surface)
+            on_surface = OnSurface(surrogate, surface.features())
+            raw = predicted(on_surface, surface, deltas, level, bodies).from_rest(surface)
             smooth, correction = monotone(raw)
             parts.append(smooth)
-            whole.append(_extended(smooth, pressed, surface, level, bodies))
+            whole.append(_extended(smooth, on_surface, surface, level, bodies))
             corrections.append(correction)
             progress.advance(1, 0)
     over_delta = tabulated("delta_um", np.append(0.0, deltas), parts, level)
@@ -83,12 +83,12 @@ def tables(
 
 
 def _extended(
-    points: Points, pressed: OnSurface, surface: Subject, level: float, bodies: Bodies
+    points: Points, on_surface: OnSurface, surface: Subject, level: float, bodies: Bodies
 ) -> Points:
     """Extend the law to larger displacements, where they can be predicted."""
     further = points.values["delta_um"][-1] * np.array(BEYOND)
     try:
-        return continued(points, predicted(pressed, surface, further, level, bodies))
+        return continued(points, predicted(on_surface, surface, further, level, bodies))
     except InputError:
         return points
 

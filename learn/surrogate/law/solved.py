@@ -60,12 +60,12 @@ def tables(
     def solve(load: Load, loads: Values) -> list[Points]:
         return _each(surfaces, load, loads, bodies)
 
-    found = {load: solve(load, loads) for load, loads in asked.items() if loads is not None}
+    solutions = {load: solve(load, loads) for load, loads in asked.items() if loads is not None}
     made: dict[Load, Curves] = {}
     both: tuple[tuple[Load, Load], ...] = ("delta", "pressure"), ("pressure", "delta")
     for load, other in both:
         loads, argument = asked[load], ARGUMENTS[load]
-        parts = found.get(load, found.get(other, []))
+        parts = solutions.get(load, solutions.get(other, []))
         if loads is None and len(surfaces) > 1:
             loads = _means(parts, argument)
             parts = solve(load, loads)
@@ -76,7 +76,7 @@ def tables(
             parts = [part.from_rest(each) for part, each in zip(parts, surfaces, strict=True)]
             loads = np.append(0.0, loads)
         made[load] = tabulated(argument, loads, [held(part) for part in parts], level)
-    return made["delta"], made["pressure"], _warnings(found.values())
+    return made["delta"], made["pressure"], _warnings(solutions.values())
 
 
 def _warnings(solutions: Iterable[Sequence[Points]]) -> list[str]:
@@ -92,12 +92,12 @@ def _warnings(solutions: Iterable[Sequence[Points]]) -> list[str]:
 
 def _each(surfaces: Sequence[Subject], load: Load, loads: Values, bodies: Bodies) -> list[Points]:
     """Solve every surface under the same loads."""
-    found = []
+    points = []
     with RunProgress(len(surfaces), "surfaces") as progress:
         for surface in surfaces:
-            found.append(solved(surface, load, loads.tolist(), bodies))
+            points.append(solved(surface, load, loads.tolist(), bodies))
             progress.advance(1, 0)
-    return found
+    return points
 
 
 def _means(parts: Sequence[Points], argument: str) -> Values:

@@ -86,13 +86,13 @@ class Subjects:
         InputError
             If the scenes have different E*.
         """
-        found = {modulus(scene) for scene in self.scenes}
-        if not self.only_scenes or not found:
+        moduli = {modulus(scene) for scene in self.scenes}
+        if not self.only_scenes or not moduli:
             return None
-        if len(found) > 1:
-            said = " and ".join(f"{each:g}" for each in sorted(found))
+        if len(moduli) > 1:
+            said = " and ".join(f"{each:g}" for each in sorted(moduli))
             raise InputError(f"the scenes have E* = {said} MPa: give one with --e-star")
-        return found.pop()
+        return moduli.pop()
 
     def hardness_ratio(self) -> float | None:
         """Return the hardness over E* of all scenes, or None if a surface comes from a file.
@@ -118,7 +118,7 @@ class Subjects:
         return min(low for low, _ in ranges), max(high for _, high in ranges)
 
 
-def found_in(
+def read_subjects(
     inputs: Sequence[str], surfaces: int, reading: Reading, say: Callable[[str], None]
 ) -> Subjects:
     """Read or generate all surfaces.
@@ -139,23 +139,23 @@ def found_in(
     InputError
         For the first input that cannot be used.
     """
-    found: list[Subject] = []
+    subjects: list[Subject] = []
     scenes: list[Scene] = []
     origins: list[str] = []
     for text in inputs:
         path = Path(text)
         if text in preset_names() or path.suffix.lower() in {".toml", ".h5"}:
             scenes.append(_scene(text))
-            found += _population(scenes[-1], text, surfaces)
+            subjects += _population(scenes[-1], text, surfaces)
             origins.append(f"{text}: its first {surfaces} surfaces")
             continue
         doubts: list[str] = []
         for file in files_in([path])[0]:
             subject, doubtful = _from_file(file, reading, say)
-            found.append(subject)
+            subjects.append(subject)
             doubts += doubtful
         origins.append(f"{text}: {'; '.join(dict.fromkeys(doubts))}" if doubts else text)
-    return Subjects(found, scenes, origins)
+    return Subjects(subjects, scenes, origins)
 
 
 def _from_file(

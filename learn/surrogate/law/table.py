@@ -93,5 +93,5 @@ def _rows(law: Law) -> Iterator[Row]:
 def _cells(name: str, curve: Curve, place: int) -> Row:
     """Return the cells of a value, its band and its slope; those of a missing band are empty."""
     parts = curve.value, curve.low, curve.high, curve.slope
-    found = zip(ENDS, (float(part[place]) for part in parts), strict=True)
-    return {f"{name}{end}": "" if np.isnan(number) else number for end, number in found}
+    numbers = zip(ENDS, (float(part[place]) for part in parts), strict=True)
+    return {f"{name}{end}": "" if np.isnan(number) else number for end, number in numbers}
