@@ -1,4 +1,4 @@
-"""The solver against a dense reference, and its end where rounding or cycles stop it."""
+"""The active set against a dense reference, and its end where rounding stops it."""
 
 import pickle
 from collections.abc import Callable
@@ -28,13 +28,13 @@ UNDECIDED = 1e-8  # reduced pressure and gap below which a node may count as in 
 
 
 def reduced(contact: bem.Contact) -> np.ndarray:
-    """Pressure in the units of the dense reference."""
+    """Return the pressure in the units of the dense reference."""
     problem = contact.problem
     return contact.pressure * problem.spacing[0] / (problem.delta * problem.modulus)
 
 
 def assert_is_the_solution(contact: bem.Contact) -> None:
-    """Same nodes in contact, same force; nodes with neither pressure nor gap may be either."""
+    """Compare contact nodes and force; nodes with neither pressure nor gap are not compared."""
     problem = contact.problem
     pressure, gap = dense.press(problem.heights, problem.delta, problem.kernel, problem.aspect)
     decided = (pressure > UNDECIDED) | (gap > UNDECIDED)
@@ -45,7 +45,7 @@ def assert_is_the_solution(contact: bem.Contact) -> None:
 @settings(max_examples=40)
 @given(kind=st.sampled_from(list(SURFACES)), seed=st.integers(0, 2**32 - 1), data=st.data())
 def test_dense_reference_is_least_squares(kind: str, seed: int, data: st.DataObject) -> None:
-    """The same problem as nonnegative least squares on the Cholesky factor, by SciPy's solver."""
+    """SciPy solves the same problem as nonnegative least squares on the Cholesky factor."""
     shape = data.draw(st.tuples(st.integers(1, 8), st.integers(1, 8)))
     kernel = data.draw(st.sampled_from(KERNELS))
     heights = surface(kind, shape, seed)
@@ -196,7 +196,7 @@ class Rounded(Dense):
 @pytest.mark.parametrize("rtol", [1e-4, 2e-7, 1e-11])
 @pytest.mark.parametrize("depth", [0.2, 0.5, 5.0])
 def test_few_exact_products_are_enough(depth: float, rtol: float) -> None:
-    """One to be sure, and one or two before it where single precision cannot go so far."""
+    """One product confirms the solution; tight tolerances need one or two before it."""
     shape = (20, 20)
     matrix = dense.influence_matrix(shape, "uniform-pressure").reshape(400, 400)
     heights = surface("self-affine", shape, seed=3).reshape(-1)
@@ -215,7 +215,7 @@ def test_few_exact_products_are_enough(depth: float, rtol: float) -> None:
 
 
 class Spoiled(Dense):
-    """Exact displacements that are not what conjugate gradients see."""
+    """Operators whose exact displacements differ from those in conjugate gradients."""
 
     def __init__(self, matrix: np.ndarray, spoil: Callable[[np.ndarray], np.ndarray]) -> None:
         super().__init__(matrix)
@@ -231,7 +231,7 @@ class Spoiled(Dense):
 
 
 def spoiled(spoil: Callable[[np.ndarray], np.ndarray]) -> tuple[Iterate, bool, Spoiled]:
-    """What comes of exact residuals that are not what conjugate gradients see."""
+    """Solve with exact residuals that differ from those in conjugate gradients."""
     heights = surface("self-affine", (9, 9))
     operators = Spoiled(dense.influence_matrix((9, 9), "uniform-pressure").reshape(81, 81), spoil)
     overlap = (heights - heights.max()).reshape(-1) / 0.4 + 1
@@ -254,7 +254,7 @@ def test_residuals_that_rounding_keeps_up_end_the_solve() -> None:
     assert iterate.violation() < 1e-5
 
 
-def test_what_is_no_number_ends_the_solve() -> None:
+def test_residuals_that_are_nan_end_the_solve() -> None:
     iterate, converged, operators = spoiled(lambda exact: exact * np.nan)
     assert not converged
     assert operators.applied < 5
@@ -262,8 +262,8 @@ def test_what_is_no_number_ends_the_solve() -> None:
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_a_tolerance_below_rounding_is_said_to_be(kernel: Kernel) -> None:
-    """More iterations are no advice where rounding has the last word."""
+def test_a_tolerance_below_rounding_is_named_as_the_cause(kernel: Kernel) -> None:
+    """The message does not ask for more iterations where rounding ends the solve."""
     heights = surface("self-affine", (33, 33))
     delta = 0.999 * critical_delta(heights, kernel)
     settings = {"kernel": kernel, "far_field": "compliant", "max_iterations": 3000}
@@ -277,7 +277,7 @@ def test_a_tolerance_below_rounding_is_said_to_be(kernel: Kernel) -> None:
 
 
 def test_default_tolerance_finds_the_nodes_in_contact() -> None:
-    """Force to 1e-5 and the area to the last node, which is what databases are made with."""
+    """Databases need the force to 1e-5 and the area to the last node."""
     for seed in range(5):
         heights = surface("self-affine", (33, 33), seed)
         delta = 0.4 * np.ptp(heights)

@@ -182,7 +182,7 @@ def test_flat_surfaces_touch_everywhere(delta: float, kernel: Kernel) -> None:
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("delta", [1e4, 1e8, 1e12])
 def test_full_contact_is_all_of_the_area(delta: float, kernel: Kernel) -> None:
-    """Far beyond, the range of heights no longer counts."""
+    """Far beyond full contact, the range of heights no longer matters."""
     contact = bem.solve(HEIGHTS, SIDE[0], delta, spacing=10.0, kernel=kernel, rtol=1e-12)
     punch = bem.solve(np.zeros(HEIGHTS.shape), SIDE[0], 1.0, spacing=10.0, kernel=kernel)
     assert contact.area_percent == 100.0
@@ -228,7 +228,7 @@ def test_the_bound_on_iterations_is_never_passed(bound: int, far_field: FarField
 @pytest.mark.parametrize("far_field", ["rigid", "compliant"])
 @pytest.mark.parametrize("bound", [1, 2, 3, 4])
 def test_the_bound_holds_for_contact_sets_too(bound: int, far_field: FarField) -> None:
-    """The first of them has nodes that pull: it never suffices."""
+    """The first contact set has nodes under tension and never suffices."""
     heights = rough((65, 65))
     try:
         contact = bem.solve(heights, 1.0, 2.0, max_iterations=bound, far_field=far_field)

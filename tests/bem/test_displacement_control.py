@@ -61,9 +61,9 @@ def test_between_nodes_straight_lines_stay_straight(nodes: int, axis: int) -> No
 
 
 def test_a_start_that_claims_to_be_the_solution_is_found_out() -> None:
-    """Nothing converges on the displacement that it was given: a convolution has the last word."""
+    """No solve converges on a displacement that it was given: a convolution confirms it."""
     alone = bem.solve(ROUGH, 1000.0, 30.0)
-    claimed = ROUGH - ROUGH.max() + 30.0  # as of a solution with every node in contact
+    claimed = ROUGH - ROUGH.max() + 30.0  # as if every node were in contact
     near = 0.9 * alone.pressure
     start = equilibrium.Start(near, claimed)
     reached = displacement_control.on_rigid_far_field(pose(ROUGH, 1000.0, 30.0), 30.0, start)

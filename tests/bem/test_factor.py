@@ -24,7 +24,7 @@ def written_out(kernel: Kernel = "uniform-pressure", aspect: float = 1.0) -> np.
 def test_it_solves_the_complementarity_on_its_nodes(
     seed: int, nodes: list[int], shift: float
 ) -> None:
-    """White noise, from next to no contact to all nodes: far worse than any asperity."""
+    """White noise is harder than any asperity, from next to no contact to all nodes."""
     picked = np.array(nodes)
     interference = np.random.default_rng(seed).uniform(-1, 1, len(picked)) + shift
     if interference.max() <= 0:
@@ -38,18 +38,18 @@ def test_it_solves_the_complementarity_on_its_nodes(
     assert 1 <= sets <= 20
     gap = matrix @ pressure - interference
     assert np.abs(gap[pressure > 0]).max(initial=0.0) < 1e-12
-    assert gap.min() > -1e-12  # what pulled once always pulls: no node's pressure pulls on another
+    assert gap.min() > -1e-12  # removed nodes never penetrate again
     change = factorised.correct(matrix @ pressure, np.inf)
     np.testing.assert_allclose(change, pressure, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
 @pytest.mark.parametrize("softening", [0.0, -0.3, 1e-3])
-def test_a_correction_puts_back_what_penetrates(
+def test_a_correction_returns_nodes_that_penetrate(
     monkeypatch: pytest.MonkeyPatch, dtype: str, softening: float
 ) -> None:
-    """From wrong interferences to the right ones: nodes that were taken out are needed again."""
-    monkeypatch.setattr(factor, "MANY", 1.0)  # however many pull, no new factor leaves them out
+    """From wrong interferences to the right ones: removed nodes are needed again."""
+    monkeypatch.setattr(factor, "MANY", 1.0)  # no new factor, however many nodes are under tension
     nodes = np.arange(63)
     heights = np.random.default_rng(8).uniform(-0.2, 0, 63)
     matrix = written_out() - softening
@@ -79,7 +79,7 @@ def test_a_load_that_is_given(load: float) -> None:
 
 
 @pytest.mark.parametrize("softening", [-0.3, 1e-3])
-def test_a_far_field_that_gives_way(softening: float) -> None:
+def test_a_compliant_far_field(softening: float) -> None:
     """H - s 1 1^T: the law of the far field instead of a matrix that is nearly singular."""
     nodes = np.arange(63)
     heights = np.random.default_rng(5).uniform(-0.2, 0, 63)
@@ -94,7 +94,7 @@ def test_a_far_field_that_gives_way(softening: float) -> None:
     assert gap[factorised.kept].min() > -1e-15 * abs(softening) * 63 - 1e-12
 
 
-def test_a_far_field_that_gives_way_too_much_has_no_pressure() -> None:
+def test_a_far_field_that_is_too_compliant_has_no_pressure() -> None:
     nodes = np.arange(63)
     factorised = ContactFactor(InfluenceMatrix(SHAPE, "uniform-pressure", 1.0), nodes)
     with pytest.raises(np.linalg.LinAlgError):

@@ -77,7 +77,7 @@ def mircos_loop(
 def test_mircos_own_results(
     name: str, delta: float, mean_pressure: float, area: float, _factor: float
 ) -> None:
-    """Of a loop that was stopped at a change of 1 %."""
+    """They come from a loop that stopped at a change of 1 %."""
     contact = mircos_loop(topography(name), delta, tolerance=0.01)
     assert contact.force / SIDE**2 == pytest.approx(mean_pressure, rel=1e-8)
     assert contact.area_percent / 100 == pytest.approx(area, rel=1e-8)
@@ -141,7 +141,7 @@ def test_flat_surfaces_have_no_equilibrium_on_a_compliant_far_field() -> None:
 
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_the_last_node_comes_to_touch_at_the_critical_delta(kernel: Kernel) -> None:
-    """With all of them in contact the patch follows its own far field: nothing holds it back."""
+    """With all nodes in contact, nothing resists the displacement of the far field."""
     heights = rough((17, 17), 3)
     critical = critical_delta(heights, kernel)
     contacts = [compliant(heights, (1 - short) * critical, kernel) for short in (0.1, 1e-3, 1e-6)]
@@ -162,7 +162,7 @@ def test_flat_punch_is_the_dense_solution(shape: tuple[int, int], aspect: float)
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("nodes", [65, 128, 129, 257])
 def test_flat_punch_stays_flat_on_large_grids(nodes: int, kernel: Kernel) -> None:
-    """Of a single long stage of conjugate gradients, which rounding must not lead astray."""
+    """Rounding must not spoil a single long stage of conjugate gradients."""
     pressure = flat_punch((nodes, nodes), kernel)
     table = influence_coefficients((nodes, nodes), kernel)
     mirrored = np.pad(table, ((nodes - 1, 0), (nodes - 1, 0)), mode="reflect")
@@ -178,7 +178,7 @@ def test_flat_punch_is_kept_and_cannot_be_written() -> None:
 
 
 def test_shape_factor_tends_to_the_rigid_square_punch() -> None:
-    """K = 1.15 E* L, as finite elements and boundary elements have it elsewhere."""
+    """Published finite and boundary elements give K = 1.15 E* L."""
     factors = [shape_factor((nodes, nodes), "uniform-pressure") for nodes in (9, 33, 129)]
     assert factors == sorted(factors, reverse=True)
     assert 1 / factors[-1] == pytest.approx(1.15, rel=2e-3)
@@ -195,7 +195,7 @@ def test_shape_factor_tends_to_the_rigid_square_punch() -> None:
 def test_any_equilibrium_is_that_of_its_own_approach(
     seed: int, shape: tuple[int, int], kernel: Kernel, noise: bool, share: float
 ) -> None:
-    """Pressed rigidly by Delta + F / K the dense reference finds the same force and nodes."""
+    """The dense reference has the same force and nodes at Delta + F / K on a rigid far field."""
     heights = np.random.default_rng(seed).standard_normal(shape) if noise else rough(shape, seed)
     delta = share * critical_delta(heights, kernel)
     contact = bem.solve(

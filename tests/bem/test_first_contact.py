@@ -1,4 +1,4 @@
-"""The first contact set by dense algebra: what iterations find, for fewer convolutions."""
+"""Dense algebra on the first contact set, against iterations that take more convolutions."""
 
 from typing import Any
 
@@ -21,7 +21,7 @@ SIDE = 1000.0
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("delta", [6.0, 8.0, 10.0, 12.0, 15.0])
 @pytest.mark.parametrize("rtol", [1e-4, 2e-7, 1e-12])
-def test_few_nodes_in_contact_are_what_iterations_find(
+def test_few_nodes_in_contact_are_those_of_iterations(
     monkeypatch: pytest.MonkeyPatch, kernel: Kernel, delta: float, rtol: float
 ) -> None:
     contact = bem.solve(ROUGH, SIDE, delta, kernel=kernel, rtol=rtol)
@@ -33,7 +33,7 @@ def test_few_nodes_in_contact_are_what_iterations_find(
 
 
 def at_load(load: str, delta: float, **settings: Any) -> bem.Contact:
-    """At a displacement, or under the force that it takes."""
+    """Solve at a displacement, or under the force that belongs to it."""
     if load == "delta":
         return bem.solve(ROUGH, SIDE, delta, **settings)
     force = bem.solve(ROUGH, SIDE, delta, **settings).force
@@ -47,7 +47,7 @@ def at_load(load: str, delta: float, **settings: Any) -> bem.Contact:
 def test_they_take_few_convolutions(
     monkeypatch: pytest.MonkeyPatch, kernel: Kernel, far_field: FarField, load: str, delta: float
 ) -> None:
-    """Where dense algebra goes wrong, iterations mend it: only the count gives that away."""
+    """Iterations correct errors of dense algebra, so that only the count reveals them."""
     direct = at_load(load, delta, kernel=kernel, far_field=far_field)
     monkeypatch.setattr(half_space, "FEW_PER_ROOT", 0.0)
     iterated = at_load(load, delta, kernel=kernel, far_field=far_field)
@@ -55,7 +55,7 @@ def test_they_take_few_convolutions(
 
 
 def settled(lost: int, most_sets: int = 50) -> tuple[Iterate, Iterate]:
-    """A start without some nodes of the contact, and what became of it."""
+    """Settle a start that lacks some contact nodes; return it before and after."""
     contact = bem.solve(ROUGH, SIDE, 12.0, rtol=1e-12)
     nodes = np.arange(ROUGH.size)
     interference = ((ROUGH - ROUGH.max()) / 12.0 + 1).reshape(-1)
@@ -63,7 +63,7 @@ def settled(lost: int, most_sets: int = 50) -> tuple[Iterate, Iterate]:
     pressure = contact.pressure.reshape(-1) * (contact.problem.spacing[0] / 12.0)
     touching = np.flatnonzero(pressure)
     pressure[touching[:: max(len(touching) // lost, 1)] if lost else []] = 0
-    # Wrong outside of the contact that is left, so that nothing there asks to be taken along.
+    # Wrong outside the remaining contact, so that no node there is added.
     residual = np.where(pressure > 0, 0.5, -1.0)
     start = Iterate(pressure.copy(), residual)
     before = Iterate(pressure, residual)
@@ -72,7 +72,7 @@ def settled(lost: int, most_sets: int = 50) -> tuple[Iterate, Iterate]:
 
 
 @pytest.mark.parametrize("lost", [0, 1, 20, 100])
-def test_nodes_that_were_lost_are_found_again(lost: int) -> None:
+def test_missing_contact_nodes_return(lost: int) -> None:
     _, iterate = settled(lost)
     assert iterate.exact
     assert iterate.violation() <= 1e-12
@@ -115,7 +115,7 @@ def test_an_answer_that_is_worse_is_not_kept(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_later_factors_share_the_bound_on_contact_sets() -> None:
-    """Nodes that were lost need another factor, and that has to do with the sets that are left."""
+    """Missing nodes need another factor, which may try only the remaining contact sets."""
     needed = settled(20)[1].effort.iterations
     assert needed > 2
     for bound in range(1, needed):
@@ -125,7 +125,7 @@ def test_later_factors_share_the_bound_on_contact_sets() -> None:
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("delta", [1e-45, 1e-14, 1e-12, 1e-6])
 def test_a_plateau_high_above_the_rest(delta: float, capfd: pytest.CaptureFixture[str]) -> None:
-    """Depths over Delta that single precision cannot hold, let alone tell apart."""
+    """Single precision cannot hold the depths over Delta."""
     heights = np.random.default_rng(2).uniform(-1, -0.5, (65, 65))
     heights[20:37, 20:37] = 0
     contact = bem.solve(heights, SIDE, delta, far_field="compliant")

@@ -23,7 +23,7 @@ def test_the_compliance_of_the_far_field_is_subtracted() -> None:
 
 @pytest.mark.parametrize("keep_field", [False, True])
 def test_displacements_of_the_whole_grid_are_kept_where_asked_for(keep_field: bool) -> None:
-    """A copy: no later product changes it."""
+    """The field is a copy, which no later product changes."""
     shape, nodes = (6, 7), np.array([3, 8, 30])
     operators = HalfSpace(shape, "uniform-pressure", 1.0, nodes, keep_field=keep_field)
     matrix = dense.influence_matrix(shape, "uniform-pressure").reshape(42, 42)

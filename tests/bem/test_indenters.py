@@ -1,4 +1,4 @@
-"""Pressed indenters against their closed forms: force, area and pressure on odd and even grids."""
+"""Indenters against their closed forms: force, area and pressure on odd and even grids."""
 
 import numpy as np
 import pytest

@@ -97,7 +97,7 @@ def test_cut_from_a_larger_table_or_tabulated_the_same_bits(
 
 @pytest.mark.parametrize("level", [7, 8, 9])
 def test_all_boxes_of_a_grid_share_one_table(level: int) -> None:
-    """And so do the circulants that precondition them, up to 9/8 as wide."""
+    """So do the circulants that precondition them, which are up to 9/8 as wide."""
     nodes = 2**level + 1
     whole = influence_coefficients((nodes, nodes))
     boxes = [(nodes, nodes // 2), (nodes // 4 * 3, nodes), (9 * 2 ** (level - 3),) * 2]
@@ -137,7 +137,7 @@ def test_concentrated_force_is_mircos_formula() -> None:
 
 
 @pytest.mark.parametrize("kernel", ["uniform-pressure", "concentrated-force"])
-def test_far_away_only_the_force_counts(kernel: str) -> None:
+def test_far_away_only_the_force_matters(kernel: str) -> None:
     """Saint-Venant: u -> F / (pi E* r)."""
     table = influence_coefficients((1, 2001), kernel)
     assert table[0, 2000] == pytest.approx(1 / (np.pi * 2000), rel=1e-7)

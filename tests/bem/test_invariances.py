@@ -63,7 +63,7 @@ def test_force_scales_with_the_side(scale: float) -> None:
 
 
 @pytest.mark.parametrize("offset", [-3.0, 1.0, 4096.0])
-def test_only_differences_of_height_count(offset: float) -> None:
+def test_only_differences_of_height_matter(offset: float) -> None:
     heights = np.round(ROUGH * 2**20) / 2**20  # so that adding the offset is exact
     contact, level = solved(heights=heights + offset), solved(heights=heights)
     np.testing.assert_array_equal(contact.pressure, level.pressure)
@@ -94,7 +94,7 @@ def test_turning_a_patch_turns_its_sides() -> None:
 
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_two_far_spikes_carry_twice_the_load_of_one(kernel: Kernel) -> None:
-    """But for the displacement 1 / (pi r) per unit of force that one gives the other."""
+    """Less a share for the displacement 1 / (pi r) by unit force on the other spike."""
     one = np.zeros((9, 257))
     one[4, 4] = 100.0
     two = one.copy()

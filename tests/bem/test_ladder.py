@@ -1,4 +1,4 @@
-"""Ladders of Delta, and few candidate nodes: the same answers as one plain solve."""
+"""Ladders of loads, against single solves at the same loads."""
 
 from dataclasses import replace
 from typing import Any
@@ -104,7 +104,7 @@ def violation(contact: bem.Contact) -> float:
 @pytest.mark.parametrize("deltas", [np.linspace(5, 45, 15), np.linspace(45, 5, 15), [30.0] * 3])
 @pytest.mark.parametrize("rtol", [1e-4, 2e-7, 1e-11])
 def test_every_rung_is_certified_anew(deltas: list[float], rtol: float) -> None:
-    """What a start is worth must not show: the residual is that of the pressure handed out."""
+    """The residual is recomputed from the pressure, whatever the start was."""
     for contact in bem.ladder(ROUGH, 1000.0, deltas, rtol=rtol):
         assert contact.residual == pytest.approx(violation(contact), rel=1e-3, abs=1e-14)
         assert contact.residual <= rtol
@@ -112,7 +112,7 @@ def test_every_rung_is_certified_anew(deltas: list[float], rtol: float) -> None:
 
 @pytest.fixture
 def starts(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Iterate, float]]:
-    """Every start, with how far its residual is from that of its pressure."""
+    """Record every start and the error of its residual."""
     seen = []
 
     def started(operators: HalfSpace, interference: np.ndarray, *given: Any) -> Iterate:

@@ -1,4 +1,4 @@
-"""A given force or mean pressure: the same contacts as at the displacement that it takes."""
+"""Contacts under a given force, against contacts at the displacement that belongs to it."""
 
 from dataclasses import replace
 from typing import Any
@@ -93,7 +93,7 @@ def test_flat_surfaces_and_single_nodes_have_a_displacement() -> None:
 
 
 def test_a_root_is_found_where_contact_sets_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As if they did: the solver's answer is taken for none, and put at another displacement."""
+    """The test rejects the solver's result and moves it to another displacement."""
     expected = bem.solve(ROUGH, 1000.0, 25.0, rtol=1e-12)
     solved = load_control._on_few_nodes_or_all
 
@@ -113,7 +113,7 @@ def test_a_root_is_found_where_contact_sets_cycle(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.filterwarnings("ignore:divide by zero", "ignore:invalid value")
 @pytest.mark.parametrize("pressure", [1e-30, 1e-24, 1e-15, 1e-6])
 def test_forces_far_below_any_guess_are_carried(pressure: float) -> None:
-    """On grids whose highest node is not among those that the displacement is guessed on."""
+    """The highest node of the grid is not among those that the displacement is guessed on."""
     heights = generate("diamond-square", 513, 0.7, 12.5, np.random.default_rng(0))
     contact = bem.solve(heights, 1.0, pressure=pressure, spacing=1.0)
     assert contact.pressure.mean() == pytest.approx(pressure, rel=1e-6)
@@ -136,7 +136,7 @@ def ridges(shape: tuple[int, int], row: int, column: int | None = None) -> np.nd
     ],
 )
 def test_ties_under_tight_tolerances_end(heights: np.ndarray, pressure: float, rtol: float) -> None:
-    """Residuals have the digits of the pressure alone: none is lost to a far field that is held."""
+    """Rounding in the displacement of the far field must not add to the residual."""
     with at_most(20):
         contact = bem.solve(heights, 1.0, pressure=pressure, spacing=1.0, rtol=rtol)
     assert contact.residual <= rtol
@@ -153,7 +153,7 @@ def test_tight_tolerances_cost_a_force_hardly_more_than_a_displacement(rtol: flo
 
 @pytest.mark.parametrize("across", [0.0105, 1e-3, 300.0])
 def test_a_force_on_oblong_cells(across: float) -> None:
-    """The preconditioner weakens there; the force needs no more of it than a displacement does."""
+    """The preconditioner is weaker there, for a force as for a displacement."""
     heights = np.indices((60, 71)).sum(0) % 2.0
     given_force = bem.solve(heights, 1.0, pressure=9.9, spacing=(1.0, across))
     given_delta = bem.solve(heights, 1.0, given_force.delta, spacing=(1.0, across))
@@ -191,7 +191,7 @@ def test_too_few_iterations_are_reported() -> None:
 
 
 @pytest.mark.parametrize("force", [1e-3, 0.1, 10.0, 1e7])
-def test_the_displacement_found_carries_the_force(force: float) -> None:
+def test_the_resulting_displacement_carries_the_force(force: float) -> None:
     """From one node in contact to almost all of them."""
     contact = bem.solve(ROUGH, 1000.0, force=force, modulus=1e3)
     again = bem.solve(ROUGH, 1000.0, contact.delta, modulus=1e3)

@@ -1,4 +1,4 @@
-"""The preconditioner: the circulant it is made of, and how near it comes to the inverse."""
+"""The preconditioner and its circulant, against the inverse of the matrix."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a contact problem accepts as its arguments, and what it refuses."""
+"""Arguments that a contact problem accepts or refuses."""
 
 import math
 from typing import Any

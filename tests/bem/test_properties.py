@@ -1,4 +1,4 @@
-"""What holds on every surface: complementarity, monotony, symmetry, superposition, uniqueness.
+"""Properties on every surface: complementarity, monotony, symmetry, superposition, uniqueness.
 
 Solutions are checked in reduced units, spacing 1 um and E* = 1 MPa, on surfaces of height 1 um.
 """
@@ -90,14 +90,14 @@ def test_force_grows_with_delta(
 def test_no_patch_is_stiffer_than_its_flat_punch(
     kind: str, seed: int, shape: tuple[int, int], kernel: Kernel, depth: float
 ) -> None:
-    """One node in contact is the least that resists, all of them the most."""
+    """A single contact node has the least stiffness, all nodes the most."""
     force = press(surface(kind, shape, seed), delta=depth, kernel=kernel).force
     one, every = flat_punch((1, 1), kernel).sum(), flat_punch(shape, kernel).sum()
     assert one * depth * (1 - 1e-8) <= force <= every * depth * (1 + 1e-8)
 
 
 @pytest.mark.parametrize("aspect", [1.0, 2.0, 1 / 7.3, 64.0])
-def test_stiffness_lets_no_node_pull_on_another(aspect: float) -> None:
+def test_the_inverse_of_h_has_no_positive_entry_off_its_diagonal(aspect: float) -> None:
     """The inverse of H has no positive entry off its diagonal and no negative sum of a row.
 
     Schur complements keep both, so that they hold for every set of nodes of this grid, smaller
@@ -184,7 +184,7 @@ def test_symmetries_of_the_square(
 
 
 def side_by_side(first: np.ndarray, second: np.ndarray, distance: int) -> np.ndarray:
-    """Two bodies of n x n nodes on one patch, far above what lies between them."""
+    """Put two bodies of n x n nodes on one patch, far above the plane between them."""
     size = len(first)
     heights = np.full((size, distance + size), -1e6)
     heights[:, :size], heights[:, distance:] = first, second
@@ -196,7 +196,7 @@ def side_by_side(first: np.ndarray, second: np.ndarray, distance: int) -> np.nda
 def test_far_contacts_feel_each_others_force_alone(
     kind: str, other: str, seed: int, size: int, distance: int, kernel: Kernel, depth: float
 ) -> None:
-    """Each sinks by F / (pi E* d) of the other: what is left is one order of n / d smaller."""
+    """A body sinks by F / (pi E* d) of the other; the rest is one order of n / d smaller."""
     bodies = surface(kind, (size, size), seed), surface(other, (size, size), seed + 1)
     pair = press(side_by_side(*bodies, distance), delta=depth, kernel=kernel)
     first, second = pair.pressure[:, :size].sum(), pair.pressure[:, distance:].sum()

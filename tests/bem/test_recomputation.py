@@ -1,4 +1,4 @@
-"""All that a `Contact` reports, computed again from its pressure with SciPy alone.
+"""The numbers of a `Contact`, recomputed from its pressure with SciPy alone.
 
 Influence coefficients by numerical integration, displacements by direct convolution, the far
 field's stiffness from a flat punch on the full matrix, contact and perimeter by image operations.
@@ -67,7 +67,7 @@ def stiffness(shape: tuple[int, int], kernel: Kernel, aspect: float) -> float:
 
 
 def displacement(contact: bem.Contact) -> np.ndarray:
-    """(nx, ny) [um]."""
+    """Recompute the (nx, ny) field [um]."""
     problem = contact.problem
     coefficients = table(contact.pressure.shape, problem.kernel, problem.aspect)
     reduced = signal.convolve(coefficients, contact.pressure, mode="valid", method="direct")
@@ -75,7 +75,7 @@ def displacement(contact: bem.Contact) -> np.ndarray:
 
 
 def gap(contact: bem.Contact) -> np.ndarray:
-    """(nx, ny) [um]."""
+    """Recompute the (nx, ny) field [um]."""
     heights = contact.problem.heights
     return displacement(contact) - (heights - heights.max() + approach(contact))
 
@@ -111,7 +111,7 @@ def residual(contact: bem.Contact) -> float:
 
 @st.composite
 def contacts(draw: st.DrawFn) -> bem.Contact:
-    """Of any surface, grid, material and tolerance."""
+    """Draw a contact of any surface, grid, material and tolerance."""
     shape = draw(st.tuples(st.integers(1, 17), st.integers(1, 17)))
     kind = draw(st.sampled_from(list(SURFACES)))
     heights = draw(st.floats(0.1, 100)) * surface(kind, shape, draw(st.integers(0, 2**32 - 1)))
@@ -170,7 +170,7 @@ def test_sums_and_counts(contact: bem.Contact) -> None:
 @pytest.mark.parametrize("far_field", FAR_FIELDS)
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_numbers_of_a_solve_that_was_stopped(kernel: Kernel, far_field: FarField) -> None:
-    """They belong to the pressure that was reached, not to the one that was wanted."""
+    """They belong to the pressure that was reached, not to the solution."""
     heights = surface("self-affine", (17, 16), seed=3)
     with pytest.raises(bem.NotConverged) as stopped:
         bem.solve(

@@ -126,7 +126,7 @@ def test_a_fork_waits_for_other_threads_to_leave() -> None:
     thread = threading.Thread(target=other)
     thread.start()
     assert inside.wait(10)
-    seen = left  # what the child finds is what stood there when it was forked
+    seen = left  # as it was when the child was forked
     assert forked(lambda: os._exit(0 if seen else 3)) == 0
     thread.join()
 
