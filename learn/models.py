@@ -146,7 +146,7 @@ STEP = "model"
 """Name of the estimator in its pipeline; its settings are `model__alpha` and so on."""
 
 
-def chosen(names: list[str] | None) -> list[Model]:
+def models_named(names: list[str] | None) -> list[Model]:
     """Return the models of some names, in the order of `MODELS`.
 
     Parameters

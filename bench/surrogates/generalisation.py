@@ -19,7 +19,7 @@ from gen.runtime.errors import InputError
 from learn.dataset import Dataset
 from learn.features import SETS
 from learn.metrics import scores
-from learn.models import chosen
+from learn.models import models_named
 from learn.request import Request
 
 Values = NDArray[np.float64]
@@ -116,7 +116,7 @@ def generalisation(
     InputError
         If a model is unknown, a database is another one, or there are too few rows.
     """
-    names, tests = [model.name for model in chosen(list(models))], tests_of(rows)
+    names, tests = [model.name for model in models_named(list(models))], tests_of(rows)
     paper = databases.of_the_paper(given, folder / "databases", rows, remark)
     tested = databases_to_test_on(folder / "databases", tests, remark)
     found: list[Judged] = []

@@ -105,12 +105,12 @@ def fit(file: Database, output: SurrogateFile, *, choice: Choice) -> int:
 def _request(file: Path, output: Path, choice: Choice) -> Request:
     """Return the request; a comparison folder adds the rows and the seed of its winner."""
     from learn.features import chosen
-    from learn.models import chosen as chosen_models
+    from learn.models import models_named
     from learn.request import Request
     from learn.surrogate import training
     from learn.surrogate.settings import normalisation_of
 
-    chosen_models([choice.model])
+    models_named([choice.model])
     features = chosen(choice.features or "dimensionless")
     request = Request(
         database=file,

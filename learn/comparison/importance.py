@@ -24,7 +24,7 @@ from learn.comparison.search.pruning import Settings
 from learn.comparison.search.spaces import untuned
 from learn.comparison.winner import settings_of
 from learn.metrics import Scores, scores
-from learn.models import Model, chosen, pipeline
+from learn.models import Model, models_named, pipeline
 from learn.request import Request
 
 SHUFFLES = 5
@@ -186,7 +186,7 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
     InputError
         For input that cannot be used, or too little memory.
     """
-    (model,) = chosen(list(request.models))
+    (model,) = models_named(list(request.models))
     rows, parts = read_single(request, request.targets[0])
     memory.check(model.name, parts.train.size)
     folder = open_folder(request, rows, parts)

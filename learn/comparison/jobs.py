@@ -29,7 +29,7 @@ from learn.comparison.search.trials import Trials
 from learn.comparison.timing import FitResult, TimedFit, fit_and_time
 from learn.comparison.training_data import Training
 from learn.executor import Executor
-from learn.models import Model, chosen
+from learn.models import Model, models_named
 from learn.request import Request, pressed_for
 
 
@@ -107,7 +107,7 @@ def compare(request: Request, executor: Executor) -> int:
     InputError
         For input that cannot be used.
     """
-    models = chosen(list(request.models))
+    models = models_named(list(request.models))
     with Interruption(listening=True) as interruption:
         for target in _targets(request, models, executor, interruption, searched=False):
             _fit_baselines(target, models)
@@ -136,7 +136,7 @@ def tune(request: Request, executor: Executor, given: Mapping[str, Space] | None
     InputError
         For input that cannot be used.
     """
-    models = chosen(list(request.models))
+    models = models_named(list(request.models))
     clock = _Clock(request.limit, len(models) * len(request.targets))
     with Interruption(listening=True) as interruption:
         for target in _targets(request, models, executor, interruption, searched=True):
@@ -170,7 +170,7 @@ def estimate(request: Request, executor: Executor) -> int:
     InputError
         For input that cannot be used.
     """
-    models = chosen(list(request.models))
+    models = models_named(list(request.models))
     clock = _Clock(request.limit, len(models) * len(request.targets))
     with Interruption(listening=True) as interruption:
         for target in _targets(request, models, executor, interruption, searched=True):

@@ -14,7 +14,7 @@ from learn.arrays import Indices, Values
 from learn.comparison.folder import Folder
 from learn.dataset import Dataset
 from learn.executor import Executor
-from learn.models import chosen as chosen_models
+from learn.models import models_named
 from learn.request import Request, pressed_for
 from learn.surrogate import card
 from learn.surrogate.fitting import fit_target
@@ -62,7 +62,7 @@ def fit(
     InputError
         If the input cannot be used, or there are too few rows or too little memory.
     """
-    (model,) = chosen_models(list(request.models))
+    (model,) = models_named(list(request.models))
     pressed = pressed_for(request, executor, stopping)
     if stopping():
         return None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gen.runtime.errors import InputError
-from learn.models import MODELS, NORMALISATIONS, chosen, pipeline
+from learn.models import MODELS, NORMALISATIONS, models_named, pipeline
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -68,8 +68,8 @@ def test_rows_have_unit_length_by_default(samples):
 
 def test_wrong_names_are_refused():
     with pytest.raises(InputError, match="decision-tree, random-forest"):
-        chosen(["forest"])
+        models_named(["forest"])
     with pytest.raises(InputError, match="l2, standard, min-max, none"):
         pipeline(MODELS["svm"], normalisation="l1")
-    assert [model.name for model in chosen(["svm", "mlp"])] == ["svm", "mlp"]
-    assert len(chosen(None)) == 9
+    assert [model.name for model in models_named(["svm", "mlp"])] == ["svm", "mlp"]
+    assert len(models_named(None)) == 9

@@ -30,7 +30,7 @@ from learn.split import FOLDS
 Place = tuple[int, int]
 """Family and fold of a fit."""
 
-Times = dict[Place, float]
+DrawnTimes = dict[Place, float]
 """Times of the drawn fits that are finished, in the order of the draw [s]."""
 
 DRAWN = 40
@@ -185,7 +185,9 @@ def cost(model: Model, grid: Grid, finished: Finished, rows: int, seed: int) -> 
     return Cost(seconds, total_error, len(times[rows]), fits, largest)
 
 
-def _grown(times: dict[int, Times], base: int, growth: float) -> tuple[float, float | None, int]:
+def _grown(
+    times: dict[int, DrawnTimes], base: int, growth: float
+) -> tuple[float, float | None, int]:
     """Return the factor by which fits take longer on all rows than on the base's.
 
     Parameters
@@ -224,7 +226,7 @@ def _grown(times: dict[int, Times], base: int, growth: float) -> tuple[float, fl
     return factor * growth**left, error, sizes[last]
 
 
-def _ratio(times: Times, over: Times) -> tuple[float, float | None]:
+def _ratio(times: DrawnTimes, over: DrawnTimes) -> tuple[float, float | None]:
     """Return the ratio of the sums of two times of the same fits (0 for none), and its error."""
     places = [place for place in times if place in over]
     if not places:
@@ -239,13 +241,13 @@ def _ratio(times: Times, over: Times) -> tuple[float, float | None]:
     return ratio, float(error / above.mean())
 
 
-def _times(grid: Grid, rows: int, finished: Finished, seed: int) -> Times:
+def _times(grid: Grid, rows: int, finished: Finished, seed: int) -> DrawnTimes:
     """Return the times of the drawn fits that were done on a number of rows."""
     times = {place: _seconds(grid, place, rows, finished) for place in drawn(grid, seed)}
     return {place: seconds for place, seconds in times.items() if seconds is not None}
 
 
-def _in_a_row(times: Times, places: list[Place]) -> Times:
+def _in_a_row(times: DrawnTimes, places: list[Place]) -> DrawnTimes:
     """Return the times before the first gap: later ones a search may have picked by their score."""
     return {place: times[place] for place in takewhile(times.__contains__, places)}
 
