@@ -63,7 +63,7 @@ def contents(folder: Path) -> list[Content]:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """What pytest-benchmark has written.
+    """Read a file of pytest-benchmark.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def rows(measured: dict[str, Any]) -> Iterator[tuple[object, ...]]:
-    """One a benchmark, in the order of the suites."""
+    """Return a row for each benchmark, in the order of the suites."""
     for each in measured["benchmarks"]:
         case, size = _case(each["name"], each.get("params") or {})
         stats, extra = each["stats"], dict(each["extra_info"])
@@ -114,7 +114,7 @@ def _number(value: Any) -> str:
 
 
 def circumstances(measured: dict[str, Any]) -> str:
-    """Machine, date, commit and versions, in a sentence."""
+    """Return machine, date, commit and versions in a sentence."""
     machine, commit = measured["machine_info"], measured.get("commit_info", {})
     versions = ", ".join(
         f"{name} {version}" for name, version in measured.get("versions", {}).items() if version

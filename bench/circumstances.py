@@ -27,7 +27,7 @@ PACKAGES = (
 
 
 def circumstances() -> dict[str, Any]:
-    """What to write down beside a measurement: date, commit, machine, versions of packages."""
+    """Return date, commit, machine and versions of packages, to be kept beside a measurement."""
     return {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "commit": git_commit(),
@@ -42,7 +42,7 @@ def circumstances() -> dict[str, Any]:
 
 
 def processor() -> str:
-    """The processor's name as Linux tells it, else as Python does."""
+    """Return the processor's name as Linux tells it, else as Python does."""
     with suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):

@@ -14,12 +14,12 @@ SALT = 2_654_435_761
 
 
 def work(task: int) -> int:
-    """Nearly nothing, the same everywhere."""
+    """Do nearly nothing, the same everywhere."""
     return task * SALT
 
 
 def dispatch(tasks: int, world: farm.World) -> int:
-    """Sum of all results, on the master; every process of the world has to call it."""
+    """Sum the results of all tasks on the master; every process of the world has to call it."""
     total = 0
 
     def take(_task: int, result: int) -> None:
@@ -31,7 +31,7 @@ def dispatch(tasks: int, world: farm.World) -> int:
 
 
 def expected(tasks: int) -> int:
-    """The sum if every task was done once."""
+    """Return the sum of the results if every task is done once."""
     return SALT * tasks * (tasks - 1) // 2
 
 

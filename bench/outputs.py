@@ -18,10 +18,14 @@ class Cost:
 
     Attributes
     ----------
-    name : flag in the scene's table [store]
-    milliseconds : additional CPU time per sample, computed and written, median of the rounds [ms]
-    ratios : smallest, median and largest time with it over time without it [1]
-    size : additional bytes per sample [bytes]
+    name : str
+        Flag in the scene's table [store].
+    milliseconds : float
+        Additional CPU time per sample, computed and written, median of the rounds [ms].
+    ratios : tuple of float
+        Smallest, median and largest time with it over the time without it [1].
+    size : int
+        Additional bytes per sample.
     """
 
     name: str
@@ -35,9 +39,12 @@ def measure(scene_name: str = "paper", samples: int = 64, rounds: int = 7) -> li
 
     Parameters
     ----------
-    scene_name : scene whose first rows are computed
-    samples : rows per round
-    rounds : repetitions, of which the medians count
+    scene_name : str
+        Scene whose first rows are computed.
+    samples : int
+        Rows per round.
+    rounds : int
+        Repetitions, of which the medians count.
 
     Returns
     -------
@@ -60,7 +67,7 @@ def measure(scene_name: str = "paper", samples: int = 64, rounds: int = 7) -> li
 
 
 def markdown_table(costs: list[Cost]) -> str:
-    """Lines of Markdown, as they stand in the README."""
+    """Return the lines of Markdown that stand in the README."""
     lines = ["| `[store]` | ms per sample | time with / without | bytes per sample |"]
     lines.append("|---|---|---|---|")
     for cost in costs:

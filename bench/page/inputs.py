@@ -14,7 +14,7 @@ COMPARISON = "comparison"
 
 @dataclass(frozen=True)
 class Inputs:
-    """Where files are.
+    """The places of the files that parts are made of, and of those that they make.
 
     Attributes
     ----------

@@ -20,13 +20,13 @@ NOT_READ = (".part.json", ".printed.txt")
 
 
 class Machine(documents.Document):
-    """Where something was made; see `bench.circumstances`."""
+    """The machine on which something was made; see `bench.circumstances`."""
 
     processor: str
 
 
 class Record(documents.Document):
-    """What the record of something that was made has to hold: see `Making`."""
+    """The record of something that was made: see `Making`."""
 
     command: str
     code: Annotated[int, Field(ge=-64, le=255)] = 0

@@ -25,7 +25,7 @@ Remark = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Outcome:
-    """How the making of parts ended.
+    """The end of a run: which parts failed, and whether a signal came.
 
     Attributes
     ----------

@@ -16,7 +16,7 @@ process's memory grows with their square."""
 
 
 def paraboloid(folder: Path) -> list[Content]:
-    """The paraboloid, as `python -m bench hertz` draws it (section 2.4)."""
+    """Press the paraboloid, and draw it as `python -m bench hertz` does (section 2.4)."""
     table, picture = hertz.report(hertz.compare()).write(folder)
     caption = (
         "Section 2.4, a paraboloid against Hertz: force and area over the displacement, below how"
@@ -42,7 +42,7 @@ def _deviations(table: Path) -> str:
 
 
 def equal_kernels(folder: Path, database: Path) -> list[Content]:
-    """Two models that are one, as `learn appendix` draws them (Appendix A)."""
+    """Compare two models that are one, as `learn appendix` does (Appendix A)."""
     said: list[str] = []
     # Its own folder of other rows, if the inputs have changed: `learn appendix` would refuse it.
     (folder / "appendix" / "area" / "comparison.json").unlink(missing_ok=True)

@@ -52,7 +52,7 @@ def _question(row: dict[str, str]) -> Question:
 
 
 def total_cost(folder: Path, cost: Path) -> list[Content]:
-    """Both sides' costs, and where they meet."""
+    """Draw and tabulate the costs of both sides, and where they meet."""
     published, ours = read(cost)
     first = ours[0]
     table = write_table(

@@ -69,7 +69,7 @@ def read(path: Path) -> Rows:
 
 
 def solve_times(folder: Path, database: Path) -> list[Content]:
-    """Time of a solve against displacement and area (section 2.4)."""
+    """Draw the time of a solve against displacement and area (section 2.4)."""
     rows = read(database)
     figure = new_figure(10.5, 4.4)
     axes = figure.subplots(1, 2, sharey=True)
@@ -134,7 +134,7 @@ def _rows(folder: Path, rows: Rows) -> Path:
 
 
 def distributions(folder: Path, database: Path) -> list[Content]:
-    """Distribution of the displacement, and area against it (section 3.2)."""
+    """Draw the distribution of the displacement, and area against it (section 3.2)."""
     rows = read(database)
     figure = new_figure(10.5, 4.2)
     left, right = figure.subplots(1, 2)
@@ -167,7 +167,7 @@ def distributions(folder: Path, database: Path) -> list[Content]:
 
 
 def table_1(folder: Path, database: Path) -> list[Content]:
-    """Ranges of all parameters, and their distributions."""
+    """Tabulate the ranges of all parameters, and draw their distributions."""
     rows = read(database)
     columns = [column for column in COLUMNS if column.name in RANGES]
     table = write_table(

@@ -37,12 +37,12 @@ KERNEL = (
 
 
 def short(value: float) -> str:
-    """A number with four digits, for tables that people read."""
+    """Write a number with four digits, for tables that people read."""
     return "" if math.isnan(value) else f"{value:.4g}"
 
 
 def ratio(ours: float, theirs: float) -> str:
-    """Ours over the paper's."""
+    """Write our number over the paper's."""
     if not theirs or math.isnan(ours) or math.isnan(theirs):
         return ""
     times = ours / theirs
@@ -52,5 +52,5 @@ def ratio(ours: float, theirs: float) -> str:
 
 
 def shift(ours: float, theirs: float, width: float) -> str:
-    """A difference as a share of a range's width."""
+    """Write a difference as a share of a range's width."""
     return f"{100 * (ours - theirs) / width:+.1f} %"

@@ -42,7 +42,7 @@ AREA_MAX = RANGES["area_percent"][1]
 
 
 def spread_of(scores: Scores) -> float:
-    """Variance of the test areas over their mean, which nMSE and R2 of a model say together [%]."""
+    """Return variance over mean of the test areas, by nMSE and R2 of a model [%]."""
     return scores.nmse / (100 - scores.r2)
 
 

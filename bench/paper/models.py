@@ -29,7 +29,7 @@ Shown = dict[str, dict[str, Any]]
 
 
 def opened(comparison: Path) -> Folder:
-    """Find a comparison's part on the paper's inputs and target.
+    """Find the part of a comparison that is on the paper's inputs and target.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def opened(comparison: Path) -> Folder:
 
 
 def results(folder: Folder, kind: str) -> Shown:
-    """What has scores, by model, in Table 4's order."""
+    """Return the results that have scores, by model, in the order of Table 4."""
     return {
         model: result
         for model, found, result in tables.results(folder)
@@ -57,14 +57,14 @@ def results(folder: Folder, kind: str) -> Shown:
 
 
 def spread(folder: Folder) -> float:
-    """Variance of the test areas over their mean [%], as in `facts.SPREAD`."""
+    """Return variance over mean of the test areas [%], as in `facts.SPREAD`."""
     model, kind, _ = next(each for each in tables.results(folder) if each[2].get("test"))
     truth, _ = folder.prediction(kind, model)
     return float(truth.var() / truth.mean())
 
 
 def table_2(folder: Path, comparison: Path | None = None) -> list[Content]:
-    """Search spaces and optima."""
+    """Tabulate search spaces and optima."""
     tuned = {} if comparison is None else results(opened(comparison), "tuned")
     rows: list[tuple[object, ...]] = []
     for model, space in SPACES.items():
@@ -103,7 +103,7 @@ def _value(value: Any) -> str:
 
 
 def table_3(folder: Path, comparison: Path) -> list[Content]:
-    """Times of the searches."""
+    """Tabulate the times of the searches."""
     tuned = results(opened(comparison), "tuned")
     rows: list[tuple[str, ...]] = []
     for model, theirs in paper.TUNING_SECONDS.items():
@@ -128,7 +128,7 @@ def table_3(folder: Path, comparison: Path) -> list[Content]:
 
 
 def table_4(folder: Path, comparison: Path) -> list[Content]:
-    """Scores and times of all models, with what separates them from the paper's."""
+    """Tabulate scores and times of all models, and how far they are from the paper's."""
     ours = opened(comparison)
     here = spread(ours)
     rows = [

@@ -27,7 +27,7 @@ HEADER = ("quantity", "section", "paper", "ours", "deviation", "explanation")
 def numbers(
     folder: Path, database: Path, comparison: Path | None = None, cost: Path | None = None
 ) -> list[Content]:
-    """Collect what can be compared with the inputs at hand."""
+    """Collect the numbers that can be compared with the inputs at hand."""
     rows = [*_of_the_database(database)]
     if comparison is not None:
         rows += _of_the_comparison(comparison)

@@ -31,7 +31,7 @@ def tuned(folder: Path, comparison: Path) -> list[Content]:
 
 
 def predictions(folder: Path, comparison: Path, kind: str) -> list[Content]:
-    """Predictions over truth, as in sections 4.1 (baselines) and 4.2 (tuned beside baselines).
+    """Draw predictions over truth, as in section 4.1 (baselines) or 4.2 (tuned beside baselines).
 
     Returns
     -------
@@ -99,7 +99,7 @@ def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> list[t
 
 
 def bars(folder: Path, comparison: Path) -> list[Content]:
-    """Scores and times of the baselines as bars, the paper's beside ours (section 4.1).
+    """Draw scores and times of the baselines as bars, the paper's beside ours (section 4.1).
 
     Returns
     -------

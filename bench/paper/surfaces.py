@@ -29,12 +29,12 @@ SIGMA0 = sum(PRESET.sigma0) / 2
 
 
 def surface(hurst: float, generator: str = "diamond-square", nodes: int = NODES) -> Heights:
-    """(nodes, nodes) heights of the surface that all pictures show [um]."""
+    """Return the heights, shape (nodes, nodes), of the surface that all pictures show [um]."""
     return generate(generator, nodes, hurst, SIGMA0, np.random.default_rng(SEED))
 
 
 def levels(folder: Path) -> list[Content]:
-    """One surface at four levels, by both generators (section 2.2)."""
+    """Draw one surface at four levels, by both generators (section 2.2)."""
     middle = (ROUGH + SMOOTH) / 2
     figure = new_figure(10.5, 4.9)
     axes = figure.subplots(len(GENERATORS), len(GRIDS))
@@ -64,7 +64,7 @@ def levels(folder: Path) -> list[Content]:
 
 
 def profile(folder: Path) -> list[Content]:
-    """A topography and one of its profiles, statistics marked (section 2.3)."""
+    """Draw a topography and one of its profiles, statistics marked (section 2.3)."""
     heights = surface(ROUGH)
     middle = NODES // 2
     x, line = np.linspace(0, SIDE, NODES), heights[:, middle]
@@ -124,7 +124,7 @@ def _draw_profile(
 
 
 def topographies(folder: Path) -> list[Content]:
-    """Two topographies, the forces on their nodes under two displacements (section 2.4)."""
+    """Draw two topographies, and the forces on their nodes at two displacements (section 2.4)."""
     small, large = DELTAS
     cases = [("ad", ROUGH, small), ("be", ROUGH, large), ("cf", SMOOTH, small)]
     figure = new_figure(10.5, 6.6)
