@@ -104,15 +104,17 @@ def stability(
     of: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="TABLE", help="solver, loads, surfaces or models alone; may be repeated."
+            metavar="TABLE",
+            help="surfaces, solver, loads, hardness or models alone; may be repeated.",
         ),
     ] = None,
 ) -> int:
     """Ask for what is stiff and extreme, and check every answer independently.
 
-    Of the solver, of random loads, of surfaces (generators and statistics) and of the nine models
-    with their features: prints a table each and writes DIR/stability.csv, loads.csv, surfaces.csv
-    and models.csv if asked to. Exit code 0 if all cases passed, 1 otherwise.
+    Of surfaces (generators and statistics), of the solver, of random loads, of random contacts that
+    yield and of the nine models with their features: prints a table each and writes
+    DIR/surfaces.csv, stability.csv, loads.csv, hardness.csv and models.csv if asked to. Exit code 0
+    if all cases passed, 1 otherwise.
     """
     from bench.stability.tables import report
 

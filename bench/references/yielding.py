@@ -1,9 +1,13 @@
-"""Contact whose pressure is bounded by a hardness, by SciPy's bounded least squares.
+"""Contact whose pressure is bounded by a hardness, by two methods with the dense matrix.
 
 With A = L L^T, the pressure 0 <= p <= H that minimises p A p / 2 - u p is the least-squares
-solution of L^T p = L^-1 u within these bounds. The sets that SciPy's method finds are solved once
-more by Cholesky's factors, and the result is accepted only if it fulfils all conditions of contact.
+solution of L^T p = L^-1 u within these bounds, which SciPy finds. On large sets that takes minutes;
+there the set of yielded nodes grows until no pressure is above H. The sets are solved once more by
+Cholesky's factors, and the result is accepted only if it fulfils all conditions of contact, which a
+single pressure does.
 """
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,16 +15,23 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 
 from bem.influence import Kernel
-from bench.references.dense import displace, influence_matrix
+from bench.references import dense
 
 Field = NDArray[np.float64]
+Sides = NDArray[np.intp]
+Method = Callable[[Field, Field, float], Sides]
 
 ROUNDING = 1e-11  # pressures and gaps below, over the largest interference, count as zero
 EXCHANGES = 50  # of nodes that bounded least squares leaves on the wrong side, by its tolerance
 
 
 def press(
-    heights: Field, delta: float, hardness: float, kernel: Kernel, aspect: float = 1.0
+    heights: Field,
+    delta: float,
+    hardness: float,
+    kernel: Kernel,
+    aspect: float = 1.0,
+    method: Method | None = None,
 ) -> tuple[Field, Field]:
     """Solve contact on a rigid far field with bounded pressure.
 
@@ -34,6 +45,8 @@ def press(
         Largest pressure [E* um / first side of a cell].
     kernel, aspect
         See `half_space.influence_coefficients`.
+    method : callable, optional
+        `by_least_squares` unless given, or `by_growth`.
 
     Returns
     -------
@@ -51,13 +64,16 @@ def press(
     nodes = np.flatnonzero(interference > 0)
     pressure = np.zeros(heights.size)
     pressure[nodes] = solve(
-        influence_matrix(heights.shape, kernel, aspect, nodes), interference[nodes], hardness
+        dense.influence_matrix(heights.shape, kernel, aspect, nodes),
+        interference[nodes],
+        hardness,
+        method or by_least_squares,
     )
     field = pressure.reshape(heights.shape)
-    return field, displace(field, kernel, aspect) - interference.reshape(heights.shape)
+    return field, dense.displace(field, kernel, aspect) - interference.reshape(heights.shape)
 
 
-def solve(matrix: Field, interference: Field, hardness: float) -> Field:
+def solve(matrix: Field, interference: Field, hardness: float, method: Method) -> Field:
     """Find the pressure 0 <= p <= H with gap w = A p - u >= 0 where p = 0 and <= 0 where p = H.
 
     Parameters
@@ -68,17 +84,16 @@ def solve(matrix: Field, interference: Field, hardness: float) -> Field:
         u.
     hardness : float
         H.
+    method : callable
+        Finds the side of the bounds of each node.
 
     Raises
     ------
     ArithmeticError
         If the conditions of contact are not fulfilled.
     """
-    factor = cholesky(matrix, lower=True)
-    target = solve_triangular(factor, interference, lower=True)
-    found = lsq_linear(factor.T, target, bounds=(0.0, hardness), method="bvls", tol=1e-15)
     accepted = ROUNDING * float(np.abs(interference).max())
-    side = np.asarray(found.active_mask)
+    side = method(matrix, interference, hardness)
     for _ in range(EXCHANGES):
         pressure = balance(matrix, interference, hardness, side)
         gap = matrix @ pressure - interference
@@ -89,7 +104,29 @@ def solve(matrix: Field, interference: Field, hardness: float) -> Field:
     raise ArithmeticError(f"bounded least squares: {np.count_nonzero(wrong)} nodes are wrong")
 
 
-def balance(matrix: Field, interference: Field, hardness: float, side: NDArray[np.intp]) -> Field:
+def by_least_squares(matrix: Field, interference: Field, hardness: float) -> Sides:
+    """(m,) sides by bounded least squares: -1 without pressure, 1 at yielded nodes, 0 between."""
+    factor = cholesky(matrix, lower=True)
+    target = solve_triangular(factor, interference, lower=True)
+    found = lsq_linear(factor.T, target, bounds=(0.0, hardness), method="bvls", tol=1e-15)
+    return np.asarray(found.active_mask)
+
+
+def by_growth(matrix: Field, interference: Field, hardness: float) -> Sides:
+    """The same by elastic solves on fewer and fewer nodes, the others known to carry H."""
+    yielded = np.zeros(interference.size, bool)
+    while True:
+        rest = ~yielded
+        load = interference[rest] - hardness * matrix[np.ix_(rest, yielded)].sum(axis=1)
+        pressure = np.full(interference.size, hardness)
+        pressure[rest] = dense.solve(matrix[np.ix_(rest, rest)], load) if rest.any() else 0.0
+        beyond = pressure > hardness
+        if not beyond.any():
+            return np.where(yielded, 1, np.where(pressure > 0, 0, -1))
+        yielded |= beyond
+
+
+def balance(matrix: Field, interference: Field, hardness: float, side: Sides) -> Field:
     """(m,) pressure that closes the gap between the bounds, where side is 0; at a bound elsewhere.
 
     `side` is -1 at nodes without pressure and 1 at yielded nodes.
@@ -103,7 +140,7 @@ def balance(matrix: Field, interference: Field, hardness: float, side: NDArray[n
 
 
 def misplaced(
-    pressure: Field, gap: Field, hardness: float, side: NDArray[np.intp], accepted: float
+    pressure: Field, gap: Field, hardness: float, side: Sides, accepted: float
 ) -> NDArray[np.bool_]:
     """(m,) nodes whose pressure or gap has the wrong sign for their side of the bounds."""
     beyond = (pressure < -accepted) | (pressure > hardness + accepted)

@@ -101,7 +101,12 @@ TABLES = {
     "solver": Sheet(
         "The contact solver",
         "stability.csv",
-        ("solver.input_cases", "solver.shape_cases", "solver.mechanics_cases"),
+        (
+            "solver.input_cases",
+            "solver.shape_cases",
+            "solver.mechanics_cases",
+            "solver.hardness_cases",
+        ),
         "The contact solver: each answer is proved from its pressure alone, with influence"
         " coefficients and a convolution of the check's own, and many again by a dense solve, a"
         " closed form or a symmetry. Iterations stand beside those of an ordinary contact.",
@@ -118,6 +123,15 @@ TABLES = {
         "Random forces and mean pressures at every tolerance from 1e-2 to 1e-13: an answer to each,"
         " whose residual a convolution of the check's own confirms and whose force is the one given"
         " to 12 digits. Solves of more than 20 s count as endless.",
+    ),
+    "hardness": Sheet(
+        "Random contacts that yield",
+        "hardness.csv",
+        ("hardness.cases",),
+        "Bodies that yield: 1,000 random contacts of up to 33 x 33 nodes beside bounded least"
+        " squares, by dense algebra and by iterations alone, with the conditions of contact checked"
+        " by the dense matrix; then 1,000 surfaces of the paper preset at the default tolerance,"
+        " none of which may fail, or touch at fewer nodes than the elastic contact.",
     ),
     "models": Sheet(
         "The nine models",

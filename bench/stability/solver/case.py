@@ -3,7 +3,7 @@
 import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
 
@@ -87,6 +87,8 @@ class Examination:
                 contact = asked.solve()
             except Exception as error:  # whatever it is, the table is to show it
                 raised = error
+        if contact is not None and asked.pressure is not None:
+            asked = replace(asked, delta=contact.approach)
         texts = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))
         conduct = Finding(f"warnings {texts}".rstrip(), len(warned), 0)
         return self.judge(asked, contact, raised, [conduct])

@@ -37,9 +37,12 @@ Check = Callable[[Setup, bem.Contact], Iterable[Finding]]
 def complementarity(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
     """The conditions of contact, from the pressure alone."""
     tension = int(np.count_nonzero(~(contact.pressure >= 0)))
+    beyond = int(np.count_nonzero(contact.pressure > (asked.hardness or np.inf)))
     yield Finding("gap", violation(asked, contact.pressure), asked.rtol + ROUNDING)
     if tension:
         yield Finding("nodes in tension", tension, 0)
+    if beyond:
+        yield Finding("nodes above the hardness", beyond, 0)
 
 
 def honesty(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
@@ -56,18 +59,23 @@ def honesty(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
 def violation(asked: Setup, pressure: Field) -> float:
     """Largest |gap| under pressure or penetration elsewhere [Delta; um where Delta <= 0].
 
+    At yielded nodes only a gap counts, no penetration: that is the depth to which they yield.
+
     Parameters
     ----------
     asked : the problem
     pressure : (nx, ny) [MPa]
     """
-    gap = _gap(asked, pressure)
-    worst = float(np.where(pressure > 0, np.abs(gap), -gap).max())
+    gap = gap_under(asked, pressure)
+    wrong = np.where(pressure > 0, np.abs(gap), -gap)
+    if asked.hardness is not None:
+        wrong = np.where(pressure == asked.hardness, gap, wrong)
+    worst = float(wrong.max())
     return np.inf if np.isnan(worst) else max(0.0, worst)
 
 
-def _gap(asked: Setup, pressure: Field) -> Field:
-    """(nx, ny) distance left between the surfaces [Delta; um where Delta <= 0]."""
+def gap_under(asked: Setup, pressure: Field) -> Field:
+    """Return the (nx, ny) distance left between the surfaces [Delta; um where Delta <= 0]."""
     unit = asked.delta if asked.delta > 0 else 1.0
     with np.errstate(all="ignore"):  # what no number can hold fails as such, in `violation`
         reduced = _reduced(asked, pressure, unit)

@@ -32,13 +32,17 @@ class Setup:
     far_field: FarField = "rigid"
     rtol: float = 1e-6
     max_iterations: int = 1000
+    hardness: float | None = None
+    pressure: float | None = None
 
     def solve(self) -> bem.Contact:
         """What `bem` makes of it."""
         return bem.solve(
             self.heights,
             self.side,
-            self.delta,
+            None if self.pressure else self.delta,
+            pressure=self.pressure,
+            hardness=self.hardness,
             spacing=self.spacing,
             modulus=self.modulus,
             poisson=self.poisson,
@@ -86,6 +90,8 @@ class Setup:
             ("ν", self.poisson, Setup.poisson),
             ("rtol", self.rtol, Setup.rtol),
             ("iterations up to", self.max_iterations, Setup.max_iterations),
+            ("H", self.hardness, Setup.hardness),
+            ("p", self.pressure, Setup.pressure),
         ):
             if value != default:
                 parts.append(f"{symbol} = {value:g}")

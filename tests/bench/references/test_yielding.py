@@ -47,6 +47,16 @@ def test_conditions_of_contact_hold(kind: str, share: float) -> None:
     assert np.abs(gap[(pressure > 0) & ~yielded]).max(initial=0.0) < 1e-11
 
 
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("kind", SURFACES)
+def test_growing_the_yielded_set_is_least_squares(kind: str, kernel: Kernel) -> None:
+    heights = surface(kind, SHAPE, seed=4)
+    for hardness in (0.02, 0.1, 0.4):
+        expected, _ = yielding.press(heights, 1.5, hardness, kernel)
+        found, _ = yielding.press(heights, 1.5, hardness, kernel, 1.0, yielding.by_growth)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
 def test_a_solution_that_breaks_them_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(yielding, "cho_solve", lambda _factor, values: values)
     with pytest.raises(ArithmeticError, match="nodes are wrong"):

@@ -1,0 +1,70 @@
+"""Proof that the checks of contacts that yield can fail."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bem
+from bench.stability.hardness.cases import Tally, cases
+from bench.stability.hardness.problems import YieldingProblem, problem
+
+SEED = 11
+
+
+def failed(tally: Tally) -> str:
+    return "; ".join(str(finding) for finding in tally.findings() if not finding.passed)
+
+
+def test_the_table_asks_for_a_thousand_of_each_kind_once() -> None:
+    for family in ("least squares", "the paper's surfaces"):
+        blocks = [case.examine.args[0] for case in cases() if case.family == family]  # type: ignore[attr-defined]
+        assert [number for block in blocks for number in block] == list(range(1000))
+
+
+def test_some_nodes_yield_in_the_problem_of_these_tests() -> None:
+    pressure, _ = problem(SEED).expected
+    assert 0 < np.count_nonzero(pressure == problem(SEED).hardness) < np.count_nonzero(pressure)
+
+
+def more(contact: bem.Contact) -> bem.Contact:
+    return replace(contact, force=1.001 * contact.force)
+
+
+def above(contact: bem.Contact) -> bem.Contact:
+    return replace(contact, pressure=contact.pressure * 1.001)
+
+
+def less(contact: bem.Contact) -> bem.Contact:
+    return replace(contact, pressure=contact.pressure * 0.999)
+
+
+def loose(contact: bem.Contact) -> bem.Contact:
+    return replace(contact, residual=contact.residual + 1e-6)
+
+
+def nothing(contact: bem.Contact) -> bem.Contact:
+    raise ZeroDivisionError
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (more, "force off least squares"),
+        (above, "nodes in tension or above the hardness"),
+        (less, "nodes off least squares"),
+        (loose, "residual off"),
+        (nothing, "ZeroDivisionError at seed 11"),
+    ],
+)
+def test_wrong_answers_are_told(
+    monkeypatch: pytest.MonkeyPatch, spoil: Callable[[bem.Contact], bem.Contact], words: str
+) -> None:
+    tally = Tally()
+    tally.examine(SEED, problem(SEED))
+    assert not failed(tally)
+    solve = YieldingProblem.solve
+    monkeypatch.setattr(YieldingProblem, "solve", lambda asked: spoil(solve(asked)))
+    tally.examine(SEED, problem(SEED))
+    assert words in failed(tally)
