@@ -127,7 +127,7 @@ def read(
     target: str = "area",
     area_max: float | None = None,
     features: str = "paper",
-    pressed: Values | None = None,
+    hybrid: Values | None = None,
 ) -> Dataset:
     """Read and clean a database for one target; see `read_targets`.
 
@@ -141,7 +141,7 @@ def read(
         Largest area that is kept [%]; 16.56 is the paper's range.
     features : str
         A name of `learn.features.SETS`.
-    pressed : ndarray, shape (rows of the database, 7), optional
+    hybrid : ndarray, shape (rows of the database, 7), optional
         The features that the surfaces add to hybrid features.
 
     Raises
@@ -149,7 +149,7 @@ def read(
     InputError
         See `read_targets`.
     """
-    (dataset,) = read_targets(path, (target,), area_max, features, pressed)
+    (dataset,) = read_targets(path, (target,), area_max, features, hybrid)
     return dataset
 
 
@@ -158,7 +158,7 @@ def read_targets(
     targets: Sequence[str],
     area_max: float | None = None,
     features: str = "paper",
-    pressed: Values | None = None,
+    hybrid: Values | None = None,
 ) -> list[Dataset]:
     """Read a database once, and clean it for each of several targets.
 
@@ -172,7 +172,7 @@ def read_targets(
         Largest area that is kept [%]; 16.56 is the paper's range.
     features : str
         A name of `learn.features.SETS`. If it is free of units, so are the targets.
-    pressed : ndarray, shape (rows of the database, 7), optional
+    hybrid : ndarray, shape (rows of the database, 7), optional
         The features that the surfaces add to hybrid features, from `learn.features.regeneration`.
 
     Returns
@@ -191,7 +191,7 @@ def read_targets(
         raise InputError(f"--area-max {area_max:g}: give a percentage above 0")
     stored = _stored(path, targets)
     wanted = chosen(features, hardness_limits(stored.scene))
-    made = _features(wanted, stored, pressed)
+    made = _features(wanted, stored, hybrid)
     return [_usable(stored, *target, wanted, made, area_max) for target in stored.targets]
 
 
@@ -298,7 +298,7 @@ def _usable(
     )
 
 
-def _features(wanted: FeatureSet, stored: _Stored, pressed: Values | None) -> Values:
+def _features(wanted: FeatureSet, stored: _Stored, hybrid: Values | None) -> Values:
     """Return the features of all rows of a database, finite where they can be used."""
     scene, inputs = stored.scene, stored.inputs
     ratio: Values | float | None = None
@@ -306,7 +306,7 @@ def _features(wanted: FeatureSet, stored: _Stored, pressed: Values | None) -> Va
         ratio = limits[0] if stored.hardness is None else stored.hardness / modulus(scene)
     with np.errstate(over="ignore", invalid="ignore"):
         return build(
-            wanted, inputs[:, 1:], inputs[:, 0], scene.surface.side, pressed, hardness_ratio=ratio
+            wanted, inputs[:, 1:], inputs[:, 0], scene.surface.side, hybrid, hardness_ratio=ratio
         )
 
 

@@ -60,7 +60,7 @@ class Request:
             raise InputError(f"--normalise {self.normalisation!r}: give one of {known}")
 
 
-def pressed_for(
+def hybrid_for(
     request: Request, executor: Executor, stopping: Callable[[], bool] = lambda: False
 ) -> Values | None:
     """Return the features that the database's surfaces themselves add, if any are asked for.
@@ -77,10 +77,10 @@ def pressed_for(
     Returns
     -------
     ndarray, shape (rows of the database, 7), or None
-        See `learn.features.regeneration.pressed_rows`; None if the feature set needs no surfaces.
+        See `learn.features.regeneration.hybrid_rows`; None if the feature set needs no surfaces.
     """
     if not features.chosen(request.features).needs_surface:
         return None
-    from learn.features.regeneration import pressed_rows
+    from learn.features.regeneration import hybrid_rows
 
-    return pressed_rows(request.database, executor, stopping)
+    return hybrid_rows(request.database, executor, stopping)

@@ -15,7 +15,7 @@ from bench.stability.models.fitted import fitted, rows_of
 from bench.stability.models.samples import ordinary
 from gen.surface import generate
 from learn.features import SETS, SurfaceFeatures, chosen
-from learn.features.sets import PRESSED
+from learn.features.sets import HYBRID
 
 NODES = {"smoke": 33, "paper": 129, "large": 513}
 ROWS = {"smoke": 1, "paper": 1000, "large": 100_000}
@@ -36,7 +36,7 @@ def test_features(benchmark: Any, name: str, size: str) -> None:
     assert found.shape == (1, len(wanted.columns))
     if wanted.needs_surface:
         above = np.maximum(heights - (heights.max() - DELTA), 0.0)
-        places = [wanted.columns.index(column) for column in PRESSED[:2]]
+        places = [wanted.columns.index(column) for column in HYBRID[:2]]
         bearing = found[0, places]
         assert bearing == pytest.approx([np.mean(above > 0), above.mean() / DELTA], rel=1e-12)
     lengths = 1.0 if wanted.scaled else 2.0

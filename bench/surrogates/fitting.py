@@ -10,7 +10,7 @@ from learn import dataset, split
 from learn.dataset import Dataset
 from learn.executor import Executor
 from learn.features import chosen
-from learn.request import Request, pressed_for
+from learn.request import Request, hybrid_for
 from learn.surrogate.fitting import fit_target
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.settings import Settings
@@ -92,8 +92,8 @@ def read(request: Request, rows: int | None = None) -> Dataset:
     KeyboardInterrupt
         If hybrid features were stopped by a signal while they were computed.
     """
-    pressed = pressed_for(request, Executor())
-    found = dataset.read(request.database, "area", request.area_max, request.features, pressed)
+    hybrid = hybrid_for(request, Executor())
+    found = dataset.read(request.database, "area", request.area_max, request.features, hybrid)
     if rows is None:
         return found
     return found.at(np.flatnonzero(found.rows < rows))

@@ -28,7 +28,7 @@ BATCH = 10_000
 LAW = 40
 """Displacements of a law's table (`python -m learn law`)."""
 
-PRESSED_BATCH = 200
+HYBRID_BATCH = 200
 """The same for features that press the surface at each displacement."""
 
 WAYS: dict[str, dict[str, Any]] = {
@@ -161,7 +161,7 @@ def _surrogate(surrogate: Surrogate, new: NewSurfaces) -> Iterator[tuple[str, fl
     yield "a new surface, one displacement", mean_seconds(calls)
     known = surrogate.for_surface(new.heights[0], new.side)
     known.predict(10.0)
-    most = PRESSED_BATCH if surrogate.features.needs_surface else BATCH
+    most = HYBRID_BATCH if surrogate.features.needs_surface else BATCH
     for count, counted in ((1, "1 displacement"), (most, f"{most:,} displacements")):
         deltas = np.linspace(*DELTAS, count)
         for words, options in WAYS.items():

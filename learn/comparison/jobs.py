@@ -30,7 +30,7 @@ from learn.comparison.timing import FitResult, TimedFit, fit_and_time
 from learn.comparison.training_data import Training
 from learn.executor import Executor
 from learn.models import Model, models_named
-from learn.request import Request, pressed_for
+from learn.request import Request, hybrid_for
 
 
 @dataclass(frozen=True)
@@ -194,11 +194,11 @@ def _targets(
 ) -> Iterator[_Target]:
     """Read the database, and prepare one target after the other until a signal comes."""
     stopping = interruption.requested
-    pressed = pressed_for(request, executor, stopping)
+    hybrid = hybrid_for(request, executor, stopping)
     if stopping():
         return
     for rows in dataset.read_targets(
-        request.database, request.targets, request.area_max, request.features, pressed
+        request.database, request.targets, request.area_max, request.features, hybrid
     ):
         if not stopping():
             folder, training = prepare(request, rows, models, searched=searched)

@@ -9,7 +9,7 @@ from learn.comparison.training_data import Training
 from learn.dataset import Dataset
 from learn.executor import Executor
 from learn.models import Model
-from learn.request import Request, pressed_for
+from learn.request import Request, hybrid_for
 from learn.split import Split
 from learn.target import scaling_of
 
@@ -76,8 +76,8 @@ def read_single(request: Request, target: str) -> tuple[Dataset, Split]:
     target : str
         Name of the target.
     """
-    pressed = pressed_for(request, Executor())
-    rows = dataset.read(request.database, target, request.area_max, request.features, pressed)
+    hybrid = hybrid_for(request, Executor())
+    rows = dataset.read(request.database, target, request.area_max, request.features, hybrid)
     return rows, split.draw(rows, request.seed, request.train_rows)
 
 

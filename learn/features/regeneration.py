@@ -28,11 +28,11 @@ from gen.schema import PHYSICS, Status
 from learn.arrays import Values
 from learn.executor import Executor
 from learn.features.hardness import hardness_ratios
-from learn.features.sets import PRESSED, STATISTICS
+from learn.features.sets import HYBRID, STATISTICS
 from learn.features.surface import BLOCKS, LOOSE, SurfaceFeatures
 
 VERSION = 2
-"""Raised whenever `SurfaceFeatures.pressed` changes its values."""
+"""Raised whenever `SurfaceFeatures.hybrid` changes its values."""
 
 BLOCK_ROWS = 32
 SAVE_SECONDS = 20.0
@@ -42,7 +42,7 @@ AGREEMENT = 1e-6
 Block = tuple[int, int]
 
 
-def pressed_rows(path: Path, executor: Executor, stopping: Callable[[], bool]) -> Values:
+def hybrid_rows(path: Path, executor: Executor, stopping: Callable[[], bool]) -> Values:
     """Return the hybrid features of all finished rows.
 
     Parameters
@@ -57,7 +57,7 @@ def pressed_rows(path: Path, executor: Executor, stopping: Callable[[], bool]) -
     Returns
     -------
     ndarray, shape (n, 7)
-        The features of `PRESSED` for every row of the database; NaN for rows that are not finished
+        The features of `HYBRID` for every row of the database; NaN for rows that are not finished
         or were not reached before the stop.
 
     Raises
@@ -108,7 +108,7 @@ def compute_block(scene: Scene, block: Block) -> tuple[Values, Values]:
     start, stop = block
     plan = parameters(scene, start, stop)
     inputs = np.full((stop - start, len(_inputs(scene))), np.nan)
-    values = np.full((stop - start, len(PRESSED)), np.nan)
+    values = np.full((stop - start, len(HYBRID)), np.nan)
     inputs[:, 0] = plan.delta
     ratios = hardness_ratios(scene, plan.hardness)
     if scene.contact.draws_hardness:
@@ -122,7 +122,7 @@ def compute_block(scene: Scene, block: Block) -> tuple[Values, Values]:
             inputs[row, 1 : 1 + len(STATISTICS)] = surface.statistics
             if plan.delta[row] > 0:
                 ratio = None if ratios is None else float(ratios[row])
-                values[row] = surface.pressed(float(plan.delta[row]), ratio)
+                values[row] = surface.hybrid(float(plan.delta[row]), ratio)
         except InputError:  # a failed row of the database: it has no inputs either
             continue
     return inputs, values
@@ -193,7 +193,7 @@ class _Job:
 
     def _kept(self) -> Values:
         """Return the features that the file has for rows whose inputs have not changed."""
-        values = np.full((len(self.inputs), len(PRESSED)), np.nan)
+        values = np.full((len(self.inputs), len(HYBRID)), np.nan)
         try:
             content = BytesIO(
                 require_file(self.cache).read_bytes()
@@ -207,7 +207,7 @@ class _Job:
         if inputs.ndim != 2 or {inputs.dtype, known.dtype} != {np.dtype(np.float64)}:
             return values
         rows = min(len(inputs), len(values))
-        if inputs.shape[1:] == self.inputs.shape[1:] and known.shape == (len(inputs), len(PRESSED)):
+        if inputs.shape[1:] == self.inputs.shape[1:] and known.shape == (len(inputs), len(HYBRID)):
             same = (inputs[:rows] == self.inputs[:rows]).all(axis=1)
             values[:rows][same] = known[:rows][same]
         return values
@@ -215,7 +215,7 @@ class _Job:
 
 def _key(scene: Scene) -> str:
     """Return a fingerprint of all settings that the features depend on besides the inputs."""
-    text = f"{VERSION} {BLOCKS} {LOOSE} {','.join(PRESSED)} {PHYSICS} {scene.fingerprint()}"
+    text = f"{VERSION} {BLOCKS} {LOOSE} {','.join(HYBRID)} {PHYSICS} {scene.fingerprint()}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -33,7 +33,7 @@ CURVATURES = tuple(name for name in STATISTICS if _UNITS[name] == "um-1")
 BANDWIDTHS = ("bandwidth_x", "bandwidth_y")
 PURE = tuple(name for name in STATISTICS if name not in {*HEIGHTS, *CURVATURES, *BANDWIDTHS})
 
-PRESSED = (
+HYBRID = (
     "bearing_share",
     "bearing_interference/delta",
     "coarse_area_percent",
@@ -134,8 +134,8 @@ SETS: Mapping[str, FeatureSet] = {
         ),
         FeatureSet(
             "hybrid",
-            (*_WITHOUT_UNITS, *PRESSED),
-            ("1",) * (len(_WITHOUT_UNITS) + len(PRESSED)),
+            (*_WITHOUT_UNITS, *HYBRID),
+            ("1",) * (len(_WITHOUT_UNITS) + len(HYBRID)),
             "standard",
             scaled=True,
             needs_surface=True,
@@ -169,7 +169,7 @@ def build(
     statistics: Values,
     delta: Values,
     length: Values | float,
-    pressed: Values | None = None,
+    hybrid: Values | None = None,
     hardness_ratio: Values | float | None = None,
 ) -> Values:
     """Turn rows of statistics into features.
@@ -184,8 +184,8 @@ def build(
         Far-field displacement [um].
     length : ndarray or float
         Scan length L, the geometric mean of both sides; one for all rows, or shape (n,) [um].
-    pressed : ndarray, shape (n, 7), optional
-        Columns of `PRESSED`, for sets that need the surface.
+    hybrid : ndarray, shape (n, 7), optional
+        Columns of `HYBRID`, for sets that need the surface.
     hardness_ratio : ndarray, shape (n,), or float, optional
         Hardness over E*, for sets with this feature.
 
@@ -209,9 +209,9 @@ def build(
         parts += [np.log(column[name]) for name in BANDWIDTHS]
     parts += [column[name] for name in PURE]
     if features.needs_surface:
-        if pressed is None:
+        if hybrid is None:
             raise ValueError(f"{features.name} features need the surface")
-        parts += list(pressed.T)
+        parts += list(hybrid.T)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         parts += list(np.log(ratio.T * length / unit))
     return np.column_stack(parts)

@@ -19,7 +19,7 @@ import bem
 from gen.runtime.errors import InputError
 from gen.statistics import describe
 from learn.arrays import Values
-from learn.features.sets import PRESSED, FeatureSet, build
+from learn.features.sets import HYBRID, FeatureSet, build
 
 Sides = tuple[float, float]
 
@@ -105,18 +105,18 @@ class SurfaceFeatures:
         wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
         if wrong.size:
             raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give numbers above 0")
-        pressed = None
+        hybrid = None
         if features.needs_surface:
-            every = [self.pressed(float(delta), hardness_ratio) for delta in deltas]
-            pressed = np.array(every).reshape(-1, len(PRESSED))
+            every = [self.hybrid(float(delta), hardness_ratio) for delta in deltas]
+            hybrid = np.array(every).reshape(-1, len(HYBRID))
         rows = np.repeat(self.statistics[None], deltas.size, axis=0)
-        columns = build(features, rows, deltas, self.length, pressed, hardness_ratio)
+        columns = build(features, rows, deltas, self.length, hybrid, hardness_ratio)
         if not np.isfinite(columns).all():
             raise InputError(f"{self.name}: its features are not finite numbers")
         return columns
 
-    def pressed(self, delta: float, hardness_ratio: float | None = None) -> tuple[float, ...]:
-        """Return the columns of `PRESSED`, which the hybrid set adds, at one Delta [um]."""
+    def hybrid(self, delta: float, hardness_ratio: float | None = None) -> tuple[float, ...]:
+        """Return the columns of `HYBRID`, which the hybrid set adds, at one Delta [um]."""
         interference = self.heights - (self._highest - delta)
         bearing = _above(interference, delta)
         depth = delta - (self._highest - float(self._coarse.max()))

@@ -15,7 +15,7 @@ from learn.comparison.folder import Folder
 from learn.dataset import Dataset
 from learn.executor import Executor
 from learn.models import models_named
-from learn.request import Request, pressed_for
+from learn.request import Request, hybrid_for
 from learn.surrogate import card
 from learn.surrogate.fitting import fit_target
 from learn.surrogate.learnt import Learnt
@@ -63,10 +63,10 @@ def fit(
         If the input cannot be used, or there are too few rows or too little memory.
     """
     (model,) = models_named(list(request.models))
-    pressed = pressed_for(request, executor, stopping)
+    hybrid = hybrid_for(request, executor, stopping)
     if stopping():
         return None
-    sets = _read(request, pressed)
+    sets = _read(request, hybrid)
     parts = split.draw(sets[0], request.seed, request.train_rows)
     train, calibration = without_calibration(sets[0], parts.train)
     memory.check(model.name, train.size)
@@ -93,10 +93,10 @@ def fit(
     )
 
 
-def _read(request: Request, pressed: Values | None) -> list[Dataset]:
+def _read(request: Request, hybrid: Values | None) -> list[Dataset]:
     """Return one dataset per target, of the rows that all targets have."""
     sets = dataset.read_targets(
-        request.database, request.targets, request.area_max, request.features, pressed
+        request.database, request.targets, request.area_max, request.features, hybrid
     )
     common = sets[0].rows
     for each in sets[1:]:

@@ -78,7 +78,7 @@ def _other_unit(name: str, factor: float, allowed: float) -> Answer:
 def _bearing(delta: float, offset: float, shape: tuple[int, int] = (65, 65)) -> Answer:
     """Bearing share and interference, counted in fractions; all features finite and possible."""
     heights = _surface()[: shape[0], : shape[1]] + offset
-    found = SurfaceFeatures(heights, (SIDE, SIDE)).pressed(delta)
+    found = SurfaceFeatures(heights, (SIDE, SIDE)).hybrid(delta)
     level = Fraction(float(heights.max())) - Fraction(delta)
     above = [over for z in heights.ravel().tolist() if (over := Fraction(z) - level) > 0]
     share, mean = (

@@ -14,8 +14,8 @@ from gen.runtime.errors import InputError
 from learn import dataset
 from learn.executor import Executor
 from learn.features import SETS, SurfaceFeatures, regeneration
-from learn.features.regeneration import pressed_rows
-from learn.features.sets import PRESSED, STATISTICS
+from learn.features.regeneration import hybrid_rows
+from learn.features.sets import HYBRID, STATISTICS
 
 
 def never():
@@ -24,8 +24,8 @@ def never():
 
 @pytest.mark.parametrize("name", list(SETS))
 def test_rows_of_a_database_and_their_surfaces_have_the_same_features(solved, name):
-    pressed = pressed_rows(solved, Executor(), never) if SETS[name].needs_surface else None
-    rows = dataset.read(solved, "area", features=name, pressed=pressed)
+    hybrid = hybrid_rows(solved, Executor(), never) if SETS[name].needs_surface else None
+    rows = dataset.read(solved, "area", features=name, hybrid=hybrid)
     assert rows.names == SETS[name].columns
     with Reader(solved) as reader:
         scene = reader.scene
@@ -39,7 +39,7 @@ def test_rows_of_a_database_and_their_surfaces_have_the_same_features(solved, na
 def test_what_was_computed_is_kept_and_only_what_changed_is_computed_again(
     database, change, monkeypatch
 ):
-    first = pressed_rows(database, Executor(), never)
+    first = hybrid_rows(database, Executor(), never)
     assert np.isfinite(first).all()
     asked = []
     compute = regeneration.compute_block
@@ -49,24 +49,24 @@ def test_what_was_computed_is_kept_and_only_what_changed_is_computed_again(
         return compute(scene, block)
 
     monkeypatch.setattr(regeneration, "compute_block", counting)
-    np.testing.assert_array_equal(pressed_rows(database, Executor(), never), first)
+    np.testing.assert_array_equal(hybrid_rows(database, Executor(), never), first)
     assert not asked
     kept = database.with_name(f"{database.name}.pressed.npz")
     with np.load(kept) as file:
         content = dict(file)
     content["inputs"][5] += 1.0
     np.savez(kept, **content)
-    np.testing.assert_array_equal(pressed_rows(database, Executor(), never), first)
+    np.testing.assert_array_equal(hybrid_rows(database, Executor(), never), first)
     assert asked == [(5, 6)]
     kept.write_bytes(kept.read_bytes()[:1000])
-    np.testing.assert_array_equal(pressed_rows(database, Executor(), never), first)
+    np.testing.assert_array_equal(hybrid_rows(database, Executor(), never), first)
     assert len(asked) == 4
     assert not list(kept.parent.glob(".*.npz*"))
 
 
 def test_kept_features_that_somebody_else_wrote_are_computed_anew(database):
     job = regeneration._Job(database)
-    values, names = np.zeros((len(job.inputs), len(PRESSED))), ("key", "inputs", "values")
+    values, names = np.zeros((len(job.inputs), len(HYBRID))), ("key", "inputs", "values")
     header = "{'descr': '<f8', 'fortran_order': False, 'shape': (4611686018427387904,), }"
     promise = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode()
     for inputs in (np.float64(1.0), np.zeros(3), job.inputs.astype("S8"), job.inputs[:5], promise):
@@ -81,18 +81,18 @@ def test_kept_features_that_somebody_else_wrote_are_computed_anew(database):
 
 def test_an_interrupted_run_keeps_what_was_finished(database):
     calls = iter([False, True, True])
-    part = pressed_rows(database, Executor(), lambda: next(calls))
+    part = hybrid_rows(database, Executor(), lambda: next(calls))
     finished = np.isfinite(part).all(axis=1)
     assert 0 < finished.sum() < 90
     with np.load(database.with_name(f"{database.name}.pressed.npz")) as file:
         np.testing.assert_array_equal(np.isfinite(file["values"]).all(axis=1), finished)
-    assert np.isfinite(pressed_rows(database, Executor(), never)).all()
+    assert np.isfinite(hybrid_rows(database, Executor(), never)).all()
 
 
 def test_surfaces_that_cannot_be_generated_anew_are_refused(database, change):
     change("height_mean", [40], 1.0)
     with pytest.raises(InputError, match="row 40, generated anew from its scene, is another"):
-        pressed_rows(database, Executor(), never)
+        hybrid_rows(database, Executor(), never)
 
 
 def test_samples_that_share_a_surface_share_its_generation(tmp_path):
@@ -100,8 +100,8 @@ def test_samples_that_share_a_surface_share_its_generation(tmp_path):
         "samples = 20\nsamples_per_surface = 5\n[surface]\nnodes = 17\n"
     )
     assert gen_main(["run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "s.h5")]) == 0
-    pressed = pressed_rows(tmp_path / "s.h5", Executor(), never)
-    rows = dataset.read(tmp_path / "s.h5", "force", features="hybrid", pressed=pressed)
+    hybrid = hybrid_rows(tmp_path / "s.h5", Executor(), never)
+    rows = dataset.read(tmp_path / "s.h5", "force", features="hybrid", hybrid=hybrid)
     assert rows.size == 20
     assert np.unique(rows.groups).size == 4
     assert rows.unit == "1"

@@ -7,7 +7,7 @@ import bem
 from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn.features import SETS, SurfaceFeatures
-from learn.features.sets import PRESSED
+from learn.features.sets import HYBRID
 
 
 def surface(seed, nodes=33):
@@ -18,11 +18,11 @@ def surface(seed, nodes=33):
 def test_any_grid_has_features_and_few_nodes_are_their_own_blocks(shape):
     z = np.random.default_rng(0).normal(size=shape).cumsum(axis=0)
     sides = (float(shape[0] - 1), float(shape[1] - 1))
-    pressed = SurfaceFeatures(z, sides)
+    rough = SurfaceFeatures(z, sides)
     deltas = np.array([0.2, 3.0, 30.0])
-    found = pressed.features(SETS["hybrid"], deltas)
+    found = rough.features(SETS["hybrid"], deltas)
     assert np.isfinite(found).all()
-    values = dict(zip(PRESSED, pressed.pressed(3.0), strict=True))
+    values = dict(zip(HYBRID, rough.hybrid(3.0), strict=True))
     assert values["bearing_share"] == np.mean(z > z.max() - 3.0)
     assert values["refined_share"] <= values["bearing_share"]
     if max(shape) <= 33:  # nothing stands above its own solution, whatever that leaves there
@@ -30,7 +30,7 @@ def test_any_grid_has_features_and_few_nodes_are_their_own_blocks(shape):
         solved = bem.solve(z, sides, 3.0)
         assert values["coarse_area_percent"] == pytest.approx(solved.area_percent, abs=0.5)
         assert values["coarse_force/(E*.L.delta)"] == pytest.approx(
-            solved.force / (pressed.length * 3.0), rel=0.02
+            solved.force / (rough.length * 3.0), rel=0.02
         )
     else:
         assert values["refined_share"] > 0
@@ -40,7 +40,7 @@ def test_a_delta_that_reaches_no_block_still_has_features():
     z = np.zeros((66, 66))
     z[30, 30] = 10.0
     z += np.random.default_rng(0).uniform(0, 1e-3, z.shape)
-    values = SurfaceFeatures(z, (65.0, 65.0)).pressed(0.5)
+    values = SurfaceFeatures(z, (65.0, 65.0)).hybrid(0.5)
     assert values == (1 / 66**2, 0.5 / 66**2 / 0.5, 0.0, 0.0, 0.0, 1 / 66**2, 0.5 / 66**2 / 0.5)
 
 

@@ -100,13 +100,13 @@ def test_area_knows_no_units_and_force_scales_with_them(ridge, heights):
 
 
 def test_a_surface_costs_its_features_once_and_batches_are_the_single_calls(ridge, heights):
-    pressed = ridge.for_surface(heights, 1000.0)
+    on_surface = ridge.for_surface(heights, 1000.0)
     deltas = np.linspace(5.0, 44.0, 7)
-    batch = pressed.predict(deltas)
-    single = [pressed.predict(delta, level=None, reasons=False) for delta in deltas]
+    batch = on_surface.predict(deltas)
+    single = [on_surface.predict(delta, level=None, reasons=False) for delta in deltas]
     np.testing.assert_allclose(batch.area, [each.area[0] for each in single], rtol=1e-9)
     assert not single[0].low
-    assert "statistics" in vars(pressed.surface)
+    assert "statistics" in vars(on_surface.surface)
 
 
 @pytest.mark.parametrize("features", ["paper", "dimensionless"])
