@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.scale.costs import Costs, scene_with
-from bench.scale.simulation import Outcome, simulate
+from bench.scale.simulation import Outcome, Writer, simulate
 from gen.generation import plan
 from gen.generation.delivery import Block
 from gen.generation.run import blocks_of
@@ -111,14 +111,9 @@ def simulated(
     largest, smallest : rows that a block may and should have; 0 for the program's own rule
     """
     rows, workers = len(seconds), ranks - 1
-    single = writer == "single"
-    outcome = simulate(
-        blocks(nodes, rows, workers, largest, smallest),
-        seconds,
-        workers,
-        costs,
-        write="master" if single else "workers",
-    )
+    cut = blocks(nodes, rows, workers, largest, smallest)
+    write: Writer = "master" if writer == "single" else "workers"
+    outcome = simulate(cut, seconds, workers, costs, write=write)
     return Point(
         nodes=nodes,
         ranks=ranks,

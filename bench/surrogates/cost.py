@@ -6,6 +6,7 @@ from pathlib import Path
 
 from bench import databases
 from bench.surrogates.answer_times import (
+    NewSurfaces,
     SolverTimes,
     SurrogateTimes,
     measure_solver,
@@ -24,6 +25,7 @@ from bench.surrogates.learning import Point, curve
 from gen.runtime.errors import InputError
 from learn.comparison.folder import Folder
 from learn.features import SETS, chosen
+from learn.request import Request
 
 PAPER, OURS = "the paper's", "ours"
 """Solvers."""
@@ -117,17 +119,29 @@ def cost(
     costs = Costs(measure_solver(new), {}, [_published()], [])
     for features in SETS:
         request = request_for(path, "kernel-ridge", features, area_max)
-        parts = parted(read(request, rows))
-        remark(f"{features} features: {parts.train.size} rows train")
-        full = fit(request, parts.train, parts.calibration, parts.folds)
-        answer = measure_surrogate(full, chosen(features), new)
-        build = build_times(rows, costs.solver, answer, full, chosen(features))
-        if features == "paper":
-            build = replace(build, tuning=build.tuning + searched)
-        costs.answers[features] = answer
-        costs.questions.extend(_questions(features, rows, costs.solver, answer, build))
-        costs.points.extend(curve(request, parts, rows, costs.solver, answer, full))
+        _add(costs, request, rows, new, searched if features == "paper" else 0.0, remark)
     return costs
+
+
+def _add(
+    costs: Costs,
+    request: Request,
+    rows: int,
+    new: NewSurfaces,
+    searched: float,
+    remark: Callable[[str], None],
+) -> None:
+    """Add one feature set to what was measured."""
+    name, features = request.features, chosen(request.features)
+    parts = parted(read(request, rows))
+    remark(f"{name} features: {parts.train.size} rows train")
+    full = fit(request, parts.train, parts.calibration, parts.folds)
+    answer = measure_surrogate(full, features, new)
+    build = build_times(rows, costs.solver, answer, full, features)
+    build = replace(build, tuning=build.tuning + searched)
+    costs.answers[name] = answer
+    costs.questions.extend(_questions(name, rows, costs.solver, answer, build))
+    costs.points.extend(curve(request, parts, rows, costs.solver, answer, full))
 
 
 def tuning_seconds(comparison: Path) -> float:

@@ -6,7 +6,7 @@ and judged on areas solved tightly. Times are processor times of rows as a datab
 surface, statistics, solve.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from gen.database import Reader
 from gen.runtime.errors import InputError
 from learn.dataset import Dataset
 from learn.metrics import Scores, scores
+from learn.request import Request
 
 Values = NDArray[np.float64]
 
@@ -105,30 +106,36 @@ def tolerance(
     for features in FEATURES:
         request = request_for(true, "kernel-ridge", features, area_max)
         data = read(request, rows)
-        parts, settings = parted(data), None
-        remark(f"{features} features: {parts.train.size} rows train")
-        for each, values in measured.items():
-            own = _relabelled(values[:, 0], parts)
-            fitted = fit(request, own.train, own.calibration, own.folds, settings)
-            settings = fitted.settings  # of the true areas, which come first
-            time = seconds.get(each, np.nan)
-            errors = _label_errors(values[data.rows], exact[data.rows])
-            judged, own_judged = _scores(fitted, parts.test), _scores(fitted, own.test)
-            found.append(
-                Row(
-                    each,
-                    features,
-                    parts.train.size,
-                    parts.test.size,
-                    time,
-                    time / seconds[DEFAULT],
-                    *errors,
-                    **vars(judged),
-                    own_nmae=own_judged.nmae,
-                    own_r2=own_judged.r2,
-                )
-            )
+        for row in _judged(request, data, measured, remark):
+            time = seconds.get(row.tolerance, np.nan)
+            found.append(replace(row, seconds=time, ratio=time / seconds[DEFAULT]))
     return found
+
+
+def _judged(
+    request: Request, data: Dataset, measured: dict[float, Values], remark: Callable[[str], None]
+) -> Iterator[Row]:
+    """Fit and judge one feature set at every tolerance; the true areas come first."""
+    parts, settings = parted(data), None
+    remark(f"{request.features} features: {parts.train.size} rows train")
+    exact = measured[TIGHT][data.rows]
+    for tolerance, values in measured.items():
+        own = _relabelled(values[:, 0], parts)
+        fitted = fit(request, own.train, own.calibration, own.folds, settings)
+        settings = fitted.settings  # chosen once, on the true areas
+        own_judged = _scores(fitted, own.test)
+        yield Row(
+            tolerance,
+            request.features,
+            parts.train.size,
+            parts.test.size,
+            np.nan,
+            np.nan,
+            *_label_errors(values[data.rows], exact),
+            **vars(_scores(fitted, parts.test)),
+            own_nmae=own_judged.nmae,
+            own_r2=own_judged.r2,
+        )
 
 
 def _tight(rows: int) -> str:

@@ -13,13 +13,10 @@ import numpy as np
 import pytest
 from launch import launch
 
-import bem
 from bench.__main__ import main
-from bench.references.dense import press
 from bench.report import Report
-from bench.solvers import case as cases
 from bench.solvers.case import Case, find_exact
-from bench.solvers.own import BEM, DOUBLE, MIXED
+from bench.solvers.own import BEM
 from bench.solvers.solver import Answer, Failure
 from bench.table import read_table
 from bench.work_precision.measurement import LeftOut, Point, Task, admit, measure
@@ -101,14 +98,6 @@ def test_errors_fall_with_the_tolerance_on_bodies_that_yield(done: Found) -> Non
     assert list(drawn) == [f"bem, {hardness:g}" for hardness in HARDNESSES]
 
 
-def test_both_precisions_end_in_the_same_answer(small: Case) -> None:
-    mixed, double = MIXED.solve(small, 1e-12), DOUBLE.solve(small, 1e-12)
-    assert mixed.pressure == pytest.approx(double.pressure, rel=0, abs=1e-11)
-    np.testing.assert_array_equal(mixed.pressure > 0, double.pressure > 0)
-    whole = bem.solve(small.heights, small.side, small.delta, rtol=1e-12)
-    assert double.pressure == pytest.approx(whole.pressure, rel=0, abs=1e-11)
-
-
 def test_ours_are_all_admitted_and_absent_peers_named(done: Found) -> None:
     assert {point.study for point in done[0]} == {
         "tolerance",
@@ -125,49 +114,6 @@ def test_ours_are_all_admitted_and_absent_peers_named(done: Found) -> None:
         if importlib.util.find_spec(package) is None:
             (reason,) = (gone.reason for gone in done[1] if gone.solver == package)
             assert reason.startswith("not installed: pip install ")
-
-
-@pytest.mark.parametrize("kernel", ["uniform-pressure", "concentrated-force"])
-def test_exact_solutions_are_exact(kernel: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    case = paper_case(3, 17, kernel)
-    dense, _ = press(case.heights, case.delta, case.kernel)
-    exact = find_exact(case)
-    assert exact.method == "dense"
-    assert exact.pressure == pytest.approx(dense * case.delta / case.spacing, rel=0, abs=1e-12)
-    assert exact.contact_share == np.count_nonzero(dense) / dense.size
-    monkeypatch.setattr(cases, "DENSE_NODES", 0)
-    tight = find_exact(replace(case))  # another object: not found in the cache
-    assert tight.method == "rtol 1e-14"
-    assert tight.pressure == pytest.approx(exact.pressure, rel=0, abs=1e-12)
-    assert tight.force == pytest.approx(exact.force, rel=1e-13)
-
-
-def test_exact_solutions_are_proved(small: Case, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A guess of the contact nodes that is one node off is found out, either way."""
-    right = cases._dense_pressure
-    touching = find_exact(small).pressure > 0
-    for node in (np.argmax(touching), np.argmin(touching)):
-        wrong = touching.copy().reshape(-1)
-        wrong[node] = not wrong[node]
-        with pytest.raises(ArithmeticError, match="paper 0, uniform-pressure: no exact solution"):
-            cases._prove(small, right(small, wrong.reshape(touching.shape)))
-
-
-def test_a_coarser_grid_sees_means(small: Case) -> None:
-    exact = find_exact(small)
-    coarse = exact.on_grid(9)
-    assert coarse.pressure.shape == (9, 9)
-    assert (coarse.force, coarse.contact_share) == (exact.force, exact.contact_share)
-    assert coarse.pressure.sum() * 16 == pytest.approx(exact.pressure.sum(), rel=1e-14)
-    level = replace(exact, pressure=np.ones((33, 33))).on_grid(17).pressure
-    assert level[1:-1, 1:-1] == pytest.approx(1.0, rel=1e-15)
-    spot = np.zeros((33, 33))
-    spot[6, 8] = 16.0  # on the border between the cells of the coarse nodes 1 and 2, in line with 2
-    seen = replace(exact, pressure=spot).on_grid(9).pressure
-    assert {(*map(int, node),): seen[tuple(node)] for node in np.argwhere(seen)} == {
-        (1, 2): 0.5,
-        (2, 2): 0.5,
-    }
 
 
 def test_nested_grids_hold_the_same_body_in_the_same_place() -> None:

@@ -1,0 +1,55 @@
+"""Solvers by other people: the same problem as ours, where they are installed."""
+
+from dataclasses import replace
+
+import pytest
+
+from bench.peers.accuracy import find_errors
+from bench.peers.sample import HURST, Sample
+from bench.solvers import aspher, contact_mechanics
+from bench.solvers.case import find_exact
+from bench.solvers.others import OTHERS, installed
+from bench.solvers.own import BEM, PAPERS
+from bench.solvers.solver import Failure, Solver
+
+SMALL = Sample(33, HURST, 25.0)
+
+
+@pytest.mark.parametrize("peer", OTHERS, ids=lambda peer: peer.name)
+@pytest.mark.parametrize("delta", [5.0, 25.0])
+def test_peers_solve_the_same_problem(peer: Solver, delta: float) -> None:
+    """To eight digits: the same coefficients, spacing, units and free boundaries."""
+    if not peer.version:
+        pytest.skip(f"{peer.package} is not installed: {peer.install}")
+    case = replace(SMALL, delta=delta).case()
+    exact = find_exact(case)
+    errors = find_errors(peer.solve(case, 1e-10).pressure, peer.control, case, exact)
+    assert errors.load_error < 1e-8
+    assert errors.misplaced_nodes == 0
+    assert errors.pressure_error < 1e-7
+
+
+@pytest.mark.parametrize(("nodes", "nested", "coarsest"), [(129, 132, 33), (257, 264, 33)])
+def test_grids_that_peers_like(nodes: int, nested: int, coarsest: int) -> None:
+    assert aspher.nested_grid(nodes) == nested == coarsest * 2 ** aspher.levels(nodes)
+    assert contact_mechanics.fast_grid(nodes) == {129: 135, 257: 270}[nodes]
+
+
+@pytest.mark.parametrize("hardness", [0.3, 0.05, 0.005])
+@pytest.mark.parametrize("delta", [5.0, 25.0])
+def test_solvers_that_know_a_hardness_agree(delta: float, hardness: float) -> None:
+    """With one another and with the dense reference, on nodes in contact and on yielded ones."""
+    case = Sample(33, HURST, delta, hardness).case()
+    exact = find_exact(case)
+    assert exact.method == "dense"
+    assert exact.pressure.max() <= hardness * (1 + 1e-15)
+    assert (
+        case.yielded(exact.pressure).sum()
+        == {5.0: (0, 3, 8), 25.0: (1, 103, 264)}[delta][(0.3, 0.05, 0.005).index(hardness)]
+    )
+    for solver in (BEM, *(each for each in installed() if each.plastic)):
+        errors = find_errors(solver.solve(case, 1e-9).pressure, "displacement", case, exact)
+        assert errors.load_error < 1e-8
+        assert errors.misplaced_nodes == 0
+    with pytest.raises(Failure, match="paper's NNLS has no hardness"):
+        PAPERS.solve(case, 1e-8)

@@ -1,0 +1,45 @@
+"""What a solver is asked for, and what becomes of its faults."""
+
+from dataclasses import replace
+
+import pytest
+
+from bench.peers.sample import HURST, Sample
+from bench.solvers.case import Case
+from bench.solvers.others import installed, missing
+from bench.solvers.own import BEM
+from bench.solvers.solver import Answer, Failure, Solver
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    return Sample(33, HURST, 25.0).case()
+
+
+class Broken:
+    """A session of a peer that raises what nobody expects."""
+
+    def __init__(self, nodes: int, spacing: float) -> None:
+        pass
+
+    def press(self, case: Case, force: float, tolerance: float) -> Answer:
+        raise RuntimeError("nan encountered")
+
+
+ABSENT = Solver("Absent", Broken, "no_such_package", "pip install no-such-package")
+
+
+def test_faults_of_peers_are_failures(case: Case) -> None:
+    with pytest.raises(Failure, match="RuntimeError: nan encountered"):
+        ABSENT.solve(case, 1e-3)
+    with pytest.raises(Failure, match="no kernel 'concentrated-force'"):
+        ABSENT.solve(replace(case, kernel="concentrated-force"), 1e-3)
+    with pytest.raises(RuntimeError, match="nan encountered"):
+        replace(ABSENT, install="").solve(case, 1e-3)
+
+
+def test_absent_peers_are_left_out_with_how_to_get_them() -> None:
+    assert installed([ABSENT, BEM]) == [BEM]
+    assert missing([ABSENT, BEM, replace(ABSENT, name="again")]) == {
+        "no_such_package": "pip install no-such-package"
+    }
