@@ -188,7 +188,8 @@ def _growth(first: Row, row: Row) -> float:
     return float((row.convolutions / first.convolutions) ** (1 / doublings))
 
 
-def _surface(nodes: int, seed: int) -> Heights:
+def surface(nodes: int, seed: int) -> Heights:
+    """Generate one of the surfaces; grids of one seed hold each other's nodes."""
     return generate("diamond-square", nodes, HURST, SIGMA0, np.random.default_rng(seed))
 
 
@@ -200,7 +201,7 @@ def _displacement(nodes: int, seed: int, percent: float) -> float:
 
     found = []
     for small in SEEKING_NODES:
-        heights = _surface(small, seed)
+        heights = surface(small, seed)
         deepest = 3 * float(heights.max() - heights.min())
         found.append(optimize.brentq(excess, 0.0, deepest, args=(heights,), xtol=1e-2))
     doublings = np.log2((nodes - 1) / (SEEKING_NODES[-1] - 1))
@@ -212,7 +213,7 @@ def _solve(nodes: int, seed: int, delta: float) -> tuple[float, float, float, fl
 
     Memory comes first, as the first solve of a size needs most of it; then time and counts.
     """
-    heights = _surface(nodes, seed)
+    heights = surface(nodes, seed)
     field_bytes = 8 * fast_period(nodes) ** 2
     tracemalloc.start()
     try:

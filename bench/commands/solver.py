@@ -1,5 +1,6 @@
 """Commands on the contact solver: exactness, speed, stiff cases."""
 
+from dataclasses import replace
 from typing import Annotated
 
 import typer
@@ -77,13 +78,22 @@ def growth(
 ) -> None:
     """Measure how convolutions, time and memory of a solve grow with the grid.
 
-    At 1, 10 and 50 % of the nodes in contact. Two minutes; with 2049 nodes a side and one surface
-    some more. Prints a table, writes DIR/growth.csv and DIR/growth.png.
+    At 1, 10 and 50 % of the nodes in contact; then how area and mean pressure depend on the grid,
+    with a hardness and without. Some minutes. Prints a table, writes DIR/growth.csv and
+    DIR/yielding.csv, and a picture of each.
     """
     from bench.growth import growth, report
+    from bench.yielding_growth import grids, picture
 
-    require_place(output, "growth.csv", "growth.png")
-    tell(output, report(growth(numbers("nodes", nodes, int), surfaces, remark=remark)))
+    require_place(output, "growth.csv", "growth.png", "yielding.csv", "yielding.png")
+    sizes = numbers("nodes", nodes, int)
+    elastic, yielding = growth(sizes, surfaces, remark=remark), grids(sizes, surfaces, remark)
+    both = report(elastic)
+    tables, pictures = {"yielding": yielding}, {"yielding": picture(yielding)}
+    tell(
+        output,
+        replace(both, tables={**both.tables, **tables}, pictures={**both.pictures, **pictures}),
+    )
 
 
 def hertz(output: Folder) -> None:
