@@ -31,16 +31,6 @@ PARTS = (
         show=contents_of("bench.peers.report:contents"),
     ),
     Part(
-        "hardness",
-        SOLVER,
-        "Bodies that yield, beside another solver",
-        quick="",
-        full="-m bench peers --nodes 129 --deltas 5,25,45 --hardness 0.005,0.02,0.05,0.1,0.3"
-        " --rounds 2 -o {folder}",
-        show=contents_of("bench.peers.report:yielding_contents"),
-        folder="peers",
-    ),
-    Part(
         "growth",
         SOLVER,
         "Growth with the grid",

@@ -108,24 +108,28 @@ def contents(folder: Path) -> list[content.Content]:
             ),
         ),
         *(content.Absent(package, how) for package, how in absent.items()),
+        *(yielding_contents(folder) if (folder / "hardness.csv").exists() else ()),
     ]  # fmt: skip
 
 
 def yielding_contents(folder: Path) -> list[content.Content]:
     """List what a folder holds of the comparison on bodies that yield."""
     table = folder / "hardness.csv"
+    command = "python -m bench peers --hardness 0.005,0.02,0.05,0.1,0.3 -o DIR"
     return [
         content.Figure(
             folder / "hardness.png",
             "The same on bodies that yield, over the hardness: ContactMechanics' plastic system"
             " beside ours, each at its loosest tolerance with the force within 1e-6 and the sets"
             " of nodes in contact and of yielded ones within 0.05 %.",
-            data=(table,),
+            command,
+            (table,),
         ),
         content.Table(
             table,
             "The same as numbers, with applications of the influence matrix.",
-            columns=(
+            command,
+            (
                 "nodes", "delta_um", "hardness", "contact_nodes", "yielded_nodes", "solver",
                 "tolerance", "seconds", "times_ours", "convolutions", "load_error",
                 "misplaced_nodes", "remark",
@@ -136,5 +140,6 @@ def yielding_contents(folder: Path) -> list[content.Content]:
             "A given mean pressure [E*] up to nearly the hardness, where all nodes yield: whether"
             " each solver converges, in how many applications of the influence matrix, and the"
             " largest difference of their pressures over the hardness.",
+            command,
         ),
     ]  # fmt: skip
