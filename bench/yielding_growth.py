@@ -104,7 +104,7 @@ def picture(rows: Sequence[YieldingRow]) -> Any:
         panel.set(xscale="log", xlabel="nodes a side", ylabel=label, ylim=(0, None))
         panel.set_xticks(sizes, [str(size) for size in sizes])
         panel.minorticks_off()
-    panels[0].legend()
+    panels[1].legend()
     return figure
 
 
