@@ -236,13 +236,15 @@ class YieldingIterate(Iterate):
         self.yielded = self.yielded | (self.pressure >= self.hardness)
         self.pressure[self.yielded] = self.hardness
 
-    def release(self, rtol: float, *, at_once: bool) -> None:
+    def release(self, rtol: float, *, least: float, at_once: bool) -> None:
         """Free the yielded nodes whose gap is open.
 
         Parameters
         ----------
         rtol : float
             Largest gap that is accepted.
+        least : float
+            Least gap of a node that is released, as a share of the largest.
         at_once : bool
             Whether not to wait until the free nodes are nearer to equilibrium than these.
         """
@@ -251,8 +253,9 @@ class YieldingIterate(Iterate):
             return
         penetration = float(self.residual.max(initial=0.0, where=~self.yielded))
         free_gap = -float(self.residual.min(initial=0.0, where=(self.pressure > 0) & ~self.yielded))
-        if at_once or (max(penetration, free_gap) <= opening and not self.excess() > 0):
-            self.yielded = self.yielded & (self.residual >= 0)
+        settled = max(penetration, free_gap) <= opening and not self.excess() > 0
+        if at_once or settled:
+            self.yielded = self.yielded & (self.residual >= -least * opening)
 
     def balance(self, load: float) -> None:
         """Scale the free pressure so that all of the pressure adds up to a load.

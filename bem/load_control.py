@@ -32,6 +32,17 @@ GUESSES = 8
 # Relative distance of displacements that double precision can just tell apart.
 ROOT_RTOL = 4e-15
 
+# Iterations from a guess after which bodies that yield are solved at given displacements instead:
+# arriving under a load takes fewer.
+YIELDING_ITERATIONS = 100
+
+# Relative distance of displacements between which a start under the load usually arrives.
+LOOSE_ROOT = 1e-3
+
+# First step, relative to the displacement, in search of a bracket; later steps are four times the
+# one before, up to a factor of two.
+FIRST_BRACKET = 0.01
+
 
 def under_given_force(problem: Problem, near: Start | None = None) -> Equilibrium:
     """Find the displacement of the far field at which the pressure carries the force.
@@ -110,8 +121,11 @@ def _from_guess(problem: Problem, load: float, guess: float, near: Start | None)
     for _ in range(GUESSES):
         equilibrium, arrived = _at_guess(problem, guess, load, near, spent)
         within = equilibrium.converged and equilibrium.approach < MARGIN * guess
-        if within or not arrived:
+        if within:
             return equilibrium
+        if not arrived:  # sets that cycle leave any displacement, which is worse than the guess
+            yielding = problem.hardness is not None
+            return replace(equilibrium, approach=guess) if yielding else equilibrium
         near = _start_from(problem, equilibrium)
         spent = equilibrium.iterate.effort
         guess *= min(max(equilibrium.approach / guess, 0.1), 10.0)
@@ -200,7 +214,9 @@ def _at_guess(
     touching = overlap(problem, guess * MARGIN)
     interference = touching.interference * MARGIN - MARGIN + 1
     rigid = HalfSpace(touching.shape, problem.kernel, problem.aspect, touching.nodes)
-    start = None
+    left, start = problem.max_iterations - spent.iterations, None
+    if near is None and problem.hardness is not None:
+        left = min(left, YIELDING_ITERATIONS)
     if near is not None:
         pressure = touching.select(near.pressure) * (problem.spacing[0] / guess)
         start = started(rigid, interference, pressure)
@@ -209,7 +225,7 @@ def _at_guess(
         interference,
         problem.reduced_hardness(guess),
         rtol=problem.rtol / MARGIN,
-        max_iterations=max(problem.max_iterations - spent.iterations, 1),
+        max_iterations=max(left, 1),
         start=start,
         pace=FROM_SCRATCH if start is None else FROM_NEAR,
     )
@@ -238,42 +254,76 @@ def _by_root(problem: Problem, load: float, failed: Equilibrium) -> Equilibrium:
     """Find the displacement at which a rigid far field carries the force, by Brent's method.
 
     Solves at a given displacement are certain to arrive. Where the displacement follows from the
-    load, contact sets may cycle, and a force many decades below the guess's may leave no digits.
+    load, sets of nodes may cycle, and a force many decades below the guess's may leave no digits. A
+    loose root is often near enough for a start under the load; otherwise the root is refined.
     """
-    spent = failed.iterate.effort
+    equilibrium = failed
+    for rtol in (LOOSE_ROOT, max(problem.rtol / 10, ROOT_RTOL)):
+        try:
+            root, spent = _root(problem, load, equilibrium, rtol)
+        except _OutOfIterations as bound:
+            failed.iterate.effort = bound.spent
+            return failed
+        start = _start_from(problem, root)
+        equilibrium, _ = _at_guess(problem, root.approach, load, start, spent)
+        if equilibrium.converged:
+            return equilibrium
+        carried = float(root.pressure.sum()) * root.length
+        if abs(carried / load - 1) <= ROOT_RTOL and root.iterate.violation() <= problem.rtol:
+            root.iterate.effort = equilibrium.iterate.effort
+            return root  # where all nodes in contact yield, more than one displacement carries it
+    return equilibrium
+
+
+def _root(
+    problem: Problem, load: float, near: Equilibrium, rtol: float
+) -> tuple[Equilibrium, Effort]:
+    """Solve on a rigid far field whose displacement carries the force to a relative tolerance.
+
+    Returns
+    -------
+    root : Equilibrium
+        The last solve.
+    spent : Effort
+        Work so far, that of `near` included.
+    """
+    spent = near.iterate.effort
     last: list[Equilibrium] = []
+    loose = replace(problem, rtol=max(problem.rtol, rtol / 10))
 
     @cache
     def excess(delta: float) -> float:
         nonlocal spent
         left = problem.max_iterations - spent.iterations
         if left < 1:
-            raise _OutOfIterations
-        near = [_start_from(problem, equilibrium) for equilibrium in last]
-        equilibrium = on_rigid_far_field(replace(problem, max_iterations=left), delta, *near)
-        spent += equilibrium.iterate.effort
-        last[:] = [equilibrium]
-        return float(equilibrium.pressure.sum()) * delta / load - 1
+            raise _OutOfIterations(spent)
+        start = [_start_from(problem, equilibrium) for equilibrium in last]
+        last[:] = [on_rigid_far_field(replace(loose, max_iterations=left), delta, *start)]
+        spent += last[0].iterate.effort
+        return float(last[0].pressure.sum()) * delta / load - 1
 
     from scipy.optimize import brentq  # a quarter of a worker's start-up; most runs never need it
 
-    low = high = failed.approach
-    try:
-        while excess(low) > 0:
-            low /= 2
-        while excess(high) < 0:
-            high *= 2
-        brentq(excess, low, high, xtol=1e-300, rtol=max(problem.rtol / 10, ROOT_RTOL))
-    except _OutOfIterations:
-        failed.iterate.effort = spent
-        return failed
-    equilibrium, _ = _at_guess(
-        problem, last[0].approach, load, _start_from(problem, last[0]), spent
-    )
-    if not equilibrium.converged and abs(excess(last[0].approach)) <= ROOT_RTOL:
-        return last[0]  # where all nodes in contact yield, more than one displacement carries it
-    return equilibrium
+    low = high = near.approach
+    step = FIRST_BRACKET
+    while excess(low) > 0:
+        low, step = low / (1 + step), min(4 * step, 1.0)
+    step = FIRST_BRACKET
+    while excess(high) < 0:
+        high, step = high * (1 + step), min(4 * step, 1.0)
+    brentq(excess, low, high, xtol=1e-300, rtol=rtol)
+    return last[0], spent
 
 
 class _OutOfIterations(Exception):
-    """The bound on iterations is used up."""
+    """The bound on iterations is used up.
+
+    Attributes
+    ----------
+    spent : Effort
+        Work so far.
+    """
+
+    def __init__(self, spent: Effort) -> None:
+        super().__init__()
+        self.spent = spent

@@ -44,8 +44,10 @@ AT_HARDNESS = 1e-9
 FIRST_STEPS = 4
 
 # Share of a step's load on nodes at the hardness from which the step is damped. Below, it is
-# scaled as a whole, as an elastic one is, by a factor between the other number and one.
+# scaled as a whole, as an elastic one is.
 DAMPED = 0.9
+
+# Smallest factor of that scaling; one is the largest.
 SMALLEST_SCALE = 0.8
 
 # Factor by which conjugate gradients reduce the residual before both sets are checked.
@@ -61,17 +63,33 @@ LARGEST_SCALE = 2.0
 # means too much load, under which gaps open everywhere.
 FEW_IN_TENSION = 0.1
 
+# Least gap of yielded nodes that are released, as a share of the largest gap: releasing all of them
+# at once raises the load too far, and the sets cycle.
+RELEASED = 0.4
+
+# The same where the last changes of the sets gained too little.
+RELEASED_SLOWLY = 0.8
+
 # Free nodes, as a share of `few_nodes`, up to which a factor replaces conjugate gradients.
 FEW_FREE = 0.4
 
-# Changes of the sets in a row that do not lower the smallest violation by a tenth: a cycle.
-PATIENCE = 8
+# Changes of the sets in a row, none of which lowers the smallest violation enough, that count as
+# cycling.
+PATIENCE = 12
+
+# The share of the smallest violation that is low enough.
 LOWER = 0.9
 
-# The growing set: the residual asked of the first one-sided solves, the factor by which it falls
-# each time that the set stands, and the number of times that nodes may be released all the same.
+# Changes of the sets in all that count as cycling however slowly the violation falls.
+MOST_CHANGES = 40
+
+# Residual asked of the first one-sided solves while the yielded set grows.
 LOOSEST = 1e-1
+
+# Factor on that residual each time that the set stands.
 STRICTER = 0.1
+
+# Times that nodes may be released from the growing set all the same.
 RELEASES = 50
 
 
@@ -271,7 +289,8 @@ def _exchange_sets(
     renewed = iterate.violation() if iterate.exact else 1.0
     progress, few_in_tension = _Progress(), False
     while True:
-        iterate.release(rtol, at_once=few_in_tension)
+        least = RELEASED_SLOWLY if progress.slows() else RELEASED
+        iterate.release(rtol, least=least, at_once=few_in_tension)
         violation = iterate.violation()
         progress.step(violation + iterate.excess())
         floor = max(rtol, ROUNDING * renewed)
@@ -303,11 +322,12 @@ class _Progress:
     """Records whether changes of the sets still come nearer to equilibrium."""
 
     def __init__(self) -> None:
-        self._smallest, self._patience = np.inf, PATIENCE
+        self._smallest, self._patience, self._changes = np.inf, PATIENCE, 0
         self._smallest_renewed, self._idle_renewals = np.inf, 0
 
     def step(self, violation: float) -> None:
         """Record the violation after a change of the sets."""
+        self._changes += 1
         if self._patience > 0:
             lower = violation < LOWER * self._smallest
             self._patience = PATIENCE if lower else self._patience - 1
@@ -321,9 +341,13 @@ class _Progress:
         if self._patience > 0:
             self._smallest, self._patience = np.inf, PATIENCE
 
+    def slows(self) -> bool:
+        """Return whether the last changes of the sets gained too little."""
+        return self._patience <= PATIENCE // 2
+
     def cycles(self) -> bool:
         """Return whether the sets recur."""
-        return self._patience == 0
+        return self._patience == 0 or self._changes >= MOST_CHANGES
 
     def stalls(self) -> bool:
         """Return whether only rounding is left."""
@@ -363,7 +387,7 @@ def _solve_loosely(
     largest = float(np.abs(residual).max(initial=0.0))
     goal = max(reduction * largest, floor)
     precondition = operators.approximate_inverse(free)
-    weights = pressure.copy()
+    weights = pressure.copy() if pressure.any() else np.ones_like(pressure)
     share = None if operators.load is None else weights / float(weights.sum())
     direction, previous = np.zeros_like(pressure), np.inf
     while iterate.effort.iterations < max_iterations and largest > floor:
