@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import bem
+from bem.equilibrium import BeyondCriticalDelta
 from bem.influence import KERNELS, Kernel
 from bench.references.half_space import critical_delta
 from bench.stability.case import Case, Refusal
@@ -67,12 +68,12 @@ def _compliant_far_fields() -> Iterator[Case]:
             yield near(name, paper, delta)
             checks = (agrees_with_dense_solve(allowed),)
             yield near(f"{name}, coarse", partial(paper, SMALL), delta, checks=checks)
-        beyond = Refusal(bem.NoSolution, ("delta = ", "must stay below Delta* = "))
+        beyond = Refusal(BeyondCriticalDelta, ("delta = ", "must stay below Delta* = "))
         for share in (1 + 1e-9, 2.0):
             delta = partial(_share_of_critical, share, kernel)
             name = f"Δ = {share:.10g} Δ*, {kernel}"
             yield case(name, paper, delta, kernel=kernel, refusal=beyond)
-    nowhere = Refusal(bem.NoSolution, ("delta = 1e-09 um", "must stay below Delta* = 0 um"))
+    nowhere = Refusal(BeyondCriticalDelta, ("delta = 1e-09 um", "must stay below Delta* = 0 um"))
     yield case("flat: Δ* = 0", flat, 1e-9, refusal=nowhere)
 
 

@@ -63,10 +63,10 @@ def slow(rows, monkeypatch):
     scene = load("scene.toml")
     late = {float(parameters(scene, row, row + 1).delta[0]) for row in rows}
 
-    def solve_contact(scene, heights, delta):
+    def solve_contact(scene, heights, delta, hardness=None):
         if delta in late:
             time.sleep(30.0)
-        return healthy(scene, heights, delta)
+        return healthy(scene, heights, delta, hardness)
 
     monkeypatch.setattr(gen.generation.sample, "solve_contact", solve_contact)
 
