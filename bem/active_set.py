@@ -13,7 +13,8 @@ import numpy as np
 
 from bem.arrays import Nodes, Values
 from bem.first_contact import settle_few, take_first_steps
-from bem.iterate import CONVOLUTION, ITERATION, STEP, Iterate, Operators, inner, rescale
+from bem.gradients import run_stage
+from bem.iterate import CONVOLUTION, STEP, Iterate, Operators, inner, rescale
 
 # Factor on the wanted reduction of the residual whenever a new contact set raises the energy: the
 # previous set was then left too early.
@@ -221,48 +222,20 @@ def _solve_in_contact(
     goals: tuple[float, float],
     max_iterations: int,
 ) -> None:
-    """Run conjugate gradients on the nodes in contact until their set has to change.
-
-    The set is checked whenever the residual has fallen by the first of the goals; a residual
-    below the second ends the stage. The residual is updated on all nodes, because the convolution
-    yields it there at no extra cost.
-    """
+    """Run conjugate gradients on the nodes in contact until their set has to change."""
     iterate.exact = False
     deflate = _deflation(operators, interference, contact, iterate)
-    pressure = iterate.pressure[contact]
-    known = pressure.copy()
+    precondition = operators.approximate_inverse(contact)
     outside = np.ones(iterate.pressure.size, dtype=bool)
     outside[contact] = False
-    residual = iterate.residual[contact]
-    reduction, floor = goals
-    largest = float(np.abs(residual).max(initial=0.0))
-    goal = max(reduction * largest, floor)
-    precondition = operators.approximate_inverse(contact)
-    direction, previous = np.zeros_like(pressure), np.inf
-    while iterate.effort.iterations < max_iterations and largest > floor:
-        correction = deflate(precondition(residual), residual)
-        product = inner(residual, correction)
-        direction = correction + (product / previous) * direction
-        previous = product
-        image = operators.displace_some(contact, direction)
-        stiffness = inner(direction, image[contact])
-        iterate.effort += CONVOLUTION
-        if not (product > 0 and stiffness > 0):  # only rounding is left
-            break
-        step = product / stiffness
-        pressure += step * direction
-        iterate.residual -= step * image
-        iterate.effort += ITERATION
-        if operators.load is not None:
-            iterate.level(known, iterate.residual[contact])
-        residual = iterate.residual[contact]
-        largest = float(np.abs(residual).max())
-        if largest > goal:
-            continue
-        if pressure.min() < 0 or np.any(iterate.residual[outside] > floor):
-            break
-        goal = max(reduction * goal, floor)
-    iterate.pressure[contact] = pressure
+
+    def correct(residual: Values) -> Values:
+        return deflate(precondition(residual), residual)
+
+    def has_to_change(pressure: Values, _: float) -> bool:
+        return bool(pressure.min() < 0 or np.any(iterate.residual[outside] > goals[1]))
+
+    run_stage(operators, iterate, contact, correct, has_to_change, goals, max_iterations)
 
 
 def _deflation(

@@ -22,6 +22,7 @@ from bem.active_set import (
 )
 from bem.arrays import Nodes, Values
 from bem.first_contact import far_field_law, take_first_steps
+from bem.gradients import run_stage
 from bem.iterate import (
     CONVOLUTION,
     ITERATION,
@@ -374,50 +375,29 @@ def _solve_loosely(
     goals: tuple[float, float],
     max_iterations: int,
 ) -> None:
-    """Run conjugate gradients on the free nodes until a set has to change.
-
-    The sets are checked whenever the residual has fallen by the first of the goals; a residual
-    below the second ends the stage.
-    """
+    """Run conjugate gradients on the free nodes until a set has to change."""
     iterate.exact = False
-    pressure, residual = iterate.pressure[free], iterate.residual[free]
     outside = ~iterate.yielded
     outside[free] = False
-    reduction, floor = goals
-    largest = float(np.abs(residual).max(initial=0.0))
-    goal = max(reduction * largest, floor)
     precondition = operators.approximate_inverse(free)
-    weights = pressure.copy() if pressure.any() else np.ones_like(pressure)
+    known = iterate.pressure[free]
+    weights = known if known.any() else np.ones_like(known)
     share = None if operators.load is None else weights / float(weights.sum())
-    direction, previous = np.zeros_like(pressure), np.inf
-    while iterate.effort.iterations < max_iterations and largest > floor:
+
+    def correct(residual: Values) -> Values:
         correction = precondition(residual)
         if share is not None:  # corrections carry no load in all
             correction = correction - float(correction.sum()) * share
-        product = inner(residual, correction)
-        direction = correction + (product / previous) * direction
-        previous = product
-        image = operators.displace_some(free, direction)
-        stiffness = inner(direction, image[free])
-        iterate.effort += CONVOLUTION
-        if not (product > 0 and stiffness > 0):  # only rounding is left
-            break
-        step = product / stiffness
-        pressure += step * direction
-        iterate.residual -= step * image
-        iterate.effort += ITERATION
-        if share is not None:
-            iterate.level(weights, iterate.residual[free])
-        residual = iterate.residual[free]
-        largest = float(np.abs(residual).max())
-        if largest > goal:
-            continue
+        return correction
+
+    def has_to_change(pressure: Values, largest: float) -> bool:
         if pressure.min() < 0 or pressure.max() > iterate.hardness:
-            break
-        if np.any(iterate.residual[outside] > floor) or iterate.opening() > max(floor, largest):
-            break
-        goal = max(reduction * goal, floor)
-    iterate.pressure[free] = pressure
+            return True
+        if iterate.opening() > max(goals[1], largest):
+            return True
+        return bool(np.any(iterate.residual[outside] > goals[1]))
+
+    run_stage(operators, iterate, free, correct, has_to_change, goals, max_iterations)
 
 
 def _change_sets(
