@@ -160,7 +160,7 @@ def _checked_hardness(hardness: Any) -> float | None:
     """Return the hardness [MPa], or None if there is none."""
     if hardness is None:
         return None
-    return _checked("hardness", hardness, 0, math.inf, "above 0 MPa, or None for none")
+    return _checked("hardness", hardness, 0, math.inf, "above 0 MPa, and finite")
 
 
 def _check_yielding(problem: Problem, hardness: float, pressure: float | None) -> None:
