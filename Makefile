@@ -27,6 +27,7 @@ check: .venv/test-installed
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest bench/suites --benchmark-disable
+	$(BIN)/python -m tests.ledger
 
 # On Debian: .venv-parallel, in which h5py writes from all MPI ranks. No wheel does that: h5py is
 # built once for these versions of Debian's HDF5 and Open MPI, and its wheel is kept in WHEELS.

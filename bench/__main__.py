@@ -21,7 +21,6 @@ COMMANDS = (
     solver.growth,
     solver.hertz,
     solver.stability,
-    solver.ledger,
     surrogates.models,
     surrogates.tolerance,
     surrogates.generalisation,

@@ -69,7 +69,6 @@ ROOMS = {
     },
     "bench.references": set(),
     "bench.solvers": {"bench.references"},
-    "bench.ledger": set(),
     "bench.page": {"bench.circumstances", "bench.databases", "bench.files", "bench.table"},
     "bench.scale": REPORTS,
     "bench.stability": {*REPORTS, "bench.references"},

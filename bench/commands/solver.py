@@ -129,24 +129,3 @@ def stability(
     from bench.stability.tables import report
 
     return 0 if report(output, full=full, of=of or ()) else 1
-
-
-def ledger(
-    update: Annotated[
-        str | None,
-        typer.Option(metavar="REASON", help="Write the new counts with the reason of the change."),
-    ] = None,
-) -> int:
-    """Compare counts of convolutions, contact nodes, rows, bytes and fits with the committed ones.
-
-    The counts do not depend on the machine's load. The exit code is 1 if work rises by more than
-    2 %, or results change by more than 0.1 %.
-    """
-    from bench.ledger.report import report
-
-    if update is not None and not update.strip():
-        raise InputError("--update: give the reason of the change")
-    faults = report(typer.echo, update)
-    for fault in faults:
-        typer.echo(f"ledger: {fault}")
-    return 1 if faults else 0

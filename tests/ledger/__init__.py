@@ -2,13 +2,13 @@
 
 Times differ between machines and between runs; these counts do not, so that a loss of efficiency or
 a change of results shows at once. `counts.csv` beside this module is committed and compared by
-`make check` and by `python -m bench ledger`.
+`make check`, which runs `python -m tests.ledger`.
 
 A count of work (iterations, convolutions, fits, bytes) may fall, but a rise by more than 2 % fails.
 A count of results (contact nodes, rows, candidates) may not change by more than 0.1 % either way.
 A wanted change updates the file in the same commit, with its reason:
 
-    python -m bench ledger --update "Why the counts have changed"
+    python -m tests.ledger --update "Why the counts have changed"
 
 Exact on every processor are solves, rows, candidates, fits and bytes per row, which follow from
 scenes and grids of settings. Convolutions, and rarely iterations and contact nodes, may differ by

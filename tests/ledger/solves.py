@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 import bem
-from bench.ledger.table import Key
 from gen.arrays import Columns, Heights
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows, surface_of
 from gen.scene import Scene, load
 from gen.schema import Status
+from tests.ledger.table import Key
 
 SIDE = 1000.0
 """Scan length of the surfaces [um]."""

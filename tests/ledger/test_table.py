@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from bench.ledger.table import LEDGER, Entry, Key, faults, read, text_table, updated, write_entries
 from gen.runtime.errors import InputError
+from tests.ledger import __main__ as program
+from tests.ledger.table import LEDGER, Entry, Key, faults, read, text_table, updated, write_entries
 
 CONVOLUTIONS = Key("given force", "convolutions")
 NODES = Key("given force", "contact nodes")
@@ -73,3 +74,24 @@ def test_the_committed_ledger_has_reasons_and_plenty_of_counts() -> None:
     entries = read(LEDGER)
     assert len({key.item for key in entries}) > 20
     assert all(entry.reason for entry in entries.values())
+
+
+def test_the_command_names_faults_and_updates(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "counts.csv"
+    monkeypatch.setattr(program, "LEDGER", path)
+    monkeypatch.setattr(program, "read", lambda: read(path))
+    monkeypatch.setattr(program, "write_entries", lambda entries: write_entries(entries, path))
+    monkeypatch.setattr(program, "solve_counts", lambda: {CONVOLUTIONS: 600})
+    monkeypatch.setattr(program, "job_counts", lambda: {NODES: 2000})
+    write_entries(ENTRIES, path)
+    assert program.main([]) == 1
+    assert capsys.readouterr().out.splitlines()[-2:] == [
+        "ledger: given force, convolutions: rises from 500 to 600 (+20.0%, at most +2%)",
+        "if wanted: python -m tests.ledger --update 'the reason'",
+    ]
+    assert program.main(["--update", " "]) == 2
+    assert program.main(["--update", "harder surfaces"]) == 0
+    assert read(path)[CONVOLUTIONS] == Entry(600, "harder surfaces")
+    assert program.main([]) == 0

@@ -3,8 +3,6 @@
 import tempfile
 from pathlib import Path
 
-from bench.ledger.solves import column_counts
-from bench.ledger.table import Key
 from gen.database import Reader
 from gen.generation.run import Request, generate_database
 from gen.runtime.farm import World
@@ -16,6 +14,8 @@ from learn.executor import Executor
 from learn.models import MODELS
 from learn.request import Request as ComparisonRequest
 from learn.split import FOLDS
+from tests.ledger.solves import column_counts
+from tests.ledger.table import Key
 
 SEARCHED = ("kernel-ridge", "decision-tree")
 """Models of the comparison: those with fits of milliseconds, one of them with shared fits."""

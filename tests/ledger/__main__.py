@@ -1,0 +1,59 @@
+"""`python -m tests.ledger`: counts of work and of results beside those of the ledger."""
+
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from gen.runtime import command_line, farm, startup
+from gen.runtime.errors import InputError
+from gen.runtime.output import Output, check_outputs
+from tests.ledger.jobs import job_counts
+from tests.ledger.solves import solve_counts
+from tests.ledger.table import LEDGER, faults, read, text_table, updated, write_entries
+
+app = typer.Typer(add_completion=False, rich_markup_mode=None)
+
+
+@app.command()
+def ledger(
+    update: Annotated[
+        str | None,
+        typer.Option(metavar="REASON", help="Write the new counts with the reason of the change."),
+    ] = None,
+) -> int:
+    """Compare counts of convolutions, contact nodes, rows, bytes and fits with the committed ones.
+
+    The counts do not depend on the machine's load. The exit code is 1 if work rises by more than
+    2 %, or results change by more than 0.1 %.
+    """
+    if update is not None and not update.strip():
+        raise InputError("--update: give the reason of the change")
+    entries = read()
+    if update is not None:
+        check_outputs([Output(LEDGER, "ledger")])
+    counts = solve_counts() | job_counts()
+    typer.echo(text_table(entries, counts))
+    if update is not None:
+        write_entries(updated(entries, counts, update))
+        typer.echo(f"wrote {LEDGER}")
+        return 0
+    found = list(faults(entries, counts))
+    for fault in found:
+        typer.echo(f"ledger: {fault}")
+    if found:
+        typer.echo("if wanted: python -m tests.ledger --update 'the reason'")
+    return 1 if found else 0
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run one command line; return its exit code."""
+    return command_line.main(app, "ledger", arguments, alone=True)
+
+
+if __name__ == "__main__":
+    startup.start(deaf=False)
+    code = main(sys.argv[1:])
+    farm.leave()
+    sys.exit(code)
