@@ -8,20 +8,9 @@ OURS = "ours"
 
 @dataclass(frozen=True)
 class Variant:
-    """The paper preset with another choice.
+    """The paper preset with another choice: the scene says in TOML what differs.
 
-    Attributes
-    ----------
-    choice : str
-        What is left open.
-    ours, other : str
-        What the preset takes, and what is taken here.
-    name : str
-        Name of the database.
-    scene : str
-        What differs from the preset (TOML).
-    area_max : float or None
-        Largest area that is kept [%]; None for all.
+    Areas above `area_max` are left out [%]; None keeps them all.
     """
 
     choice: str

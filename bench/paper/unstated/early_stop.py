@@ -6,7 +6,7 @@ equilibrium, or not at all; `bem.solve` has the equilibrium in one solve.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,34 +27,7 @@ STEPS = 40
 """Solves after which an iteration counts as one that does not end."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """What stopping early does near the limit Delta*.
-
-    Attributes
-    ----------
-    share : float
-        Displacement over Delta* [1].
-    surfaces : int
-        Number of surfaces.
-    ended : float
-        Share of the iterations that stopped by themselves [%].
-    solves : float
-        Median number of solves until they stopped.
-    area_low, force_low : float
-        Median of how much too low area and force are, over the iterations that stopped and have an
-        equilibrium [%].
-    """
-
-    share: float
-    surfaces: int
-    ended: float
-    solves: float
-    area_low: float
-    force_low: float
-
-
-def compare(scene: Scene, surfaces: int, shares: tuple[float, ...]) -> Iterator[Row]:
+def compare(scene: Scene, surfaces: int, shares: tuple[float, ...]) -> Iterator[dict[str, float]]:
     """Press the first surfaces of a scene to shares of their own limits.
 
     Parameters
@@ -65,25 +38,33 @@ def compare(scene: Scene, surfaces: int, shares: tuple[float, ...]) -> Iterator[
         Number of its first surfaces that are pressed.
     shares : tuple of float
         Displacements over Delta*; from 1 on there is no equilibrium.
+
+    Yields
+    ------
+    dict
+        For each share: iterations that stopped by themselves [%], median number of their solves,
+        and by how much area and force are too low in the median, where there is an equilibrium [%].
     """
     plan = parameters(scene, 0, surfaces)
     heights = [surface_of(scene, plan, row) for row in range(surfaces)]
     limits = [critical_delta(each, scene.contact.kernel) for each in heights]
     for share in shares:
-        found = [
-            _difference(scene, each, share * limit)
-            for each, limit in zip(heights, limits, strict=True)
-        ]
-        solves, area, force = np.array(found).T
-        ended = np.isfinite(solves)
-        yield Row(
-            share=share,
-            surfaces=surfaces,
-            ended=100 * float(ended.mean()),
-            solves=_median(solves),
-            area_low=_median(area),
-            force_low=_median(force),
-        )
+        pairs = zip(heights, limits, strict=True)
+        columns = np.array([_difference(scene, each, share * limit) for each, limit in pairs]).T
+        solves, area_low, force_low = map(_median, columns)
+        yield {
+            "share": share,
+            "surfaces": surfaces,
+            "ended": 100 * float(np.isfinite(columns[0]).mean()),
+            "solves": solves,
+            "area_low": area_low,
+            "force_low": force_low,
+        }
+
+
+def _median(values: NDArray[np.float64]) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else np.nan
 
 
 def iterate(scene: Scene, heights: NDArray[np.float64], delta: float) -> tuple[bem.Contact, int]:
@@ -91,7 +72,8 @@ def iterate(scene: Scene, heights: NDArray[np.float64], delta: float) -> tuple[b
 
     Returns
     -------
-    The last contact, and the number of solves
+    (Contact, int)
+        The last contact, and the number of solves.
 
     Raises
     ------
@@ -100,17 +82,10 @@ def iterate(scene: Scene, heights: NDArray[np.float64], delta: float) -> tuple[b
     """
     nodes, side, kernel = scene.surface.nodes, scene.surface.side, scene.contact.kernel
     stiffness = side / shape_factor((nodes, nodes), kernel)  # for E* = 1 MPa
+    solve = partial(bem.solve, heights, side, spacing=side / nodes, kernel=kernel)
     force, near = 0.0, None
     for step in range(1, STEPS + 1):
-        contact = bem.solve(
-            heights,
-            side,
-            delta + force / stiffness,
-            spacing=side / nodes,
-            kernel=kernel,
-            rtol=ENOUGH,
-            near=near,
-        )
+        contact = solve(delta + force / stiffness, rtol=ENOUGH, near=near)
         if abs(contact.force - force) <= TOLERANCE * contact.force:
             return contact, step
         force, near = contact.force, contact.pressure
@@ -120,29 +95,14 @@ def iterate(scene: Scene, heights: NDArray[np.float64], delta: float) -> tuple[b
 def _difference(
     scene: Scene, heights: NDArray[np.float64], delta: float
 ) -> tuple[float, float, float]:
-    """Solves, and how much too low area and force are [%]; nan for what there is not."""
+    """Return the solves, and how much too low area and force are [%]; nan for what is not there."""
+    side, kernel = scene.surface.side, scene.contact.kernel
+    solve = partial(bem.solve, heights, side, spacing=side / scene.surface.nodes, kernel=kernel)
+    solves = np.nan
     try:
         early, solves = iterate(scene, heights, delta)
-    except ArithmeticError:
-        return np.nan, np.nan, np.nan
-    try:
-        contact = bem.solve(
-            heights,
-            scene.surface.side,
-            delta,
-            spacing=scene.surface.side / scene.surface.nodes,
-            kernel=scene.contact.kernel,
-            far_field="compliant",
-        )
-    except (ArithmeticError, ValueError):  # beyond the limit
+        contact = solve(delta, far_field="compliant")
+    except (ArithmeticError, ValueError):  # ValueError: beyond the limit
         return solves, np.nan, np.nan
-    return (
-        solves,
-        100 * (1 - early.area_percent / contact.area_percent),
-        100 * (1 - early.force / contact.force),
-    )
-
-
-def _median(values: NDArray[np.float64]) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else np.nan
+    area = 100 * (1 - early.area_percent / contact.area_percent)
+    return solves, area, 100 * (1 - early.force / contact.force)

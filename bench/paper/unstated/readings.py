@@ -5,8 +5,6 @@ surfaces, so that one can be exchanged for another.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +15,13 @@ from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 
-Heights = NDArray[np.float64]
 Values = NDArray[np.float64]
 Offsets = Sequence[tuple[int, int]]
+Reading = Callable[[Values, float], float]
+"""What a quantity may mean: its value, of a surface and its spacing [um]."""
+
+Kinds = dict[str, tuple[Sequence[Offsets], bool]]
+"""Neighbours that marked nodes stand above, and whether the border counts, by definition."""
 
 ALONG, ACROSS = ((-1, 0), (1, 0)), ((0, -1), (0, 1))
 """Neighbours in profiles along x and along y."""
@@ -31,72 +33,25 @@ NEIGHBOURS: dict[int, Offsets] = {
 """Neighbours that an asperity stands above, by their number."""
 
 
-@dataclass(frozen=True)
-class Reading:
-    """A meaning that a quantity of Table 1 may have.
-
-    Attributes
-    ----------
-    column : str
-        The quantity, as our databases name it.
-    words : str
-        The definition.
-    value : callable
-        Its value, of a surface and its spacing.
-    ours : bool
-        Whether our databases have this one.
-    """
-
-    column: str
-    words: str
-    value: Callable[[Heights, float], float]
-    ours: bool = False
-
-
-@dataclass(frozen=True)
-class Row:
-    """The range of one reading beside the paper's.
-
-    Attributes
-    ----------
-    quantity, reading : str
-        The quantity, and its definition.
-    ours : str
-        "ours" for the definition of our databases.
-    low, high : float
-        Smallest and largest value over the surfaces.
-    paper_low, paper_high : float
-        The range of Table 1.
-    distance : float
-        Mean distance of both ends from the paper's [% of the width of its range].
-    """
-
-    quantity: str
-    reading: str
-    ours: str
-    low: float
-    high: float
-    paper_low: float
-    paper_high: float
-    distance: float
-
-
-def compare(scene: Scene, surfaces: int) -> Iterator[Row]:
-    """Evaluate every reading on the first surfaces of a scene, two or more."""
+def compare(scene: Scene, surfaces: int) -> Iterator[dict[str, str | float]]:
+    """Compare the range of every reading with Table 1's, on the first surfaces of a scene."""
     plan = parameters(scene, 0, surfaces)
     heights = [surface_of(scene, plan, row) for row in range(surfaces)]
     spacing = scene.surface.side / (scene.surface.nodes - 1)
-    for reading in READINGS:
-        values = np.array([reading.value(surface, spacing) for surface in heights])
-        yield Row(
-            reading.column,
-            reading.words,
-            "ours" if reading.ours else "",
-            float(values.min()),
-            float(values.max()),
-            *RANGES[reading.column],
-            range_distance(values, reading.column),
-        )
+    for column, readings in READINGS.items():
+        low, high = RANGES[column]
+        for number, (words, value) in enumerate(readings.items()):
+            values = np.array([value(surface, spacing) for surface in heights])
+            yield {
+                "quantity": column,
+                "reading": words,
+                "ours": "" if number else "ours",
+                "low": float(values.min()),
+                "high": float(values.max()),
+                "paper_low": low,
+                "paper_high": high,
+                "distance": range_distance(values, column),
+            }
 
 
 def range_distance(values: Values, name: str) -> float:
@@ -116,13 +71,13 @@ def range_distance(values: Values, name: str) -> float:
     return float(100 * np.abs(ends - (low, high)).mean() / (high - low))
 
 
-def above(heights: Heights, offsets: Offsets, *, border: bool) -> NDArray[np.bool_]:
+def above(heights: Values, offsets: Offsets, *, border: bool) -> NDArray[np.bool_]:
     """Mark the nodes that are above all of their neighbours.
 
     Parameters
     ----------
     heights : ndarray, shape (nx, ny)
-        Heights.
+        Values.
     offsets : sequence of (int, int)
         The neighbours' places relative to a node.
     border : bool
@@ -140,26 +95,14 @@ def above(heights: Heights, offsets: Offsets, *, border: bool) -> NDArray[np.boo
     return np.asarray(np.all([heights > neighbour for neighbour in neighbours], axis=0))
 
 
-def peak_density(heights: Heights, spacing: float, *, border: bool) -> float:
-    """Count the peaks of the profiles in both directions, for each node and direction."""
-    counts = [above(heights, each, border=border).sum() for each in (ALONG, ACROSS)]
-    return float(sum(counts) / (2 * heights.size))
+def _marked(offsets: Sequence[Offsets], *, density: bool, border: bool) -> Reading:
+    """Count the nodes above each set of neighbours, for each node, or take their mean height."""
 
+    def value(heights: Values, spacing: float) -> float:
+        marks = np.array([above(heights, each, border=border) for each in offsets])
+        return float(marks.mean() if density else np.stack([heights] * len(marks))[marks].mean())
 
-def peak_mean(heights: Heights, spacing: float, *, border: bool) -> float:
-    """Return the mean height of the peaks of the profiles in both directions [um]."""
-    peaks = [heights[above(heights, each, border=border)] for each in (ALONG, ACROSS)]
-    return float(np.concatenate(peaks).mean())
-
-
-def asperity_density(heights: Heights, spacing: float, *, neighbours: int, border: bool) -> float:
-    """Count the nodes above their 4 or 8 neighbours, for each node."""
-    return float(above(heights, NEIGHBOURS[neighbours], border=border).mean())
-
-
-def asperity_mean(heights: Heights, spacing: float, *, neighbours: int, border: bool) -> float:
-    """Return the mean height of the nodes above their 4 or 8 neighbours [um]."""
-    return float(heights[above(heights, NEIGHBOURS[neighbours], border=border)].mean())
+    return value
 
 
 def _bandwidth(m0: Values, m2: Values, m4: Values) -> float:
@@ -167,12 +110,9 @@ def _bandwidth(m0: Values, m2: Values, m4: Values) -> float:
     return float(np.mean(m0 * m4 / m2**2))
 
 
-def _slopes(heights: Heights, spacing: float) -> Values:
-    return np.diff(heights, axis=0) / spacing
-
-
-def _curvatures(heights: Heights, spacing: float) -> Values:
-    return np.diff(heights, n=2, axis=0) / spacing**2
+def _slopes(heights: Values, spacing: float, order: int = 1) -> Values:
+    """Return differences of an order along x."""
+    return np.diff(heights, n=order, axis=0) / spacing**order
 
 
 def _square(values: Values, axis: int | None = None) -> Values:
@@ -180,52 +120,47 @@ def _square(values: Values, axis: int | None = None) -> Values:
     return np.asarray(np.mean(values**2, axis=axis))
 
 
-def _with_m0(m0: Callable[[Heights], Values]) -> Callable[[Heights, float], float]:
+def _with_m0(m0: Callable[[Values], Values]) -> Reading:
     """Nayak's parameter with m0 of another kind: m2 and m4 are mean squares over the surface."""
-    return lambda z, d: _bandwidth(m0(z), _square(_slopes(z, d)), _square(_curvatures(z, d)))
+    return lambda z, d: _bandwidth(m0(z), _square(_slopes(z, d)), _square(_slopes(z, d, 2)))
 
 
 nayak = _with_m0(np.var)
-BANDWIDTHS: dict[str, Callable[[Heights, float], float]] = {
+BANDWIDTHS: dict[str, Reading] = {
     "Nayak: m0 m4 / m2^2, first and second differences": nayak,
     "the same, slopes over two cells": lambda z, d: _bandwidth(
-        z.var(), _square((z[2:] - z[:-2]) / (2 * d)), _square(_curvatures(z, d))
+        z.var(), _square((z[2:] - z[:-2]) / (2 * d)), _square(_slopes(z, d, 2))
     ),
     "the same, m0 within each profile": _with_m0(lambda z: z.var(axis=0).mean()),
     "the same of each profile, then the mean": lambda z, d: _bandwidth(
-        z.var(axis=0), _square(_slopes(z, d), 0), _square(_curvatures(z, d), 0)
+        z.var(axis=0), _square(_slopes(z, d), 0), _square(_slopes(z, d, 2), 0)
     ),
     "the same of variances within profiles": lambda z, d: _bandwidth(
-        *(part.var(axis=0).mean() for part in (z, _slopes(z, d), _curvatures(z, d)))
+        *(part.var(axis=0).mean() for part in (z, _slopes(z, d), _slopes(z, d, 2)))
     ),
     "the same, m0 of the peaks only": _with_m0(lambda z: z[above(z, ALONG, border=False)].var()),
     "its root": lambda z, d: float(np.sqrt(nayak(z, d))),
 }
 """Bandwidths along x, by their definitions; ours is the first."""
 
-READINGS = (
-    *(
-        Reading("bandwidth_x", words, value, ours=value is nayak)
-        for words, value in BANDWIDTHS.items()
-    ),
-    *(
-        Reading(column, words, partial(value, border=border), ours=not border)
-        for column, value in (("peak_density", peak_density), ("peak_mean", peak_mean))
-        for words, border in (("peaks inside profiles", False), ("and at their ends", True))
-    ),
-    *(
-        Reading(
-            column,
-            f"above {neighbours} neighbours{', at the border too' if border else ''}",
-            partial(value, neighbours=neighbours, border=border),
-            ours=neighbours == 4 and not border,
-        )
-        for column, value in (
-            ("asperity_density", asperity_density),
-            ("asperity_mean", asperity_mean),
-        )
-        for neighbours in NEIGHBOURS
-        for border in (False, True)
-    ),
-)
-"""All readings, those of a quantity together."""
+PEAKS: Kinds = {
+    "peaks inside profiles": ((ALONG, ACROSS), False),
+    "and at their ends": ((ALONG, ACROSS), True),
+}
+ASPERITIES: Kinds = {
+    f"above {number} neighbours{', at the border too' if border else ''}": ((offsets,), border)
+    for number, offsets in NEIGHBOURS.items()
+    for border in (False, True)
+}
+READINGS: dict[str, dict[str, Reading]] = {
+    "bandwidth_x": BANDWIDTHS,
+    **{
+        f"{name}_{quantity}": {
+            words: _marked(offsets, density=quantity == "density", border=border)
+            for words, (offsets, border) in kinds.items()
+        }
+        for name, kinds in (("peak", PEAKS), ("asperity", ASPERITIES))
+        for quantity in ("density", "mean")
+    },
+}
+"""Readings of each quantity by their definitions; the first is that of our databases."""

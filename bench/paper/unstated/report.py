@@ -1,6 +1,6 @@
 """`python -m bench unstated`: its tables, its picture, and words on what to see in them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +21,12 @@ LIMITED = 8
 SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 1.0, 1.05)
 """Displacements over Delta*."""
 
-
-NAMES = {
-    "area_times": "mean area",
-    "force_times": "mean force",
-    "r2": "kernel ridge",
-    "tree_r2": "decision tree",
+PANELS: Mapping[str, Mapping[str, str | None]] = {
+    "times the preset's": {"area_times": "mean area", "force_times": "mean force"},
+    "R2 [%]": {"r2": "kernel ridge", "tree_r2": "decision tree"},
+    "off Table 1's ranges\n[% of their widths]": {"table_1": None},
 }
-"""Of the columns that share a panel."""
+"""Columns of each panel, with their names."""
 
 TICKS = (0.5, 1.0, 2.0, 5.0)
 """Of areas and forces over the preset's."""
@@ -37,21 +35,19 @@ TICKS = (0.5, 1.0, 2.0, 5.0)
 def report(folder: Path, rows: int, remark: Remark) -> Report:
     """Try the readings, stop iterations early, and measure the effect of every choice.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the report; the databases go to its folder `databases`.
-    rows : int
-        Rows of each database.
-    remark : callable
-        Told how far it is.
+    The databases, of so many rows each, go to the folder's own folder `databases`.
     """
     remark("readings of Table 1")
-    tables: dict[str, Sequence[Any]] = {"readings": [*readings.compare(load("paper"), SURFACES)]}
+    ranges = list(readings.compare(load("paper"), SURFACES))
     remark("iterations that stop early")
-    tables["early-stop"] = [*early_stop.compare(load("paper-mirco"), LIMITED, SHARES)]
-    found = tables["unstated"] = effects.measure(folder / "databases", rows, remark)
-    return Report(tables, pictures={"unstated": _picture(found)})
+    stopped = list(early_stop.compare(load("paper-mirco"), LIMITED, SHARES))
+    rows_of_choices = list(effects.measure(folder / "databases", rows, remark))
+    tables: Mapping[str, Iterable[Any]] = {
+        "readings": ranges,
+        "early-stop": stopped,
+        "unstated": rows_of_choices,
+    }
+    return Report(tables, pictures={"unstated": _picture(rows_of_choices)})
 
 
 def contents(folder: Path) -> Sequence[Content]:
@@ -94,21 +90,16 @@ def contents(folder: Path) -> Sequence[Content]:
     ]  # fmt: skip
 
 
-def _picture(rows: Sequence[effects.Row]) -> Any:
-    """Dots over the choices: areas and forces, scores, and the distance from Table 1."""
+def _picture(rows: Sequence[dict[str, Any]]) -> Any:
+    """Draw dots over the choices: areas and forces, scores, and the distance from Table 1."""
     figure = new_figure(12, 0.9 + 0.36 * len(rows))
-    labels = [f"{row.choice}: {row.other}" if row.other else row.choice for row in rows]
-    places = list(range(len(rows)))[::-1]
+    labels = [f"{row['choice']}: {row['other']}".removesuffix(": ") for row in rows]
+    places = range(len(rows))[::-1]
     panels = figure.subplots(1, 3, sharey=True, width_ratios=(3, 2, 2))
-    for panel, columns, label in zip(
-        panels,
-        (("area_times", "force_times"), ("r2", "tree_r2"), ("table_1",)),
-        ("times the preset's", "R2 [%]", "off Table 1's ranges\n[% of their widths]"),
-        strict=True,
-    ):
-        for number, column in enumerate(columns):
-            values = [getattr(row, column) for row in rows]
-            panel.plot(values, places, **STYLES[number], linestyle="none", label=NAMES.get(column))
+    for panel, (label, columns) in zip(panels, PANELS.items(), strict=True):
+        for style, (column, name) in zip(STYLES, columns.items(), strict=False):
+            values = [row[column] for row in rows]
+            panel.plot(values, places, **style, linestyle="none", label=name)
             panel.axvline(values[0], color="0.7", lw=1, zorder=0)
         panel.set(xlabel=label)
         panel.grid(visible=True, axis="y", color="0.92")

@@ -5,6 +5,7 @@ import pytest
 
 from bench.paper.facts import RANGES
 from bench.paper.unstated import readings
+from bench.paper.unstated.readings import READINGS
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
@@ -22,31 +23,33 @@ def surfaces(count: int) -> list[np.ndarray]:
 def test_our_readings_are_those_of_the_database() -> None:
     (heights,) = surfaces(1)
     values = describe(heights, 1000.0 / 128).values
-    ours = [reading for reading in readings.READINGS if reading.ours]
-    assert {reading.column for reading in ours} == {r.column for r in readings.READINGS}
-    for reading in ours:
-        assert reading.value(heights, 1000.0 / 128) == pytest.approx(
-            values[reading.column], rel=1e-12
-        )
+    for column, (ours, *_) in READINGS.items():
+        value = READINGS[column][ours](heights, 1000.0 / 128)
+        assert value == pytest.approx(values[column], rel=1e-12)
+    rows = list(readings.compare(PAPER, 2))
+    assert [row["quantity"] for row in rows if row["ours"]] == list(READINGS)
 
 
 def test_readings_count_what_they_say() -> None:
     heights = np.array([[9.0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 5, 0], [0, 0, 0, 6.0]])
-    assert readings.asperity_mean(heights, 1.0, neighbours=4, border=False) == 5
-    assert readings.asperity_mean(heights, 1.0, neighbours=4, border=True) == 20 / 3
-    assert readings.asperity_mean(heights, 1.0, neighbours=8, border=True) == 7.5
-    assert readings.asperity_density(heights, 1.0, neighbours=8, border=False) == 0
-    assert readings.peak_density(heights, 1.0, border=False) == 2 / 32
-    assert readings.peak_density(heights, 1.0, border=True) == 6 / 32
-    assert readings.peak_mean(heights, 1.0, border=True) == 20 / 3
+
+    def value(column: str, words: str) -> float:
+        return READINGS[column][words](heights, 1.0)
+
+    assert value("asperity_mean", "above 4 neighbours") == 5
+    assert value("asperity_mean", "above 4 neighbours, at the border too") == 20 / 3
+    assert value("asperity_mean", "above 8 neighbours, at the border too") == 7.5
+    assert value("asperity_density", "above 8 neighbours") == 0
+    assert value("peak_density", "peaks inside profiles") == 2 / 32
+    assert value("peak_density", "and at their ends") == 6 / 32
+    assert value("peak_mean", "and at their ends") == 20 / 3
 
 
 def test_bandwidths_do_not_depend_on_units() -> None:
     (heights,) = surfaces(1)
-    for reading in readings.READINGS:
-        if reading.column == "bandwidth_x":
-            value = reading.value(heights, 7.8)
-            assert reading.value(1e3 * heights, 0.3) == pytest.approx(value, rel=1e-12)
+    for bandwidth in READINGS["bandwidth_x"].values():
+        value = bandwidth(heights, 7.8)
+        assert bandwidth(1e3 * heights, 0.3) == pytest.approx(value, rel=1e-12)
 
 
 def test_distance_is_measured_in_widths_of_the_papers_range() -> None:
