@@ -37,6 +37,7 @@ REPORTS = {
 """What the rooms of every report may import."""
 
 ROOMS = {
+    "bem.analytic": {"bem.arrays"},
     "gen.runtime": set(),
     "gen.database": {"gen.runtime", "gen.scene", "gen.schema"},
     "gen.measured": {"gen.arrays", "gen.maps", "gen.runtime", "gen.statistics"},

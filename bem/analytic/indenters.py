@@ -1,8 +1,8 @@
-"""Closed forms of axisymmetric indenters on an elastic half-space, against which to test numerics.
+"""Closed forms of axisymmetric indenters on an elastic half-space.
 
 Johnson, Contact Mechanics (1985), sections 3.8, 4.2 and 5.2; Sneddon, International Journal of
 Engineering Science 3 (1965); Popov, Hess and Willert, Handbook of Contact Mechanics (2019),
-chapter 2. Lengths in um, moduli and pressures in MPa, forces in uN.
+chapter 2.
 """
 
 import math

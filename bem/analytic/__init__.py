@@ -1,0 +1,36 @@
+"""Closed forms of contact with an elastic half-space, against which to test numerics.
+
+- `indenters`: bodies of revolution, alone on the half-space.
+- `waves`: surfaces that repeat without end, up to full contact.
+- `persson`: laws of random surfaces without end.
+
+Lengths in um, moduli and pressures in MPa, forces in uN.
+"""
+
+from bem.analytic.indenters import (
+    Cone,
+    FlatPunch,
+    Indenter,
+    Paraboloid,
+    PowerLaw,
+    distances_to_centre,
+)
+from bem.analytic.persson import BUSH_GIBSON_THOMAS, PERSSON, PerssonInterface, area_share
+from bem.analytic.waves import DoublySinusoidal, Sine, SumOfSines, WavySurface
+
+__all__ = [
+    "BUSH_GIBSON_THOMAS",
+    "PERSSON",
+    "Cone",
+    "DoublySinusoidal",
+    "FlatPunch",
+    "Indenter",
+    "Paraboloid",
+    "PerssonInterface",
+    "PowerLaw",
+    "Sine",
+    "SumOfSines",
+    "WavySurface",
+    "area_share",
+    "distances_to_centre",
+]

@@ -1,0 +1,211 @@
+"""Closed forms of surfaces without end: consistent with the half-space and with one another."""
+
+from itertools import pairwise
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from bem.analytic import DoublySinusoidal, Paraboloid, Sine, SumOfSines, WavySurface
+from bem.analytic.waves import SQUARE_LATTICE
+
+MODULUS = 2.5
+WAVE = WavySurface(0.3, 40.0)
+FULL = WAVE.full_contact_pressure(MODULUS)
+CROSSED = DoublySinusoidal(0.3, 40.0)
+LOADS = [1e-3, 0.1, 0.5, 0.9, 0.999]
+PLACES = np.linspace(-40, 40, 161)
+
+
+def displacement(x: float, mean_pressure: float) -> float:
+    """Of the half-space, with zero mean, by the kernel -2 / (pi E*) ln |2 sin(pi x / wavelength)|.
+
+    The kernel is the displacement under a row of line forces of 1 uN/um, one each wavelength.
+    """
+
+    def strip(place: float) -> float:
+        pressure = float(WAVE.pressure(np.array(place), mean_pressure, MODULUS))
+        return -pressure * np.log(2 * abs(np.sin(np.pi * (x - place) / 40))) if place != x else 0.0
+
+    half = WAVE.contact_width(mean_pressure, MODULUS) / 2
+    ends = sorted({-half, min(max(x, -half), half), half})
+    parts = [quad(strip, *pair, limit=200, epsrel=1e-9)[0] for pair in pairwise(ends)]
+    return 2 / (np.pi * MODULUS) * sum(parts)
+
+
+@pytest.mark.parametrize("load", LOADS)
+def test_wavy_pressure_makes_the_half_space_fit_the_surface(load: float) -> None:
+    """Displacement - (height - highest + Delta) is the gap; 1e-7 of the amplitude is quadrature."""
+    approach = WAVE.approach(load * FULL, MODULUS)
+    half = WAVE.contact_width(load * FULL, MODULUS) / 2
+    for x in [0.0, 0.4 * half, 0.95 * half, half + 0.3 * (20 - half), 20.0]:
+        pressed = float(WAVE.heights(np.array(x))) - 0.3 + approach
+        gap = float(WAVE.gap(np.array(x), load * FULL, MODULUS))
+        assert displacement(x, load * FULL) - pressed == pytest.approx(gap, abs=3e-8)
+        assert (gap > 0) == (abs(x) > half)
+
+
+@pytest.mark.parametrize("load", LOADS)
+def test_wavy_pressure_and_gap_have_their_means(load: float) -> None:
+    """By quadrature over half a wavelength, to 1e-8."""
+    half = WAVE.contact_width(load * FULL, MODULUS) / 2
+    carried = quad(lambda x: float(WAVE.pressure(np.array(x), load * FULL, MODULUS)), 0, half)[0]
+    opened = quad(lambda x: float(WAVE.gap(np.array(x), load * FULL, MODULUS)), half, 20)[0]
+    assert carried / 20 == pytest.approx(load * FULL, rel=1e-8)
+    assert opened / 20 == pytest.approx(WAVE.mean_gap(load * FULL, MODULUS), rel=1e-7)
+    assert WAVE.area_share(load * FULL, MODULUS) == pytest.approx(half / 20, rel=1e-14)
+    assert np.sin(np.pi * half / 40) ** 2 == pytest.approx(load, rel=1e-12)
+
+
+@pytest.mark.parametrize("load", LOADS)
+def test_wavy_stiffness_and_inverse_follow_from_the_approach(load: float) -> None:
+    """The stiffness by central differences, to 1e-6; the inverse to 1e-10, less near its branch."""
+    pressure, step = load * FULL, 1e-5 * load * FULL
+    rise = WAVE.approach(pressure + step, MODULUS) - WAVE.approach(pressure - step, MODULUS)
+    assert WAVE.stiffness(pressure, MODULUS) == pytest.approx(2 * step / rise, rel=1e-6)
+    again = WAVE.mean_pressure(WAVE.approach(pressure, MODULUS), MODULUS)
+    assert again == pytest.approx(pressure, rel=1e-10)
+
+
+def test_wavy_contact_at_light_load_is_that_of_a_cylinder() -> None:
+    """Half-width sqrt(4 P R / (pi E*)) of a cylinder of the peaks' radius R."""
+    radius, load = (40 / (2 * np.pi)) ** 2 / 0.3, 1e-6
+    half = np.sqrt(4 * load * FULL * 40 * radius / (np.pi * MODULUS))
+    assert WAVE.contact_width(load * FULL, MODULUS) / 2 == pytest.approx(half, rel=1e-6)
+    peak = 2 * load * FULL * 40 / (np.pi * half)
+    assert WAVE.pressure(np.array(0.0), load * FULL, MODULUS) == pytest.approx(peak, rel=1e-6)
+
+
+def test_wavy_contact_ends_at_full_contact() -> None:
+    assert pytest.approx(np.pi * MODULUS * 0.3 / 40, rel=1e-15) == FULL
+    for pressure in (FULL, 2 * FULL):
+        expected = pressure + FULL * np.cos(2 * np.pi * PLACES / 40)
+        assert WAVE.pressure(PLACES, pressure, MODULUS) == pytest.approx(expected, abs=1e-14)
+        assert WAVE.contact_width(pressure, MODULUS) == pytest.approx(40, rel=1e-15)
+        assert WAVE.approach(pressure, MODULUS) == 0.3
+        assert WAVE.mean_gap(pressure, MODULUS) == 0
+        assert WAVE.stiffness(pressure, MODULUS) == np.inf
+        assert WAVE.gap(PLACES, pressure, MODULUS) == pytest.approx(np.zeros(161), abs=1e-15)
+    below = WAVE.pressure(PLACES, FULL * (1 - 1e-15), MODULUS)
+    assert below == pytest.approx(WAVE.pressure(PLACES, FULL, MODULUS), abs=1e-14)
+
+
+@pytest.mark.parametrize("pressure", [0.0, -1.0])
+def test_wavy_surfaces_without_load_touch_at_their_peaks(pressure: float) -> None:
+    assert WAVE.contact_width(pressure) == WAVE.approach(pressure) == WAVE.stiffness(pressure) == 0
+    assert not WAVE.pressure(PLACES, pressure).any()
+    assert WAVE.gap(PLACES, pressure) == pytest.approx(0.3 - WAVE.heights(PLACES), abs=1e-15)
+    assert WAVE.mean_pressure(pressure) == 0
+
+
+@pytest.mark.parametrize("approach", [0.3, 1.0, np.nan])
+def test_full_contact_has_no_single_mean_pressure(approach: float) -> None:
+    with pytest.raises(ValueError, match=r"^approach = .*: must be below 0.3 um$"):
+        WAVE.mean_pressure(approach)
+
+
+@pytest.mark.parametrize("kind", [WavySurface, DoublySinusoidal])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])
+def test_flat_surfaces_are_refused(kind: type, value: float) -> None:
+    with pytest.raises(ValueError, match=r"^amplitude = .*: must be above 0 um$"):
+        kind(value, 1.0)
+    with pytest.raises(ValueError, match=r"^wavelength = .*: must be above 0 um$"):
+        kind(1.0, value)
+
+
+def test_one_sine_in_full_contact_is_the_wavy_surface() -> None:
+    sine = SumOfSines((Sine(0.3, (2 * np.pi / 40, 0.0)),))
+    y = np.zeros(161)
+    assert sine.heights(PLACES, y) == pytest.approx(WAVE.heights(PLACES), abs=1e-15)
+    assert sine.full_contact_pressure(PLACES, y, MODULUS) == pytest.approx(FULL, rel=1e-14)
+    pressure = sine.pressure(PLACES, y, 2 * FULL, MODULUS)
+    assert pressure == pytest.approx(WAVE.pressure(PLACES, 2 * FULL, MODULUS), abs=1e-14)
+
+
+def test_oblique_sines_hold_the_half_space_up_by_their_heights() -> None:
+    """By the kernel of line forces along their crests, one sine each direction, to 1e-9."""
+    for qx, qy, phase in [(0.3, 0.0, 0.0), (0.2, -0.5, 1.0), (-0.1, 0.7, 4.0)]:
+        sine, q = Sine(0.2, (qx, qy), phase), np.hypot(qx, qy)
+        pressed = SumOfSines((sine,))
+
+        def strip(along: float, q: float = q, sine: SumOfSines = pressed) -> float:
+            x, y = along * np.array(sine.sines[0].wavevector) / q
+            pressure = float(sine.pressure(x, y, 0.0, MODULUS))
+            return -2 / (np.pi * MODULUS) * pressure * np.log(2 * np.sin(q * along / 2))
+
+        moved = quad(strip, 0, 2 * np.pi / q, epsabs=1e-12, limit=200)[0]
+        assert moved == pytest.approx(float(sine.heights(np.array(0.0), np.array(0.0))), abs=1e-9)
+
+
+def test_the_doubly_sinusoidal_surface_is_two_oblique_sines() -> None:
+    q = 2 * np.pi / 40
+    sines = SumOfSines((Sine(0.15, (q, q)), Sine(0.15, (q, -q))))
+    x, y = np.meshgrid(PLACES[:80:2], PLACES[:80:2], indexing="ij")
+    assert sines.heights(x, y) == pytest.approx(CROSSED.heights(x, y), abs=1e-15)
+    full = sines.full_contact_pressure(x, y, MODULUS)
+    assert CROSSED.full_contact_pressure(MODULUS) == pytest.approx(full, rel=1e-14)
+
+
+def test_doubly_sinusoidal_contact_at_light_load_is_hertz_at_every_peak() -> None:
+    load, cell = 1e-9 * CROSSED.full_contact_pressure(MODULUS), 40.0**2 / 2
+    sphere = Paraboloid(1 / (0.3 * (2 * np.pi / 40) ** 2))
+    delta = (load * cell / sphere.force(1.0, MODULUS)) ** (2 / 3)
+    share = np.pi * sphere.contact_radius(delta) ** 2 / cell
+    assert CROSSED.area_share_at_light_load(load, MODULUS) == pytest.approx(share, rel=1e-12)
+    assert CROSSED.approach_at_light_load(load, MODULUS) == pytest.approx(delta, rel=3e-3)
+
+
+def test_potential_of_the_square_lattice() -> None:
+    """By the Hurwitz zeta functions of Riemann's and Dirichlet's series, and by Fourier series."""
+    dirichlet = (mpmath.zeta(0.5, 0.25) - mpmath.zeta(0.5, 0.75)) / 2
+    assert float(4 * mpmath.zeta(0.5) * dirichlet) == pytest.approx(SQUARE_LATTICE, rel=1e-15)
+
+
+def test_doubly_sinusoidal_peaks_move_by_the_approach_at_light_load() -> None:
+    """The displacement of peaks under Hertz's pressure on the lattice, by Fourier series.
+
+    In units of the lattice's spacing, the force on a peak and E*: sum of 2 p(q) / |q| with p(q) =
+    3 (sin s - s cos s) / s^3, s = |q| a. To 1e-4: discs are not quite points for each other.
+    """
+    radius = 0.05
+    integers = np.arange(-800, 1501)
+    q = 2 * np.pi * np.hypot(integers[:, None], integers[None, :])
+    q[800, 800] = np.inf
+    s = np.minimum(q, 1e9) * radius
+    moved = float((2 / q * 3 * (np.sin(s) - s * np.cos(s)) / s**3).sum())
+    load = 8 * np.pi / 3 * radius**3  # p / p*, by the area share of light load
+    spacing = 40 / np.sqrt(2)
+    pressure = load * CROSSED.full_contact_pressure(MODULUS)
+    assert CROSSED.area_share_at_light_load(pressure, MODULUS) == pytest.approx(np.pi * radius**2)
+    unit = pressure * spacing / MODULUS
+    approach = CROSSED.approach_at_light_load(pressure, MODULUS) / unit
+    assert approach == pytest.approx(moved, rel=1e-4)
+
+
+def test_doubly_sinusoidal_gaps_near_full_contact_close_without_singularity() -> None:
+    """The traction that a crack relieves, by quadrature (Sneddon's integrals), to 1e-8."""
+    full = CROSSED.full_contact_pressure(MODULUS)
+    pressure = full * (1 - 1e-4)
+    share = CROSSED.area_share_near_full_contact(pressure, MODULUS)
+    edge = np.sqrt((1 - share) * 40**2 / (2 * np.pi))
+    rise = 2 * (np.pi / 40) ** 2 * full
+
+    def relieved(s: float) -> float:
+        """Return the integral of t traction(t) / sqrt(s^2 - t^2) from 0 to s, t = s sin u."""
+        return quad(
+            lambda u: s * np.sin(u) * (full - pressure - rise * (s * np.sin(u)) ** 2), 0, np.pi / 2
+        )[0]
+
+    def gap(r: float) -> float:
+        """Return the opening, s = sqrt(r^2 + v^2)."""
+        reach = np.sqrt(edge**2 - r**2)
+        work = quad(lambda v: relieved(np.hypot(r, v)) / np.hypot(r, v), 0, reach)[0]
+        return 4 / (np.pi * MODULUS) * work
+
+    assert relieved(edge) == pytest.approx(0, abs=1e-8 * relieved(edge / 2))
+    volume = quad(lambda r: 2 * np.pi * r * gap(r), 0, edge, epsabs=0, epsrel=1e-8)[0]
+    mean = 2 * volume / 40**2
+    assert CROSSED.mean_gap_near_full_contact(pressure, MODULUS) == pytest.approx(mean, rel=1e-8)
+    assert CROSSED.area_share_near_full_contact(full, MODULUS) == 1
+    assert CROSSED.mean_gap_near_full_contact(full, MODULUS) == 0
