@@ -7,7 +7,7 @@ from gen.database import Reader
 from gen.generation.run import Request, generate_database
 from gen.runtime.errors import InputError
 from gen.runtime.farm import World
-from gen.runtime.output import write
+from gen.runtime.output import make_folder, write
 from gen.scene import Scene, differences, load
 from gen.schema import Status
 
@@ -18,19 +18,12 @@ OTHER_SEED = 2026
 """Of databases to be tested on: the preset's own seed would give them the surfaces trained on."""
 
 
-def generated(folder: Path, name: str, text: str, remark: Callable[[str], None]) -> Path:
-    """Generate a database, or what is missing in it.
+Remark = Callable[[str], None]
+"""What is told how far a report is."""
 
-    Parameters
-    ----------
-    folder : where to; made if there is none
-    name : of the database and of its scene's file, without ending
-    text : the scene (TOML)
-    remark : told what is about to happen
 
-    Returns
-    -------
-    The database, complete
+def generated(folder: Path, name: str, text: str, remark: Remark) -> Path:
+    """Return a complete database of a scene (TOML): generate what is missing in the folder's.
 
     Raises
     ------
@@ -43,11 +36,8 @@ def generated(folder: Path, name: str, text: str, remark: Callable[[str], None])
     wanted = Scene.parse(text, str(scene))
     if _complete(path, wanted):
         return path
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write(scene, text)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from None
+    make_folder(folder)
+    write(scene, text)
     remark(f"generating {path}: {wanted.samples} rows, {wanted.surface.nodes} nodes a side")
     if generate_database(Request(str(scene), path), World()).signal:
         remark(f"{path}: interrupted; the same command goes on")
@@ -56,7 +46,7 @@ def generated(folder: Path, name: str, text: str, remark: Callable[[str], None])
 
 
 def _complete(path: Path, wanted: Scene) -> bool:
-    """Whether a database of this scene has all the rows that are wanted."""
+    """Say whether a database of this scene has all the rows that are wanted."""
     if not path.exists():
         return False
     with Reader(path) as reader:
@@ -67,10 +57,8 @@ def _complete(path: Path, wanted: Scene) -> bool:
     return bool(len(status) == wanted.samples and (status != Status.PENDING).all())
 
 
-def of_the_paper(
-    given: Path | None, folder: Path, rows: int, remark: Callable[[str], None]
-) -> Path:
-    """Find the database to train on: the one given, or the preset's first rows.
+def of_the_paper(given: Path | None, folder: Path, rows: int, remark: Remark) -> Path:
+    """Return the database to train on: the one given, or the preset's first rows.
 
     Raises
     ------

@@ -1,6 +1,7 @@
 """Tables as files: CSV, under their names only once they are whole."""
 
 import csv
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import fields, is_dataclass
 from io import StringIO
@@ -15,8 +16,22 @@ UNITS = {"delta": "um", "sigma0": "um"}
 """Units of the quantities whose names do not say them: they end the column's name."""
 
 
-def write_table(path: Path, header: Iterable[str], rows: Iterable[Sequence[object]]) -> Path:
+def write_table(
+    path: Path, header: Iterable[str], rows: Iterable[Sequence[object]], digits: int = 0
+) -> Path:
     """Write a table; its folder is made where there is none.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    header : iterable of str
+        Names of the columns.
+    rows : iterable of sequence
+        Values of each line; None is written as nothing.
+    digits : int
+        Significant digits of a number that is not whole, for tables that people read; NaN is
+        nothing there. 0 for all digits.
 
     Raises
     ------
@@ -26,10 +41,16 @@ def write_table(path: Path, header: Iterable[str], rows: Iterable[Sequence[objec
     text = StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(header)
-    writer.writerows(rows)
+    writer.writerows([_text(value, digits) for value in row] for row in rows)
     make_folder(path.parent)
     write(path, text.getvalue())
     return path
+
+
+def _text(value: object, digits: int) -> object:
+    if not digits or not isinstance(value, float):
+        return value
+    return "" if math.isnan(value) else f"{value:.{digits}g}"
 
 
 def write_rows(path: Path, rows: Iterable[Any]) -> Path:

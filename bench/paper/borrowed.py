@@ -1,6 +1,5 @@
 """Pictures that other commands draw, with what to see in them beside the paper."""
 
-import csv
 from pathlib import Path
 
 from bench import hertz
@@ -17,28 +16,20 @@ process's memory grows with their square."""
 
 def paraboloid(folder: Path) -> list[Content]:
     """Press the paraboloid, and draw it as `python -m bench hertz` does (section 2.4)."""
-    table, picture = hertz.report(hertz.compare()).write(folder)
+    exact, *curves = hertz.compare()
+    table, picture = hertz.report([exact, *curves]).write(folder)
+    areas = exact.area_percent.sum()
+    off = [
+        f"{100 * (each.area_percent.sum() / areas - 1):+.1f} %"
+        f" ({each.solution} on {each.nodes} nodes a side)"
+        for each in curves
+    ]
     caption = (
         "Section 2.4, a paraboloid against Hertz: force and area over the displacement, below how"
         " far they are off. As in the paper, the area moves in steps, finer on the finer grid, for"
-        f" it counts nodes. Mean deviation of the area: {_deviations(table)}."
-        f" {deviations.KERNEL}."
+        f" it counts nodes. Mean deviation of the area: {', '.join(off)}. {deviations.KERNEL}."
     )
     return [Figure(picture, caption, data=(table,))]
-
-
-def _deviations(table: Path) -> str:
-    """Mean deviation of each solution's areas from Hertz's."""
-    with table.open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    areas: dict[str, list[float]] = {}
-    for row in rows:
-        name = f"{row['solution']} on {row['nodes']} nodes a side" if row["nodes"] else ""
-        areas.setdefault(name, []).append(float(row["area_percent"]))
-    exact = sum(areas.pop(""))
-    return ", ".join(
-        f"{100 * (sum(own) / exact - 1):+.1f} % ({name})" for name, own in areas.items()
-    )
 
 
 def equal_kernels(folder: Path, database: Path) -> list[Content]:

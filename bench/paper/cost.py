@@ -22,12 +22,7 @@ from gen.runtime.input_file import require_file
 
 
 def read(cost: Path) -> tuple[Question, list[Question]]:
-    """Read what `bench cost` measured.
-
-    Returns
-    -------
-    (Question, list of Question)
-        The paper's own costs, and ours on new surfaces, one of each feature set.
+    """Read from `bench cost` the paper's own costs, and ours on new surfaces by feature set.
 
     Raises
     ------
@@ -88,7 +83,12 @@ def _rows(published: Question, ours: list[Question]) -> Iterator[tuple[str, ...]
         ("rows of the database", lambda q: q.rows, _count, ""),
         ("a contact by the solver", lambda q: q.solve, time_of, solver),
         ("t_d, database", lambda q: q.build.database, time_of, solver),
-        ("t_h, search for settings", _search, _searched, "none: the paper's optimum was taken"),
+        (
+            "t_h, search for settings",
+            lambda q: q.build.tuning,
+            _searched,
+            "none: the paper's optimum was taken",
+        ),
         ("t_f, fit", lambda q: q.build.fit, time_of, "another machine, one thread"),
         ("t_p, an answer", lambda q: q.query, time_of, "ours with the features of a new surface"),
         (
@@ -103,13 +103,9 @@ def _rows(published: Question, ours: list[Question]) -> Iterator[tuple[str, ...]
         cells = [text(value(each)) for each in sides]
         compared = number and "none" not in cells
         yield title, *cells, ratio(value(ours[0]), value(published)) if compared else "", why
-    cells = [_count(break_even(_search(each), each.solve, each.query)) for each in sides]
+    cells = [_count(break_even(each.build.tuning, each.solve, each.query)) for each in sides]
     cells[0] += f" (it says {TUNING_PAYS})"
     yield "contacts that pay for the search", *cells, "", ""
-
-
-def _search(question: Question) -> float:
-    return question.build.tuning
 
 
 def _searched(seconds: float) -> str:

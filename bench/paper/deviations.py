@@ -36,9 +36,8 @@ KERNEL = (
 )
 
 
-def short(value: float) -> str:
-    """Write a number with four digits, for tables that people read."""
-    return "" if math.isnan(value) else f"{value:.4g}"
+DIGITS = 4
+"""Significant digits of numbers in tables that people read."""
 
 
 def ratio(ours: float, theirs: float) -> str:
@@ -46,11 +45,4 @@ def ratio(ours: float, theirs: float) -> str:
     if not theirs or math.isnan(ours) or math.isnan(theirs):
         return ""
     times = ours / theirs
-    if 0.1 <= times < 100:
-        return f"x {times:.3g}"
-    return f"x {times:.3g}" if times >= 1 else f"1/{1 / times:,.0f}"
-
-
-def shift(ours: float, theirs: float, width: float) -> str:
-    """Write a difference as a share of a range's width."""
-    return f"{100 * (ours - theirs) / width:+.1f} %"
+    return f"x {times:.3g}" if times >= 0.1 else f"1/{1 / times:,.0f}"

@@ -1,6 +1,6 @@
 """Kernel ridge on a finer grid than it was trained with: section 4.3 and Table 5."""
 
-from dataclasses import astuple, dataclass, fields
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from bench.page.content import Content, Figure, Table
 from bench.paper import deviations
-from bench.paper.deviations import ratio, short
+from bench.paper.deviations import DIGITS, ratio
 from bench.paper.facts import AREA_MAX, FINE, FINE_ROWS
 from bench.picture import new_figure, save
 from bench.style import COLOURS
 from bench.surrogates.clock import median_seconds
-from bench.surrogates.fitting import Fitted, fit, parted, read, request_for
+from bench.surrogates.fitting import fit, parted, read, request_for
 from bench.table import write_table
 from gen.database import Reader
 from gen.runtime.errors import InputError
@@ -34,41 +34,20 @@ PRESET = load("paper")
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A surrogate of the coarse grid on rows of the fine one.
+    """A surrogate of the coarse grid on rows of the fine one: predicted areas [%] and times [s].
 
-    Attributes
-    ----------
-    rows : Dataset
-        Rows of the fine grid.
-    prediction : ndarray, shape (n,)
-        Predicted areas [%].
-    scores : Scores
-        Scores of the predictions.
-    trained : int
-        Number of training rows.
-    seconds, batched : float
-        Time of a single prediction, and of one among all of them, features at hand [s].
+    A single prediction takes `seconds`, one among all of them `batched`, features at hand.
     """
 
     rows: Dataset
     prediction: Values
     scores: Scores
-    trained: int
     seconds: float
     batched: float
 
 
 def fine_grid(folder: Path, database: Path, fine: Path) -> list[Content]:
     """Train with each feature set on the preset's grid, test on the finer one.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder to write into.
-    database : Path
-        Database of the paper preset.
-    fine : Path
-        Database of the preset with a finer grid.
 
     Raises
     ------
@@ -77,35 +56,33 @@ def fine_grid(folder: Path, database: Path, fine: Path) -> list[Content]:
     """
     same = check(fine).seed == PRESET.seed
     found = {name: _judge(database, fine, name) for name in SETS}
-    curvature = _curvature(database, next(iter(found.values())).rows)
+    first = found["paper"].rows
+    curvature = _curvature(database, first)
     table = _table(folder, found, curvature)
-    rows = next(iter(found.values())).rows.size
+    predictions = write_table(
+        folder / "fine-grid.csv",
+        ("row", "solved_percent", *found),
+        zip(first.rows, first.target, *(e.prediction for e in found.values()), strict=True),
+        digits=5,
+    )
     r2 = ", ".join(f"{each.scores.r2:.2f}" for each in found.values())
     seen = " (surfaces of the training's seed: not unseen)" if same else ""
     return [
         Figure(
             save(_picture(found, fine), folder / "fine-grid.png"),
             f"Section 4.3, kernel ridge trained on 128 x 128 cells and tested on a finer grid:"
-            f" {rows:,} rows{seen}, the paper has {FINE_ROWS}. On the line both agree; inputs are"
-            " the paper's, then without units, then with a loose solve among them (hybrid). Its R2"
-            f" is {FINE.r2:g} %, ours {r2}. Last: time of a solve on that grid and of a"
+            f" {first.size:,} rows{seen}, the paper has {FINE_ROWS}. On the line both agree; inputs"
+            " are the paper's, then without units, then with a loose solve among them (hybrid)."
+            f" Its R2 is {FINE.r2:g} %, ours {r2}. Last: time of a solve on that grid and of a"
             " prediction with features at hand.",
-            data=(table, _predictions(folder, found)),
+            data=(table, predictions),
         ),
-        Table(
-            table,
-            f"Table 5, scores on the finer grid [%]. Why: {curvature}.",
-        ),
+        Table(table, f"Table 5, scores on the finer grid [%]. Why: {curvature}."),
     ]
 
 
 def check(fine: Path) -> Scene:
-    """Refuse a database that is not the paper preset's on a finer grid.
-
-    Returns
-    -------
-    Its scene
-    """
+    """Return a database's scene; refuse all but the paper preset's on a finer grid."""
     with Reader(fine) as reader:
         scene = reader.scene
     nodes, coarse = scene.surface.nodes, PRESET.surface.nodes
@@ -127,14 +104,13 @@ def _judge(database: Path, fine: Path, features: str) -> Judged:
     """Fit as `learn fit` does, and test."""
     request = request_for(database, MODEL, features, AREA_MAX)
     parts = parted(read(request))
-    fitted: Fitted = fit(request, parts.train, parts.calibration, parts.folds)
+    fitted = fit(request, parts.train, parts.calibration, parts.folds)
     rows = read(request_for(fine, MODEL, features, AREA_MAX))
     prediction = fitted.predict(rows)
     return Judged(
         rows,
         prediction,
         scores(rows.target, prediction),
-        parts.train.size,
         median_seconds(partial(fitted.predict, rows.at(np.array([0])))),
         median_seconds(partial(fitted.predict, rows)) / rows.size,
     )
@@ -151,25 +127,16 @@ def _curvature(database: Path, fine: Dataset) -> str:
 
 
 def _table(folder: Path, found: dict[str, Judged], curvature: str) -> Path:
-    """Table 5, a column for each feature set."""
-    ours = found["paper"].scores
-    rows = []
-    for field, theirs in zip(fields(Scores), astuple(FINE), strict=True):
-        name = field.name
-        mine = getattr(ours, name)
+    """Write Table 5, a column for each feature set."""
+    rows: list[tuple[object, ...]] = []
+    for name, theirs in asdict(FINE).items():
+        ours = [getattr(each.scores, name) for each in found.values()]
+        mine = ours[list(found).index("paper")]
         apart = f"{mine - theirs:+.2f}" if name == "r2" else ratio(mine, theirs)
-        cells = [short(getattr(each.scores, name)) for each in found.values()]
-        rows.append((name, *cells, short(theirs), apart, curvature))
+        rows.append((name, *ours, theirs, apart, curvature))
     header = ("score_percent", *(f"ours_{name}" for name in found))
-    return write_table(folder / "table-5.csv", (*header, "paper", "deviation", "explanation"), rows)
-
-
-def _predictions(folder: Path, found: dict[str, Judged]) -> Path:
-    """The points of the picture."""
-    first = next(iter(found.values())).rows
-    columns = [first.target, *(each.prediction for each in found.values())]
-    rows = zip(first.rows.tolist(), *([f"{v:.5g}" for v in c] for c in columns), strict=True)
-    return write_table(folder / "fine-grid.csv", ("row", "solved_percent", *found), rows)
+    names = (*header, "paper", "deviation", "explanation")
+    return write_table(folder / "table-5.csv", names, rows, DIGITS)
 
 
 def _picture(found: dict[str, Judged], fine: Path) -> Any:

@@ -6,7 +6,7 @@ from typing import Any
 
 from bench.page.content import Content, Table
 from bench.paper import deviations
-from bench.paper.deviations import ratio, short
+from bench.paper.deviations import DIGITS, ratio
 from bench.paper.facts import SPREAD, TRAIN_ROWS, spread_of
 from bench.table import write_table
 from gen.runtime.errors import InputError
@@ -70,17 +70,14 @@ def table_2(folder: Path, comparison: Path | None = None) -> list[Content]:
     for model, space in SPACES.items():
         found = tuned.get(model, {}).get("settings", {})
         for name, values in space.items():
-            theirs = OPTIMA[model][name]
-            ours = found.get(name, "")
-            ours = tuple(ours) if isinstance(ours, list) else ours
+            theirs = _value(OPTIMA[model][name])
+            ours = _value(found[name]) if name in found else ""
             same = "" if not found else "same" if ours == theirs else "another"
-            tried = _values(values)
-            title = MODELS[model].title
-            parameter = name.removeprefix("estimator__")
-            rows.append((title, parameter, len(values), tried, _value(theirs), _value(ours), same))
+            parameter, tried = name.removeprefix("estimator__"), _values(values)
+            rows.append((_title(model), parameter, len(values), tried, theirs, ours, same))
     header = ("model", "hyperparameter", "points", "values_tried", "paper_optimum", "our_optimum")
     path = write_table(folder / "table-2.csv", (*header, "deviation"), rows)
-    missing = [MODELS[model].title for model in SPACES if model not in tuned]
+    missing = [_title(model) for model in SPACES if model not in tuned]
     text = (
         "Table 2, search spaces: ranges, numbers of points and optima are the paper's; the values"
         " between are ours, since it prints none, chosen so that its optimum is one of them."
@@ -90,14 +87,19 @@ def table_2(folder: Path, comparison: Path | None = None) -> list[Content]:
     return [Table(path, text)]
 
 
+def _title(model: str) -> str:
+    return MODELS[model].title
+
+
 def _values(values: Sequence[Any]) -> str:
-    """All values, of very many the first and the last ones."""
+    """Write all values, of very many the first and the last ones."""
     texts = [_value(value) for value in values]
     return ", ".join(texts if len(texts) <= MANY else [*texts[:5], "...", *texts[-2:]])
 
 
 def _value(value: Any) -> str:
-    if isinstance(value, tuple):
+    """Write a value; the sizes of a network's layers are a list in results, a tuple in spaces."""
+    if isinstance(value, tuple | list):
         return "-".join(map(str, value))
     return "none" if value is None else str(value)
 
@@ -105,21 +107,19 @@ def _value(value: Any) -> str:
 def table_3(folder: Path, comparison: Path) -> list[Content]:
     """Tabulate the times of the searches."""
     tuned = results(opened(comparison), "tuned")
-    rows: list[tuple[str, ...]] = []
-    for model, theirs in paper.TUNING_SECONDS.items():
-        result = tuned.get(model, {})
-        found = result.get("search")
-        if found is None:
-            rows.append((MODELS[model].title, "", short(theirs), "", "not searched here"))
+    rows: list[tuple[object, ...]] = []
+    for model, theirs in ((name, float(value)) for name, value in paper.TUNING_SECONDS.items()):
+        search = tuned.get(model, {}).get("search")
+        if search is None:
+            rows.append((_title(model), "", theirs, "", "not searched here"))
             continue
-        ours = float(result["times"]["search"])
-        why = deviations.SEARCH.format(f"{found['fits']:,} fits", f"{found['fits_nominal']:,}")
-        if found["how"] != "whole grid":
-            why = f"{found['how']} of the grid searched; {why}"
-        cells = (short(ours), short(theirs), ratio(ours, theirs), why)
-        rows.append((MODELS[model].title, *cells))
+        ours = float(tuned[model]["times"]["search"])
+        why = deviations.SEARCH.format(f"{search['fits']:,} fits", f"{search['fits_nominal']:,}")
+        if search["how"] != "whole grid":
+            why = f"{search['how']} of the grid searched; {why}"
+        rows.append((_title(model), ours, theirs, ratio(ours, theirs), why))
     header = ("model", "ours_s", "paper_s", "ours_over_paper", "explanation")
-    path = write_table(folder / "table-3.csv", header, rows)
+    path = write_table(folder / "table-3.csv", header, rows, DIGITS)
     text = (
         "Table 3, times of the searches for settings: ours is the sum of the times of all fits on"
         " one thread."
@@ -132,7 +132,7 @@ def table_4(folder: Path, comparison: Path) -> list[Content]:
     ours = opened(comparison)
     here = spread(ours)
     rows = [
-        (MODELS[model].title, kind, *_scores_and_times(model, kind, result, here))
+        (_title(model), kind, *_scores_and_times(model, kind, result, here))
         for model, kind, result in tables.results(ours)
         if result.get("test") is not None
     ]

@@ -18,6 +18,8 @@ from bench.surrogates.break_even import (
 )
 from bench.surrogates.clock import time_of
 from bench.table import write_table
+from gen.database import Reader
+from gen.schema import Status
 
 Row = tuple[str, str, str, str, str, str]
 
@@ -40,11 +42,12 @@ def numbers(
 
 def _of_the_database(path: Path) -> Iterator[Row]:
     rows = databases.read(path)
-    area, seconds = rows["area_percent"], rows["solve_seconds"]
-    done = rows.rows.size
+    area, seconds, done = rows["area_percent"], rows["solve_seconds"], rows["row"].size
+    with Reader(path) as reader:
+        failed = int((reader.column("status") == Status.FAILED).sum())
     asked = "" if done == PAPER_ROWS else "as asked for"
     yield _row("rows of the database", "3.2", PAPER_ROWS, done, asked, "{:,.0f}")
-    yield "failed simulations", "3.1", "some", f"{rows.failed:,}", "", ""
+    yield "failed simulations", "3.1", "some", f"{failed:,}", "", ""
     why = deviations.AREAS.format(AREA_MAX)
     yield _row("largest area [%]", "Table 1", AREA_MAX, float(area.max()), why)
     below = 100 * float((area <= AREA_MAX).mean())

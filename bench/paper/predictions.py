@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from bench.page.content import Content, Figure
-from bench.paper.deviations import short
+from bench.paper.deviations import DIGITS
 from bench.paper.models import Shown, opened, results
 from bench.picture import new_figure, save
 from bench.style import COLOURS
@@ -31,12 +31,7 @@ def tuned(folder: Path, comparison: Path) -> list[Content]:
 
 
 def predictions(folder: Path, comparison: Path, kind: str) -> list[Content]:
-    """Draw predictions over truth, as in section 4.1 (baselines) or 4.2 (tuned beside baselines).
-
-    Returns
-    -------
-    Nothing where the comparison has no result of this kind
-    """
+    """Draw predictions over truth; nothing where the comparison has no result of this kind."""
     ours = opened(comparison)
     shown = results(ours, kind)
     if not shown:
@@ -56,9 +51,8 @@ def predictions(folder: Path, comparison: Path, kind: str) -> list[Content]:
         axis.set_axis_off()
     figure.supxlabel("solved area [%]", fontsize=10)
     figure.supylabel("predicted area [%]", fontsize=10)
-    path = write_table(
-        folder / f"predictions-{kind}.csv", ("model", "result", "solved", "predicted"), rows
-    )
+    header = ("model", "result", "solved", "predicted")
+    path = write_table(folder / f"predictions-{kind}.csv", header, rows, digits=5)
     section = "4.1, baselines" if kind == "baseline" else "4.2, tuned models beside baselines"
     text = (
         f"Section {section}: predicted over solved areas of the test rows; on the line they agree."
@@ -94,17 +88,11 @@ def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> list[t
     low, high = axis.get_ylim()
     axis.set_ylim(low, max(high, 1.35 * ends[1]))
     axis.legend(loc="upper left", fontsize=8, markerscale=4, framealpha=0.9)
-    pairs = zip(truth.tolist(), predicted.tolist(), strict=True)
-    return [(model, kind, f"{solved:.5g}", f"{guess:.5g}") for solved, guess in pairs]
+    return [(model, kind, *pair) for pair in zip(truth, predicted, strict=True)]
 
 
 def bars(folder: Path, comparison: Path) -> list[Content]:
-    """Draw scores and times of the baselines as bars, the paper's beside ours (section 4.1).
-
-    Returns
-    -------
-    Nothing where the comparison has no baseline
-    """
+    """Draw scores and times of the baselines as bars, the paper's beside ours, if there are any."""
     shown, theirs = results(opened(comparison), "baseline"), paper.TEST["baseline"]
     if not shown:
         return []
@@ -130,7 +118,8 @@ def bars(folder: Path, comparison: Path) -> list[Content]:
     names = [MODELS[model].title.replace(" ", "\n") for model in models]
     axes[-1].set_xticks(range(len(models)), names)
     axes[0].legend(ncols=2, loc="upper right", fontsize=9)
-    path = write_table(folder / "bars.csv", ("model", "quantity", "ours", "paper"), rows)
+    header = ("model", "quantity", "ours", "paper")
+    path = write_table(folder / "bars.csv", header, rows, DIGITS)
     text = (
         "Section 4.1, baselines: scores and times, the paper's hatched beside ours. Errors above"
         f" (less is better), R2 (from {lowest:g} % on), then times on a logarithmic axis. Compare"
@@ -142,26 +131,17 @@ def bars(folder: Path, comparison: Path) -> list[Content]:
 def _draw_bars(
     axis: Any, title: str, models: Sequence[str], ours: Sequence[Any], theirs: Sequence[float]
 ) -> list[tuple[object, ...]]:
-    """Two bars a model; the rows for the table."""
-    places = np.arange(len(models))
+    """Draw two bars a model; return the rows for the table."""
     known = [np.nan if value is None else float(value) for value in ours]
-    for shift, values, style in (
-        (-0.2, known, {"color": COLOURS[0], "label": "ours"}),
-        (
-            0.2,
-            theirs,
-            {"color": COLOURS[4], "hatch": "///", "edgecolor": "w", "label": "the paper's"},
-        ),
+    hatched = {"color": COLOURS[4], "hatch": "///", "edgecolor": "w"}
+    for shift, values, label, style in (
+        (-0.2, known, "ours", {"color": COLOURS[0]}),
+        (0.2, theirs, "the paper's", hatched),
     ):
-        drawn = axis.bar(places + shift, values, 0.38, **style)
-        form = [f"{value:.3g}" for value in values]
-        if "R²" in title:
-            form = [f"{value:.1f}" for value in values]
-        axis.bar_label(drawn, form, fontsize=7, padding=1)
+        drawn = axis.bar(np.arange(len(models)) + shift, values, 0.38, label=label, **style)
+        form = "{:.1f}" if "R²" in title else "{:.3g}"
+        axis.bar_label(drawn, [form.format(value) for value in values], fontsize=7, padding=1)
     axis.set_ylabel(title, fontsize=9)
     axis.margins(y=0.25)
     quantity = title.replace("\n", " ")
-    return [
-        (model, quantity, short(mine), short(other))
-        for model, mine, other in zip(models, known, theirs, strict=True)
-    ]
+    return [(model, quantity, *pair) for model, *pair in zip(models, known, theirs, strict=True)]

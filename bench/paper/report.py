@@ -1,9 +1,8 @@
 """`python -m bench paper`: parts in the order of the paper, each made of the inputs it needs."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from inspect import signature
 from pathlib import Path
 
 from bench import databases
@@ -17,76 +16,49 @@ from bench.surrogates.generalisation import tests_of
 from gen.runtime.errors import InputError
 from gen.runtime.output import check_folder, make_folder
 
-DATABASES = {"database", "fine"}
+PARTS: Mapping[str, Callable[..., list[Content]]] = {
+    "numbers": numbers.numbers,
+    "levels": surfaces.levels,
+    "profile": surfaces.profile,
+    "topographies": surfaces.topographies,
+    "hertz": borrowed.paraboloid,
+    "solve-times": database.solve_times,
+    "distributions": database.distributions,
+    "table-1": database.table_1,
+    "table-2": models.table_2,
+    "table-3": models.table_3,
+    "baselines": predictions.baselines,
+    "tuned": predictions.tuned,
+    "table-4": models.table_4,
+    "fine": fine.fine_grid,
+    "cost": cost.total_cost,
+    "appendix": borrowed.equal_kernels,
+}
+"""All parts in the paper's order, by the functions that make their files in a folder.
+
+The further parameters of a function are its inputs by name; it makes more of those with a default.
+"""
+
+GENERATED = {"database", "fine"}
 """Inputs that are generated where they are not given."""
 
-PAPER = "python -m bench paper"
-COMPARED = f"python -m learn compare, its folder as --comparison of {PAPER}"
-TUNED = f"python -m learn tune, its folder as --comparison of {PAPER}"
-PAID = f"python -m bench cost, its folder as --cost of {PAPER}"
-
-Remark = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Part:
-    """A part of the report.
-
-    Attributes
-    ----------
-    name : str
-        Name of the part and of its record.
-    title : str
-        What it is about.
-    make : callable
-        Makes its files in a folder, given its inputs by name; returns what they show.
-    needs, takes : tuple of str
-        Inputs without which it is not made, and inputs of which it makes more.
-    how : str
-        How to get it where it is missing.
-    """
-
-    name: str
-    title: str
-    make: Callable[..., list[Content]]
-    needs: tuple[str, ...] = ()
-    takes: tuple[str, ...] = ()
-    how: str = PAPER
+HOW = {
+    "comparison": "python -m learn compare and learn tune, then their folder as --comparison of ",
+    "cost": "python -m bench cost, then its folder as --cost of ",
+}
+"""How to get the inputs that are not generated."""
 
 
-BASE, COMPARISON = ("database",), ("comparison",)
-PARTS = (
-    Part(
-        "numbers",
-        "numbers in the text",
-        numbers.numbers,
-        BASE,
-        takes=("comparison", "cost"),
-        how=f"any of the options of {PAPER}",
-    ),
-    Part("levels", "random midpoint displacement", surfaces.levels),
-    Part("profile", "a profile and its statistics", surfaces.profile),
-    Part("topographies", "topography against contact pressure", surfaces.topographies),
-    Part("hertz", "Hertz", borrowed.paraboloid),
-    Part("solve-times", "solve times", database.solve_times, BASE),
-    Part("distributions", "the database's distributions", database.distributions, BASE),
-    Part("table-1", "Table 1", database.table_1, BASE),
-    Part("table-2", "Table 2", models.table_2, takes=COMPARISON),
-    Part("table-3", "Table 3", models.table_3, COMPARISON, how=TUNED),
-    Part(
-        "baselines",
-        "predictions and scores of the baselines",
-        predictions.baselines,
-        COMPARISON,
-        how=COMPARED,
-    ),
-    Part("tuned", "predictions of the tuned models", predictions.tuned, COMPARISON, how=TUNED),
-    Part("table-4", "Table 4", models.table_4, COMPARISON, how=COMPARED),
-    Part("fine", "the finer grid and Table 5", fine.fine_grid, ("database", "fine")),
-    Part("cost", "total cost and break-even point", cost.total_cost, ("cost",), how=PAID),
-    Part("appendix", "Appendix A", borrowed.equal_kernels, BASE),
-)
-"""All parts in the paper's order."""
+def inputs_of(name: str) -> dict[str, bool]:
+    """Return the inputs of a part, and whether it needs them."""
+    _, *inputs = signature(PARTS[name]).parameters.values()
+    return {each.name: each.default is each.empty for each in inputs}
+
+
+def missing_of(name: str, given: Mapping[str, Path]) -> list[str]:
+    """List the inputs that a part needs, and that are neither given nor generated."""
+    needed = [each for each, needs in inputs_of(name).items() if needs]
+    return [each for each in needed if each not in given and each not in GENERATED]
 
 
 def write_report(
@@ -95,7 +67,7 @@ def write_report(
     rows: int,
     *,
     only: Sequence[str] = (),
-    remark: Remark = lambda line: None,
+    remark: databases.Remark = lambda line: None,
 ) -> list[Path]:
     """Make the parts that are not made yet, or whose inputs have changed.
 
@@ -126,18 +98,25 @@ def write_report(
         After a signal: the same call goes on.
     """
     check_folder(folder)
-    _check(given)
+    for name, refuse in (("comparison", models.opened), ("cost", cost.read), ("fine", fine.check)):
+        if name in given:
+            refuse(given[name])
     parts = _chosen(only, given)
-    needed = {name for part in parts for name in part.needs}
-    sources = _with_databases(folder / "databases", given, rows, needed, remark)
+    needed = {each for name in parts for each in inputs_of(name)} & GENERATED
+    sources = {**given, **_databases(folder / "databases", given, rows, needed, remark)}
     make_folder(folder)
-    written: list[Path] = []
-    for number, part in enumerate(parts, 1):
-        own = {name: sources[name] for name in (*part.needs, *part.takes) if name in sources}
-        making = Making(_record(folder, part), _command(folder, part, given, rows), own)
-        heading = f"{number} of {len(parts)}: {part.name}"
-        written += _made(part, making, partial(remark, heading))
-    return list(dict.fromkeys(written))
+    written: dict[Path, None] = {}
+    for number, name in enumerate(parts, 1):
+        own = {each: sources[each] for each in inputs_of(name) if each in sources}
+        making = Making(_record(folder, name), _command(folder, name, given, rows), own)
+        shown = contents_of(making.path)
+        if shown is None or not making.stays():
+            remark(f"{number} of {len(parts)}: {name}")
+            began = time.monotonic()
+            shown = PARTS[name](folder, **own)
+            making.write(shown, seconds=round(time.monotonic() - began, 1))
+        written |= dict.fromkeys(path for each in shown for path in files_of(each))
+    return list(written)
 
 
 def contents(folder: Path) -> list[Content]:
@@ -149,70 +128,48 @@ def contents(folder: Path) -> list[Content]:
         If the record of a part cannot be read.
     """
     shown: list[Content] = []
-    for part in PARTS:
-        shown += contents_of(_record(folder, part)) or [Absent(part.title, part.how)]
+    for name in PARTS:
+        how = "".join(HOW[each] for each in missing_of(name, {})) + "python -m bench paper"
+        shown += contents_of(_record(folder, name)) or [Absent(name, how)]
     return shown
 
 
-def _made(part: Part, making: Making, remark: Callable[[], None]) -> list[Path]:
-    """The files of a part, made now unless they are there and fit the inputs."""
-    shown = contents_of(making.path)
-    if shown is None or not making.stays():
-        remark()
-        began = time.monotonic()
-        shown = part.make(making.path.parent, **making.sources)
-        making.write(shown, seconds=round(time.monotonic() - began, 1))
-    return [path for each in shown for path in files_of(each)]
+def _record(folder: Path, name: str) -> Path:
+    return folder / f"{name}.part.json"
 
 
-def _record(folder: Path, part: Part) -> Path:
-    return folder / f"{part.name}.part.json"
-
-
-def _command(folder: Path, part: Part, given: Mapping[str, Path], rows: int) -> str:
-    """The command that makes one part, as a user types it."""
-    words = ["-m", "bench", "paper", "-o", str(folder), "--only", part.name]
-    for name in (*part.needs, *part.takes):
+def _command(folder: Path, part: str, given: Mapping[str, Path], rows: int) -> str:
+    """Return the command that makes one part, as a user types it."""
+    words = ["-m", "bench", "paper", "-o", str(folder), "--only", part]
+    for name in inputs_of(part):
         if name in given:
             words += [f"--{name}", str(given[name])]
-    if "database" in part.needs and "database" not in given:
-        words += ["--rows", str(rows)]
+        elif name == "database":
+            words += ["--rows", str(rows)]
     return typed(words)
 
 
-def _check(given: Mapping[str, Path]) -> None:
-    """Refuse what cannot be used before anything is computed."""
-    for name, refuse in (("comparison", models.opened), ("cost", cost.read), ("fine", fine.check)):
-        if name in given:
-            refuse(given[name])
-
-
-def _chosen(only: Sequence[str], given: Mapping[str, Path]) -> list[Part]:
-    """The parts that are asked for and that the inputs allow."""
-    parts = {part.name: part for part in PARTS}
+def _chosen(only: Sequence[str], given: Mapping[str, Path]) -> list[str]:
+    """Return the parts that are asked for and that the inputs allow."""
     for name in only:
-        if name not in parts:
-            raise InputError(f"--only {name}: give one of {', '.join(parts)}")
-        if missing := set(parts[name].needs) - given.keys() - DATABASES:
-            raise InputError(f"--only {name}: needs --{missing.pop()}")
-    return [
-        part
-        for part in PARTS
-        if (not only or part.name in only) and given.keys() | DATABASES >= set(part.needs)
-    ]
+        if name not in PARTS:
+            raise InputError(f"--only {name}: give one of {', '.join(PARTS)}")
+        if missing := missing_of(name, given):
+            raise InputError(f"--only {name}: needs --{missing[0]}")
+    return [name for name in PARTS if (not only or name in only) and not missing_of(name, given)]
 
 
-def _with_databases(
-    place: Path, given: Mapping[str, Path], rows: int, needed: Iterable[str], remark: Remark
+def _databases(
+    place: Path, given: Mapping[str, Path], rows: int, needed: set[str], remark: databases.Remark
 ) -> dict[str, Path]:
-    """The inputs, with the databases that are needed and not given: generated, or found there."""
-    sources = dict(given)
+    """Return the databases that are needed: given, generated, or found in their place."""
+    found = {}
     if "database" in needed:
-        sources["database"] = databases.of_the_paper(given.get("database"), place, rows, remark)
+        found["database"] = databases.of_the_paper(given.get("database"), place, rows, remark)
     if "fine" in needed and "fine" not in given:
         # The one that `bench generalisation` tests on too.
         (case,) = (case for case in CASES if case.name == FINE)
-        count = tests_of(max(100, database.read(sources["database"]).rows.size))
+        count = tests_of(max(100, database.read(found["database"])["row"].size))
         text = f"samples = {count}\nseed = {OTHER_SEED}\n{case.scene}"
-        sources["fine"] = databases.generated(place, case.file, text, remark)
-    return sources
+        found["fine"] = databases.generated(place, case.file, text, remark)
+    return found

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import bem
 from bench.page.content import Content, Figure
-from bench.paper.deviations import short
+from bench.paper.deviations import DIGITS
 from bench.paper.facts import DELTAS, GRIDS
 from bench.paper.unstated.readings import ALONG, NEIGHBOURS, above
 from bench.picture import new_figure, save
@@ -46,13 +46,13 @@ def levels(folder: Path) -> list[Content]:
             shown = _image(axis, heights, vmin=0, vmax=highest)
             axis.set_title(f"{cells} × {cells}", fontsize=10)
             rms, top = float(heights.std()), float(heights.max())
-            rows.append((generator, cells, cells + 1, short(rms), short(top)))
+            rows.append((generator, cells, cells + 1, rms, top))
         figure.colorbar(shown, ax=line, label="height [µm]", shrink=0.9)
         line[0].set_ylabel(f"{generator}\ny [µm]")
     for axis in axes[-1]:
         axis.set_xlabel("x [µm]")
     header = ("generator", "cells_a_side", "nodes_a_side", "rms_height_um", "largest_height_um")
-    table = write_table(folder / "levels.csv", header, rows)
+    table = write_table(folder / "levels.csv", header, rows, DIGITS)
     caption = (
         f"Section 2.2, random midpoint displacement: one surface (H = {middle:g}, sigma0 ="
         f" {SIGMA0:g} um) on finer and finer grids. Each level keeps the nodes it has and adds"
@@ -86,9 +86,8 @@ def profile(folder: Path) -> list[Content]:
         ("asperities", asperities.sum(), values["asperity_mean"], values["asperity_rms"]),
         ("all nodes", heights.size, values["height_mean"], values["height_rms"]),
     )
-    rows = [(of, count, short(mean), short(rms)) for of, count, mean, rms in counted]
     header = ("of", "number", "mean_height_um", "rms_um")
-    table = write_table(folder / "profile.csv", header, rows)
+    table = write_table(folder / "profile.csv", header, counted, DIGITS)
     caption = (
         f"Section 2.3, what the statistics count: (a) asperities of a surface (H = {ROUGH:g}) as"
         " dots, nodes above their four neighbours, and the line of a profile; (b) that profile"
@@ -145,13 +144,13 @@ def topographies(folder: Path) -> list[Content]:
         lower.set_title(f"({names[1]}) Δ = {delta:g} µm: area {area:.2f} %", fontsize=10)
         lower.set_xlabel("x [µm]")
         numbers = (area, contact.force, float(force.max()), contact.residual)
-        rows.append((f"{names[0]}, {names[1]}", hurst, delta, *map(short, numbers)))
+        rows.append((f"{names[0]}, {names[1]}", hurst, delta, *numbers))
     axes[0, 0].set_ylabel("y [µm]")
     axes[1, 0].set_ylabel("y [µm]")
     figure.colorbar(shown, ax=axes[0], label="height [µm]")
     figure.colorbar(forces, ax=axes[1], label="force on a node [µN], E* = 1 MPa")
     header = ("panels", "hurst", "delta_um", "area_percent", "force_uN", "largest_uN", "residual")
-    table = write_table(folder / "topographies.csv", header, rows)
+    table = write_table(folder / "topographies.csv", header, rows, DIGITS)
     areas = [contact.area_percent for contact in pressed]
     caption = (
         "Section 2.4, topography against contact pressure, at the paper's displacements. More"
