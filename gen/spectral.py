@@ -1,0 +1,203 @@
+"""Rough surfaces from a power spectrum: self-affine, periodic, with random phases."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gen.arrays import Heights, Values
+from gen.runtime.errors import InputError
+
+# Share by which a wave may be beyond the cut-off because of rounding.
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class SelfAffineSpectrum:
+    """Shape of a power spectrum: flat, then a power law, then nothing.
+
+    The spectral density is constant up to the roll-off, falls as |q|^(-2 - 2 hurst) up to the
+    cut-off and is zero beyond.
+
+    Attributes
+    ----------
+    hurst : float
+        Hurst exponent, from 0 to 1.
+    roll_off : float
+        Longest wavelength of the power law; one beyond the surface's side leaves no flat part [um].
+    cut_off : float
+        Shortest wavelength of all [um].
+    stretch : float
+        Ratio of wavelengths along x (axis 0) to those along y (axis 1), which the two wavelengths
+        above are [1].
+
+    Raises
+    ------
+    InputError
+        If one of them is outside its range.
+    """
+
+    hurst: float
+    roll_off: float
+    cut_off: float
+    stretch: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0.0 <= self.hurst <= 1.0:
+            raise InputError(f"hurst {self.hurst}: give a Hurst exponent from 0 to 1")
+        if not 0.0 < self.cut_off < math.inf:
+            raise InputError(f"cut-off {self.cut_off}: give a wavelength above 0 um")
+        if not self.cut_off <= self.roll_off < math.inf:
+            raise InputError(
+                f"roll-off {self.roll_off}: give a wavelength of at least the cut-off,"
+                f" {self.cut_off:g} um"
+            )
+        if not 0.0 < self.stretch < math.inf:
+            raise InputError(f"stretch {self.stretch}: give a ratio above 0")
+
+    def density(self, qx: Values, qy: Values) -> Values:
+        """Compute the spectral density at wavevectors, as a share of that of the flat part.
+
+        Parameters
+        ----------
+        qx, qy : ndarray
+            Components of the wavevectors, of shapes that broadcast together [1/um].
+
+        Returns
+        -------
+        ndarray, common shape of qx and qy
+            Relative spectral density [1].
+        """
+        wavenumbers = np.hypot(self.stretch * qx, qy)
+        largest = 2 * math.pi / self.cut_off * (1 + ROUNDING)
+        ratios = np.maximum(wavenumbers * (self.roll_off / (2 * math.pi)), 1.0)
+        return np.where(wavenumbers <= largest, ratios ** (-2 - 2 * self.hurst), 0.0)
+
+
+def generate_spectral(
+    shape: tuple[int, int],
+    side: float | tuple[float, float],
+    spectrum: SelfAffineSpectrum,
+    random: np.random.Generator,
+    *,
+    rms_height: float | None = None,
+    rms_slope: float | None = None,
+) -> Heights:
+    """Generate a periodic random surface with a given power spectrum.
+
+    The surface is a sum of all waves that the sides hold, with amplitudes from the spectrum and
+    random phases, so that every surface has the spectrum and the rms height or slope exactly. The
+    phases depend on the sides and the cut-off, but not on the grid: the same seed gives the same
+    surface on all grids with more than two nodes in the shortest wavelength.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Nodes (nx, ny), at least 2 along both axes.
+    side : float or tuple of float
+        Period of the surface, one or one per axis; the nodes are side / nodes apart [um].
+    spectrum : SelfAffineSpectrum
+        Shape of the power spectrum.
+    random : numpy.random.Generator
+        Source of the phases.
+    rms_height : float, optional
+        Root mean square of the heights [um]; either this or `rms_slope` is given.
+    rms_slope : float, optional
+        Root mean square of the gradient's modulus, that of the waves and not of differences
+        between nodes [1].
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Heights about their mean [um].
+
+    Raises
+    ------
+    InputError
+        If the grid is too coarse for the cut-off, the sides hold no wave, or not exactly one rms
+        value of 0 or more is given.
+    """
+    sides = side if isinstance(side, tuple) else (side, side)
+    _check_grid(shape, sides, spectrum)
+    qx, qy = _wavevectors(shape, sides, spectrum)
+    powers = _scaled(spectrum.density(qx, qy), qx, qy, rms_height, rms_slope)
+    phases = random.uniform(0.0, 2 * math.pi, powers.shape)
+    waves = math.prod(shape) * np.sqrt(powers / 2) * np.exp(1j * phases)
+    return _synthesis(waves, shape)
+
+
+def _check_grid(
+    shape: tuple[int, int], sides: tuple[float, float], spectrum: SelfAffineSpectrum
+) -> None:
+    """Refuse grids on which the shortest waves cannot be told from longer ones."""
+    if min(shape) < 2:
+        raise InputError(f"nodes {shape[0]} x {shape[1]}: give at least 2 along both axes")
+    for length in sides:
+        if not 0.0 < length < math.inf:
+            raise InputError(f"side {length}: give a length above 0 um")
+    shortest = max(2 * sides[0] / shape[0] / spectrum.stretch, 2 * sides[1] / shape[1])
+    if spectrum.cut_off * (1 + ROUNDING) < shortest:
+        raise InputError(
+            f"cut-off {spectrum.cut_off:g}: give at least {shortest:.6g} um,"
+            " two nodes a wavelength along both axes, or a finer grid"
+        )
+
+
+def _wavevectors(
+    shape: tuple[int, int], sides: tuple[float, float], spectrum: SelfAffineSpectrum
+) -> tuple[Values, Values]:
+    """List the wavevectors up to the cut-off along both axes, one of each pair of opposites.
+
+    Waves of exactly two nodes a wavelength are left out: the grid does not hold their phase.
+
+    Returns
+    -------
+    qx : ndarray, shape (2 kx + 1, 1)
+        Components along x, in the order 0, 1, ..., kx, -kx, ..., -1 [1/um].
+    qy : ndarray, shape (1, ky + 1)
+        Components along y, in the order 0, 1, ..., ky [1/um].
+    """
+    shortest = spectrum.cut_off * spectrum.stretch, spectrum.cut_off
+    periods = [
+        min(math.floor(length / wavelength * (1 + ROUNDING)), (nodes - 1) // 2)
+        for nodes, length, wavelength in zip(shape, sides, shortest, strict=True)
+    ]
+    along_x = np.fft.ifftshift(np.arange(-periods[0], periods[0] + 1))
+    along_y = np.arange(periods[1] + 1)
+    qx = np.asarray(2 * math.pi / sides[0] * along_x[:, None], dtype=np.float64)
+    qy = np.asarray(2 * math.pi / sides[1] * along_y[None, :], dtype=np.float64)
+    return qx, qy
+
+
+def _scaled(
+    density: Values, qx: Values, qy: Values, rms_height: float | None, rms_slope: float | None
+) -> Values:
+    """Return the mean square height of each wave, (2 kx + 1, ky + 1) [um^2].
+
+    Of the column qy = 0 only the first half counts: the others are opposites of these.
+    """
+    powers = density.copy()
+    powers[len(powers) // 2 + 1 :, 0] = 0.0
+    powers[0, 0] = 0.0
+    if (rms_height is None) == (rms_slope is None):
+        raise InputError("give either an rms height or an rms slope")
+    name, rms = ("height", rms_height) if rms_slope is None else ("slope", rms_slope)
+    if rms is None or not 0.0 <= rms < math.inf:
+        raise InputError(f"rms {name} {rms}: give 0 or more")
+    squares = powers if rms_slope is None else powers * (qx**2 + qy**2)
+    total = float(squares.sum())
+    if not total:
+        raise InputError("no wave between the cut-off and the sides: give a shorter cut-off")
+    return np.asarray(powers * (rms**2 / total))
+
+
+def _synthesis(waves: np.ndarray, shape: tuple[int, int]) -> Heights:
+    """Sum the waves, complex amplitudes of shape (2 kx + 1, ky + 1), on the grid."""
+    kx = len(waves) // 2
+    transform = np.zeros((shape[0], shape[1] // 2 + 1), dtype=complex)
+    transform[: kx + 1, : waves.shape[1]] = waves[: kx + 1]
+    if kx:
+        transform[-kx:, : waves.shape[1]] = waves[kx + 1 :]
+        transform[-kx:, 0] = np.conj(waves[kx:0:-1, 0])
+    return np.fft.irfft2(transform, s=shape)

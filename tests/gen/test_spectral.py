@@ -1,0 +1,221 @@
+"""Surfaces from a power spectrum, against the spectrum asked for and against SurfaceTopography."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from SurfaceTopography import Topography
+from SurfaceTopography.Generation import fourier_synthesis
+
+from gen.runtime.errors import InputError
+from gen.spectral import SelfAffineSpectrum, generate_spectral
+
+SPECTRUM = SelfAffineSpectrum(0.7, roll_off=40.0, cut_off=4.0)
+
+
+def random(seed: int = 1) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
+
+
+def wavevectors(
+    shape: tuple[int, int], sides: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of all components of a grid, in the order of its transform."""
+    qx, qy = (
+        2 * np.pi * np.fft.fftfreq(nodes, length / nodes)
+        for nodes, length in zip(shape, sides, strict=True)
+    )
+    return qx[:, None], qy[None, :]
+
+
+def squares(heights: np.ndarray) -> np.ndarray:
+    """Mean square height of all components, in the order of the transform [um^2]."""
+    return np.abs(np.fft.fft2(heights) / heights.size) ** 2
+
+
+GRIDS = [
+    ((128, 128), (200.0, 200.0)),
+    ((129, 129), (200.0, 200.0)),
+    ((120, 97), (150.0, 190.0)),
+    ((31, 200), (60.0, 90.0)),
+]
+
+
+@pytest.mark.parametrize("stretch", [1.0, 3.0, 0.8])
+@pytest.mark.parametrize(("shape", "sides"), GRIDS)
+def test_every_component_has_its_share(shape, sides, stretch):
+    """On oblong grids and cells, odd and even, stretched or not; to 1e-10 of the largest."""
+    spectrum = SelfAffineSpectrum(0.7, 40.0, 5.0, stretch)
+    heights = generate_spectral(shape, sides, spectrum, random(), rms_height=0.5)
+    qx, qy = wavevectors(shape, sides)
+    asked = spectrum.density(qx, qy)
+    asked[0, 0] = 0.0
+    asked *= 0.25 / asked.sum()
+    assert heights.shape == shape
+    assert squares(heights) == pytest.approx(asked, abs=1e-10 * asked.max())
+
+
+def test_density_is_flat_then_a_power_law_then_nothing():
+    density = SPECTRUM.density(2 * np.pi / np.array([1e4, 41, 40, 20, 4, 3.99]), np.zeros(6))
+    assert density == pytest.approx([1, 1, 1, 2**-3.4, 10**-3.4, 0], rel=1e-9)
+
+
+def test_stretch_lengthens_the_waves_along_x():
+    """Wavelengths along x three times those along y: rms slopes along the axes 1 to 3, to 3 %."""
+    spectrum = SelfAffineSpectrum(0.7, 40.0, 5.0, stretch=3.0)
+    heights = generate_spectral((256, 256), 400.0, spectrum, random(), rms_height=0.5)
+    qx, qy = wavevectors((256, 256), (400.0, 400.0))
+    along = [np.sqrt((squares(heights) * q**2).sum()) for q in (qx, qy)]
+    assert along[1] / along[0] == pytest.approx(3, rel=0.03)
+
+
+@pytest.mark.parametrize(("shape", "sides"), GRIDS)
+def test_rms_values_are_those_asked_for(shape, sides):
+    """Of the heights on the nodes, and of the gradient of the waves, to rounding."""
+    spectrum = SelfAffineSpectrum(0.7, 40.0, 5.0)
+    heights = generate_spectral(shape, sides, spectrum, random(), rms_height=0.5)
+    assert heights.std() == pytest.approx(0.5, rel=1e-12)
+    assert heights.mean() == pytest.approx(0, abs=1e-13)
+    heights = generate_spectral(shape, sides, spectrum, random(), rms_slope=0.2)
+    qx, qy = wavevectors(shape, sides)
+    assert np.sqrt((squares(heights) * (qx**2 + qy**2)).sum()) == pytest.approx(0.2, rel=1e-12)
+
+
+def test_measured_spectrum_of_200_surfaces_is_the_one_asked_for():
+    """By SurfaceTopography's radial estimator; 3 % in all bins, apart from the two at the ends.
+
+    Its bins are logarithmic and give the mean over a ring at the middle of it.
+    """
+    side, nodes = 200.0, 128
+    total = 0.0
+    for seed in range(200):
+        heights = generate_spectral((nodes, nodes), side, SPECTRUM, random(seed), rms_height=0.5)
+        topography = Topography(heights, (side, side), periodic=True)
+        wavenumbers, power = topography.power_spectrum_from_area()[:2]
+        total = total + power
+    between = ~np.ma.getmaskarray(power) & (wavenumbers < 0.95 * 2 * np.pi / SPECTRUM.cut_off)
+    lattice = SPECTRUM.density(*wavevectors((nodes, nodes), (side, side)))
+    asked = 0.25 * side**2 * SPECTRUM.density(wavenumbers, np.zeros(len(wavenumbers)))
+    asked /= lattice.sum() - 1
+    ratios = (np.ma.getdata(total) / 200)[between] / asked[between]
+    assert between.sum() > 15
+    assert ratios == pytest.approx(1, rel=0.03)
+
+
+def test_synthesis_and_estimators_of_others_agree():
+    """SurfaceTopography's synthesis with equal amplitudes has the same spectrum, to 1e-9."""
+    ours = Topography(
+        generate_spectral((126, 126), 200.0, SPECTRUM, random(), rms_height=0.5),
+        (200.0, 200.0),
+        periodic=True,
+    )
+    theirs = fourier_synthesis(
+        (126, 126),
+        (200.0, 200.0),
+        hurst=0.7,
+        rms_height=0.5,
+        short_cutoff=4.0,
+        long_cutoff=40.0,
+        amplitude_distribution=np.ones,
+        rng=np.random.default_rng(1),
+    )
+    measured, expected = (
+        np.ma.getdata(topography.power_spectrum_from_area()[1]) for topography in (ours, theirs)
+    )
+    assert measured == pytest.approx(expected, rel=1e-9, abs=1e-20, nan_ok=True)
+
+
+def test_rms_slope_is_that_of_differences_on_fine_grids():
+    """SurfaceTopography differences nodes; with 16 of them in the shortest wavelength, 3 %."""
+    spectrum = SelfAffineSpectrum(0.7, 40.0, 8.0)
+    heights = generate_spectral((200, 200), 100.0, spectrum, random(), rms_slope=0.3)
+    assert Topography(heights, (100.0, 100.0), periodic=True).rms_gradient() == pytest.approx(
+        0.3, rel=0.03
+    )
+
+
+def test_one_surface_on_all_grids_that_are_fine_enough():
+    """To rounding on the nodes that grids share."""
+    fine = generate_spectral((192, 300), (64.0, 50.0), SPECTRUM, random(), rms_height=0.5)
+    coarse = generate_spectral((64, 30), (64.0, 50.0), SPECTRUM, random(), rms_height=0.5)
+    assert fine[::3, ::10] == pytest.approx(coarse, abs=1e-13)
+
+
+def test_seeds_make_surfaces():
+    surfaces = [
+        generate_spectral((64, 64), 100.0, SPECTRUM, random(seed), rms_height=1.0)
+        for seed in (1, 1, 2)
+    ]
+    assert (surfaces[0] == surfaces[1]).all()
+    assert abs((surfaces[0] * surfaces[2]).mean()) < 0.3
+
+
+def test_phases_are_random_and_heights_normal():
+    """Over 100 surfaces: the mean surface vanishes as 1 / sqrt(100), and kurtosis is 3 to 2 %."""
+    heights = np.array(
+        [
+            generate_spectral((64, 64), 128.0, SPECTRUM, random(seed), rms_height=1.0)
+            for seed in range(100)
+        ]
+    )
+    assert heights.mean(axis=0).std() == pytest.approx(0.1, rel=0.15)
+    assert heights.std(axis=0) == pytest.approx(1.0, rel=0.35)
+    assert (heights**4).mean() == pytest.approx(3, rel=0.02)
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    shape=st.tuples(st.integers(3, 40), st.integers(3, 40)),
+    cell=st.tuples(st.floats(0.1, 10), st.floats(0.1, 10)),
+    hurst=st.floats(0, 1),
+    stretch=st.floats(0.1, 10),
+    band=st.floats(1, 50),
+)
+def test_any_grid_of_three_nodes_holds_a_surface_with_its_rms_height(
+    shape, cell, hurst, stretch, band
+):
+    sides = (shape[0] * cell[0], shape[1] * cell[1])
+    cut_off = 2 * max(cell[0] / stretch, cell[1])
+    spectrum = SelfAffineSpectrum(hurst, band * cut_off, cut_off, stretch)
+    heights = generate_spectral(shape, sides, spectrum, random(), rms_height=2.0)
+    assert heights.shape == shape
+    assert heights.std() == pytest.approx(2.0, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"hurst": -0.1}, "hurst -0.1: give"),
+        ({"hurst": np.nan}, "hurst nan: give"),
+        ({"cut_off": 0.0}, "cut-off 0.0: give"),
+        ({"roll_off": 3.0}, "roll-off 3.0: give a wavelength of at least the cut-off, 4 um"),
+        ({"roll_off": np.inf}, "roll-off inf: give"),
+        ({"stretch": 0.0}, "stretch 0.0: give"),
+    ],
+)
+def test_spectra_that_make_no_sense_are_refused(wrong, message):
+    settings = {"hurst": 0.5, "roll_off": 40.0, "cut_off": 4.0, "stretch": 1.0}
+    with pytest.raises(InputError, match=f"^{message}"):
+        SelfAffineSpectrum(**settings | wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"shape": (1, 64)}, "nodes 1 x 64: give at least 2"),
+        ({"side": 0.0}, "side 0.0: give a length above 0 um"),
+        ({"side": (np.nan, 1.0)}, "side nan: give"),
+        ({"side": 200.0}, "cut-off 4: give at least 6.25 um"),
+        ({"side": 3.0}, "no wave between the cut-off and the sides"),
+        ({"rms_slope": 0.1}, "give either an rms height or an rms slope"),
+        ({"rms_height": None}, "give either an rms height or an rms slope"),
+        ({"rms_height": -1.0}, "rms height -1.0: give 0 or more"),
+        ({"rms_height": np.nan}, "rms height nan: give 0 or more"),
+        ({"rms_height": None, "rms_slope": np.inf}, "rms slope inf: give 0 or more"),
+    ],
+)
+def test_surfaces_that_cannot_be_are_refused(wrong, message):
+    settings = {"shape": (64, 64), "side": 100.0, "rms_height": 1.0} | wrong
+    shape, side = settings.pop("shape"), settings.pop("side")
+    with pytest.raises(InputError, match=f"^{message}"):
+        generate_spectral(shape, side, SPECTRUM, random(), **settings)
