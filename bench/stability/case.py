@@ -2,23 +2,13 @@
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One number of a check, and its bound.
-
-    Attributes
-    ----------
-    what : str
-        The deviation in words.
-    error : float
-        Its size; NaN counts as failed.
-    allowed : float
-        The largest size that passes.
-    """
+class Finding(NamedTuple):
+    """One number of a check, and the largest that passes; NaN counts as failed."""
 
     what: str
     error: float
@@ -40,17 +30,8 @@ class Finding:
         return f"{self.what} {self.error:.2g} {'≤' if self.passed else '>'} {self.allowed:.2g}"
 
 
-@dataclass(frozen=True)
-class Refusal:
-    """How input has to be refused.
-
-    Attributes
-    ----------
-    error : type
-        The kind of error, exactly.
-    words : tuple of str
-        Parts of its one line, which name the given and the allowed value.
-    """
+class Refusal(NamedTuple):
+    """How input has to be refused: by exactly this error, in one line with these words."""
 
     error: type[Exception]
     words: tuple[str, ...]
@@ -72,10 +53,10 @@ class Answer:
     ----------
     out : str
         The answer in words, or the message of the error.
-    findings : iterable of Finding
-        Is it right?
+    findings : sequence of Finding
+        Is it right? `run_case` adds whether it was refused as it should be, and warnings.
     asked : str
-        The input in words; empty where the case itself says it.
+        The input in words; `run_case` takes those of the case if this is empty.
     numbers : mapping of str to numbers
         Further columns of the table.
     raised : Exception or None
@@ -83,69 +64,10 @@ class Answer:
     """
 
     out: str
-    findings: Iterable[Finding]
+    findings: Sequence[Finding] = ()
     asked: str = ""
     numbers: Mapping[str, object] = field(default_factory=dict)
     raised: Exception | None = None
-
-
-@dataclass(frozen=True)
-class Case:
-    """A row of a table.
-
-    Attributes
-    ----------
-    family : str
-        The kind of extreme.
-    name : str
-        Name of the case, unique in its family.
-    asked : str
-        The input in words.
-    examine : callable
-        Returns a judged answer. An error that it raises is a failure, unless one was wanted.
-    refusal : Refusal or None
-        How the input has to be refused, if it has no answer.
-    slow : bool
-        Whether only the full table has the case.
-    """
-
-    family: str
-    name: str
-    asked: str
-    examine: Callable[[], Answer]
-    refusal: Refusal | None = None
-    slow: bool = False
-
-
-def refused(
-    family: str, name: str, asked: str, call: Callable[[], object], refusal: Refusal
-) -> Case:
-    """Make a case that has to be refused; without an error it has nothing to show."""
-
-    def examine() -> Answer:
-        call()
-        return Answer("an answer", ())
-
-    return Case(family, name, asked, examine, refusal)
-
-
-@dataclass(frozen=True)
-class Result:
-    """The outcome of a case.
-
-    Attributes
-    ----------
-    case : Case
-        The case.
-    answer : Answer
-        Its answer; its findings are among those below.
-    findings : tuple of Finding
-        Is the answer right, or was the input refused as it should be? Warnings are findings too.
-    """
-
-    case: Case
-    answer: Answer
-    findings: tuple[Finding, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -163,32 +85,60 @@ class Result:
         nothing = Finding("nothing was looked for", 1, 0)
         return max(self.findings, key=lambda finding: finding.rank, default=nothing)
 
-    @property
-    def asked(self) -> str:
-        """The input in words."""
-        return self.answer.asked or self.case.asked
+
+@dataclass(frozen=True)
+class Case:
+    """A row of a table.
+
+    Attributes
+    ----------
+    family, name : str
+        The kind of extreme, and the name of the case, unique in its family.
+    asked : str
+        The input in words.
+    examine : callable
+        Returns an `Answer`; with a refusal, an error is due instead of whatever it returns.
+    refusal : Refusal or None
+        How the input has to be refused, if it has no answer.
+    slow : bool
+        Whether only the full table has the case.
+    """
+
+    family: str
+    name: str
+    asked: str
+    examine: Callable[[], object]
+    refusal: Refusal | None = None
+    slow: bool = False
 
 
-def run_case(case: Case) -> Result:
+def run_case(case: Case) -> Answer:
     """Ask and judge; raises ModuleNotFoundError where an extra is missing."""
+    found, warned = attempt(case.examine)
+    answer = found if isinstance(found, Answer) else Answer("an answer")
+    if isinstance(found, Exception):
+        answer = Answer(one_line(found), raised=found)
+    conduct: list[Finding] = []
+    if case.refusal is not None:
+        conduct += case.refusal.judge(answer.raised)
+    elif answer.raised is not None:
+        conduct.append(Finding(f"{type(answer.raised).__name__} instead of an answer", 1, 0))
+    warnings_too = [Finding(f"warning {text[:200]}", 1, 0) for text in dict.fromkeys(warned)]
+    findings = (*conduct, *answer.findings, *warnings_too)
+    return replace(answer, asked=answer.asked or case.asked, findings=findings)
+
+
+def attempt(call: Callable[[], object]) -> tuple[object, list[str]]:
+    """Return what a call has returned or raised, and what it has warned of."""
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         try:
-            answer = case.examine()
-            judged = list(answer.findings)
+            found = call()
         except ModuleNotFoundError:  # of an extra: nothing that the case is about
             raise
         except Exception as error:  # whatever else it is, the table is to show it
-            answer, judged = Answer(one_line(error), (), raised=error), []
-    findings: list[Finding] = []
-    if case.refusal is not None:
-        findings += case.refusal.judge(answer.raised)
-    elif answer.raised is not None:
-        kind = type(answer.raised).__name__
-        findings.append(Finding(f"{kind} instead of an answer", 1, 0))
-    for text in dict.fromkeys(one_line(warning.message) for warning in warned):
-        judged.append(Finding(f"warning {text[:200]}", 1, 0))
-    return Result(case, answer, (*findings, *judged))
+            found = error
+    return found, [one_line(warning.message) for warning in warned]
 
 
 def one_line(message: object) -> str:

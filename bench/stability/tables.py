@@ -4,13 +4,14 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import groupby
 from pathlib import Path
 
 from rich.progress import track
 from rich.table import Table
 
 from bench.page import content
-from bench.stability.case import Case, Result, run_case
+from bench.stability.case import Answer, Case, run_case
 from bench.table import write_rows
 from gen.runtime.console import console
 from gen.runtime.errors import InputError
@@ -20,41 +21,41 @@ MANY_COLUMNS = 1000
 """Of a file or a pipe, whose lines are not broken."""
 
 
-def checked_row(result: Result) -> Mapping[str, object]:
+def checked_row(case: Case, answer: Answer) -> Mapping[str, object]:
     """Return a row of a file: the worst check as numbers, then all checks."""
     return {
-        "family": result.case.family,
-        "case": result.case.name,
-        "input": result.asked,
-        "what_came_out": result.answer.out,
-        "check": result.worst.what,
-        "error": float(result.worst.error),
-        "allowed": float(result.worst.allowed),
-        "all_checks": "; ".join(map(str, result.findings)),
-        "verdict": verdict(result),
+        "family": case.family,
+        "case": case.name,
+        "input": answer.asked,
+        "what_came_out": answer.out,
+        "check": answer.worst.what,
+        "error": float(answer.worst.error),
+        "allowed": float(answer.worst.allowed),
+        "all_checks": "; ".join(map(str, answer.findings)),
+        "verdict": verdict(answer),
     }
 
 
-def solved_row(result: Result) -> Mapping[str, object]:
+def solved_row(case: Case, answer: Answer) -> Mapping[str, object]:
     """Return a row of the solver's file: numbers of the solve, then all checks."""
-    numbers = dict(result.answer.numbers)
+    numbers = dict(answer.numbers)
     reason = numbers.pop("reason", "")
     return {
-        "family": result.case.family,
-        "case": result.case.name,
-        "input": result.asked,
-        "message": result.answer.out if result.answer.raised else "",
+        "family": case.family,
+        "case": case.name,
+        "input": answer.asked,
+        "message": answer.out if answer.raised else "",
         **numbers,
-        "checks": "; ".join(map(str, result.findings)),
-        "worst": result.worst,
-        "verdict": verdict(result),
+        "checks": "; ".join(map(str, answer.findings)),
+        "worst": str(answer.worst),
+        "verdict": verdict(answer),
         "reason": reason,
     }
 
 
-def verdict(result: Result) -> str:
-    """Judge a result in one word."""
-    return "passed" if result.passed else "failed"
+def verdict(answer: Answer) -> str:
+    """Judge an answer in one word."""
+    return "passed" if answer.passed else "failed"
 
 
 @dataclass(frozen=True)
@@ -63,16 +64,14 @@ class Sheet:
 
     Attributes
     ----------
-    title : str
-        Title of the printed table.
-    file : str
-        Name of its CSV file.
+    title, file : str
+        Title of the printed table, and name of its CSV file.
     modules : tuple of str
         Modules of this package whose `cases` are its rows, one after the other.
     caption : str
         Explains the table on the page.
     row : callable
-        Makes a row of the file from a result.
+        Makes a row of the file from a case and its answer.
     shown : tuple of str
         Columns that the page shows.
     """
@@ -81,7 +80,7 @@ class Sheet:
     file: str
     modules: tuple[str, ...]
     caption: str
-    row: Callable[[Result], Mapping[str, object]] = checked_row
+    row: Callable[[Case, Answer], Mapping[str, object]] = checked_row
     shown: tuple[str, ...] = (
         *("family", "case", "input", "what_came_out", "check", "error", "allowed", "verdict"),
     )
@@ -101,12 +100,7 @@ TABLES = {
     "solver": Sheet(
         "The contact solver",
         "stability.csv",
-        (
-            "solver.input_cases",
-            "solver.shape_cases",
-            "solver.mechanics_cases",
-            "solver.hardness_cases",
-        ),
+        ("solver.elastic_cases", "solver.hardness_cases"),
         "The contact solver: each answer is proved from its pressure alone, with influence"
         " coefficients and a convolution of the check's own, and many again by a dense solve, a"
         " closed form or a symmetry. Iterations stand beside those of an ordinary contact.",
@@ -119,7 +113,7 @@ TABLES = {
     "loads": Sheet(
         "Random loads",
         "loads.csv",
-        ("loads.cases",),
+        ("loads",),
         "Random forces and mean pressures at every tolerance from 1e-2 to 1e-13: an answer to each,"
         " whose residual a convolution of the check's own confirms and whose force is the one given"
         " to 12 digits. Solves of more than 20 s count as endless.",
@@ -127,7 +121,7 @@ TABLES = {
     "hardness": Sheet(
         "Random contacts that yield",
         "hardness.csv",
-        ("hardness.cases",),
+        ("hardness",),
         "Bodies that yield: 1,000 random contacts of up to 33 x 33 nodes beside bounded least"
         " squares, by dense algebra and by iterations alone, with the conditions of contact checked"
         " by the dense matrix; then 1,000 surfaces of the paper preset at the default tolerance,"
@@ -182,38 +176,31 @@ def report(folder: Path | None = None, *, full: bool = False, of: Sequence[str] 
         check_folder(folder)
     passed = True
     for name in of or TABLES:
-        cases = [case for case in cases_of(name) if full or not case.slow]
+        sheet, cases = TABLES[name], [case for case in cases_of(name) if full or not case.slow]
         progress = console(stderr=True)
         tracked = track(cases, console=progress, transient=True, disable=not progress.is_terminal)
-        results = [run_case(case) for case in tracked]
-        show(TABLES[name].title, results)
+        judged = [(case, run_case(case)) for case in tracked]
+        show(sheet.title, judged)
         if folder is not None:
-            write_rows(folder / TABLES[name].file, map(TABLES[name].row, results))
-        passed &= all(result.passed for result in results)
+            write_rows(folder / sheet.file, (sheet.row(*each) for each in judged))
+        passed &= all(answer.passed for _, answer in judged)
     return passed
 
 
-def show(title: str, results: Sequence[Result]) -> None:
+def show(title: str, judged: Sequence[tuple[Case, Answer]]) -> None:
     """Print a table, red where a case failed, and the number of failures."""
-    table = Table(box=None, pad_edge=False)
-    for name in ("case", "input (um, MPa)", "result", "checks: error ≤ allowed", "verdict"):
-        table.add_column(name)
-    family = ""
-    for result in results:
-        case = result.case
-        if case.family != family:
-            family = case.family
-            table.add_row(family, style="bold")
-        checks = result.failed or ("refused as it should be" if case.refusal else str(result.worst))
-        table.add_row(
-            f"  {case.name}",
-            result.asked,
-            result.answer.out,
-            checks,
-            verdict(result),
-            style="" if result.passed else "red",
-        )
-    failed = [result.case.name for result in results if not result.passed]
+    table = Table(
+        *("case", "input (um, MPa)", "result", "checks: error ≤ allowed", "verdict"),
+        box=None,
+        pad_edge=False,
+    )
+    for family, members in groupby(judged, key=lambda each: each[0].family):
+        table.add_row(family, style="bold")
+        for case, answer in members:
+            worst = "refused as it should be" if case.refusal else str(answer.worst)
+            cells = f"  {case.name}", answer.asked, answer.out, answer.failed or worst
+            table.add_row(*cells, verdict(answer), style="" if answer.passed else "red")
+    failed = [case.name for case, answer in judged if not answer.passed]
     width = None if sys.stdout.isatty() else MANY_COLUMNS
     output = console(markup=False, highlight=False, width=width)
     output.print()
@@ -221,7 +208,7 @@ def show(title: str, results: Sequence[Result]) -> None:
     output.print(table)
     output.print()
     names = f": {'; '.join(failed)}" if failed else ""
-    output.print(f"{len(results)} cases, {len(failed)} failed{names}")
+    output.print(f"{len(judged)} cases, {len(failed)} failed{names}")
 
 
 def contents(folder: Path) -> list[content.Content]:
@@ -229,10 +216,8 @@ def contents(folder: Path) -> list[content.Content]:
     listed: list[content.Content] = []
     for name, sheet in TABLES.items():
         data = folder / sheet.file
-        if data.exists():
-            table = content.Table(data, sheet.caption, columns=sheet.shown, verdict="verdict")
-            listed.append(table)
-        else:
-            command = f"python -m bench stability --of {name} -o {folder}"
-            listed.append(content.Absent(f"Stiff and extreme cases of the {name}", command))
+        table = content.Table(data, sheet.caption, columns=sheet.shown, verdict="verdict")
+        command = f"python -m bench stability --of {name} -o {folder}"
+        absent = content.Absent(f"Stiff and extreme cases of the {name}", command)
+        listed.append(table if data.exists() else absent)
     return listed

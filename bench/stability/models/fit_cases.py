@@ -1,7 +1,7 @@
 """Cases about fits: what the training rows may be like, each with all nine models."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -93,7 +93,7 @@ def _examine(spoilt: Spoilt, name: str) -> Answer:
         asked = _fitted(spoilt, name, way)
         said.append(f"{way}: {_in_words(asked)}")
         for check in (sound, optimal, *spoilt.checks):
-            findings += [replace(found, what=f"{way}: {found.what}") for found in check(asked)]
+            findings += [found._replace(what=f"{way}: {found.what}") for found in check(asked)]
     return Answer("; ".join(said), findings)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.stability.case import Answer, Case, Finding, Refusal, refused
+from bench.stability.case import Answer, Case, Finding, Refusal
 from bench.stability.models.samples import Values, ordinary
 from gen.runtime.errors import InputError
 from gen.surface import generate
@@ -112,7 +112,7 @@ def _features_refused() -> Iterator[Case]:
     ):
         surface = SurfaceFeatures(heights, (SIDE, SIDE))
         call = partial(surface.features, chosen("hybrid"), np.array([delta]))
-        yield refused("features: refused", name, "", call, Refusal(InputError, (words,)))
+        yield Case("features: refused", name, "", call, Refusal(InputError, (words,)))
 
 
 def _splits() -> Iterator[Case]:
@@ -214,7 +214,7 @@ def _scores_refused() -> Iterator[Case]:
         ("infinite truth", truth * np.inf, truth, "infinity"),
     ):
         call = partial(scores, known, guessed)
-        yield refused("scores: refused", name, "", call, Refusal(ValueError, (words,)))
+        yield Case("scores: refused", name, "", call, Refusal(ValueError, (words,)))
 
 
 def _remarks() -> Iterator[Case]:

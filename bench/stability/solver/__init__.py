@@ -1,5 +1,5 @@
 """Stiff and extreme cases of the contact solver, each with checks that do not rely on it.
 
-`*_cases` and `setup` say what is asked, `checks` how an answer is judged, `case` runs, `sheet`
-shows.
+`setup` and `topographies` say what can be asked, `checks` how an answer is judged, `case` joins
+both, `elastic_cases` and `hardness_cases` are the rows of the table.
 """

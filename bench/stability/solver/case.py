@@ -1,17 +1,16 @@
 """Contacts as cases: a problem is solved, and its answer judged."""
 
 import math
-import warnings
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 import bem
-from bench.stability.case import Answer, Case, Finding, Refusal, one_line
+from bench.stability.case import Answer, Case, Finding, Refusal, attempt, one_line
 from bench.stability.solver.checks import Check, complementarity, honesty
 from bench.stability.solver.setup import DELTA, Setup
 from bench.stability.solver.topographies import Field, cropped_paper
@@ -32,118 +31,104 @@ def contact_case(
     surface: ArrayLike | Callable[[], ArrayLike],
     delta: float | Callable[[Field], float] = DELTA,
     *,
-    checks: tuple[Check, ...] = (),
+    checks: Sequence[Check] = (),
     reason: str = "",
     ordinary: bool = False,
     refusal: Refusal | None = None,
     slow: bool = False,
     **arguments: Any,
 ) -> Case:
-    """Make a case that solves a contact; surfaces are made when the case is run.
+    """Make a case that solves a contact.
 
     Parameters
     ----------
     family, name, refusal, slow
         See `bench.stability.case.Case`.
     surface : array_like or callable
-        Heights, or a function that makes them [um].
+        Heights, or a function that makes them when the case is run [um].
     delta : float or callable
         Displacement of the far field, or a function of the heights that computes it [um].
-    checks : tuple of Check
+    checks, reason, ordinary
+        See `judge`.
+    **arguments
+        Other fields of `Setup`.
+    """
+
+    def examine() -> Answer:
+        heights = surface() if callable(surface) else surface
+        wanted = delta(np.asarray(heights, np.float64)) if callable(delta) else delta
+        return solve(Setup(heights, wanted, **arguments), checks, reason, ordinary=ordinary)
+
+    return Case(family, name, "", examine, refusal, slow)
+
+
+def solve(
+    asked: Setup, checks: Sequence[Check] = (), reason: str = "", *, ordinary: bool = False
+) -> Answer:
+    """Solve a problem and judge the answer; parameters as for `judge`."""
+    found, warned = attempt(asked.solve)
+    if isinstance(found, bem.Contact) and asked.pressure is not None:
+        asked = replace(asked, delta=found.approach)
+    conduct = Finding(f"warnings {'; '.join(dict.fromkeys(warned))}".rstrip(), len(warned), 0)
+    return judge(asked, found, checks, reason, ordinary=ordinary, conduct=[conduct])
+
+
+def judge(
+    asked: Setup,
+    found: object,
+    checks: Sequence[Check] = (),
+    reason: str = "",
+    *,
+    ordinary: bool = False,
+    conduct: Sequence[Finding] = (),
+) -> Answer:
+    """Judge the contact that the solver has returned, or the error that it has raised.
+
+    Parameters
+    ----------
+    asked : Setup
+        The problem.
+    found : bem.Contact or Exception
+        What came of it.
+    checks : sequence of Check
         Checks of the answer besides complementarity, which every answer has to fulfil.
     reason : str
         Why it may take more than `MOST_TIMES_ORDINARY` times the ordinary iterations.
     ordinary : bool
         Whether this is the ordinary contact itself, which iterations are compared with.
-    **arguments
-        Other fields of `Setup`.
+    conduct : sequence of Finding
+        How the solver behaved, besides its effort and the numbers that it states.
     """
-
-    def setup() -> Setup:
-        heights = surface() if callable(surface) else surface
-        wanted = delta(np.asarray(heights, np.float64)) if callable(delta) else delta
-        return Setup(heights, wanted, **arguments)
-
-    examination = Examination(setup, checks, reason, ordinary)
-    return Case(family, name, "", examination, refusal, slow)
-
-
-@dataclass(frozen=True)
-class Examination:
-    """Solves a problem and judges the answer; the attributes are those of `contact_case`."""
-
-    setup: Callable[[], Setup]
-    checks: tuple[Check, ...] = ()
-    reason: str = ""
-    ordinary: bool = False
-
-    def __call__(self) -> Answer:
-        """Solve and judge."""
-        asked = self.setup()
-        contact, raised = None, None
-        with warnings.catch_warnings(record=True) as warned:
-            warnings.simplefilter("always")
-            try:
-                contact = asked.solve()
-            except Exception as error:  # whatever it is, the table is to show it
-                raised = error
-        if contact is not None and asked.pressure is not None:
-            asked = replace(asked, delta=contact.approach)
-        texts = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))
-        conduct = Finding(f"warnings {texts}".rstrip(), len(warned), 0)
-        return self.judge(asked, contact, raised, [conduct])
-
-    def judge(
-        self,
-        asked: Setup,
-        contact: bem.Contact | None,
-        raised: Exception | None = None,
-        conduct: Iterable[Finding] = (),
-    ) -> Answer:
-        """Judge the contact that the solver returned, or the error that it raised.
-
-        Parameters
-        ----------
-        asked : Setup
-            The problem.
-        contact : bem.Contact or None
-            The answer, None if there was none.
-        raised : Exception or None
-            The error, None if there was none.
-        conduct : iterable of Finding
-            Findings on how the solver behaved, besides its effort and the numbers that it states.
-        """
-        findings: list[Finding] = []
-        if contact is not None:
-            for check in (*self.checks, complementarity):
-                findings += check(asked, contact)
-        elif isinstance(raised, bem.NotConverged):
-            contact = raised.contact
-            findings.append(Finding("rtol over residual", asked.rtol / contact.residual, 1))
-        findings += conduct
-        answer = partial(Answer, asked=asked.describe(), raised=raised)
-        if contact is None:
-            return answer(one_line(raised), findings, numbers=dict.fromkeys(NUMBERS, ""))
-        ordinary = max(contact.iterations, 1)
-        if not self.ordinary:
-            ordinary = ordinary_iterations(contact.pressure.shape)
-        times = contact.iterations / ordinary
-        findings += [*self._effort(asked, contact, times), *honesty(asked, contact)]
-        values = contact.area_percent, contact.force, contact.residual, contact.iterations
-        numbers: dict[str, object] = dict(zip(NUMBERS, (*values, ordinary, times), strict=True))
-        numbers["reason"] = self.reason if times > MOST_TIMES_ORDINARY else ""
-        return answer(one_line(raised) if raised else _in_words(contact), findings, numbers=numbers)
-
-    def _effort(self, asked: Setup, contact: bem.Contact, times: float) -> Iterator[Finding]:
-        """The bound on iterations was kept, and there is a reason for many iterations."""
-        allowed = math.inf if self.reason else MOST_TIMES_ORDINARY
-        yield Finding("iterations", contact.iterations, asked.max_iterations)
-        yield Finding("times ordinary", times, allowed)
-
-
-def _in_words(contact: bem.Contact) -> str:
-    numbers = f"{contact.area_percent:.4g} %, {contact.force:.6g} µN"
-    return f"{numbers}, residual {contact.residual:.1e}, {contact.iterations} iterations"
+    raised = found if isinstance(found, Exception) else None
+    findings: list[Finding] = []
+    if isinstance(found, bem.Contact):
+        contact = found
+        for check in (*checks, complementarity):
+            findings += check(asked, contact)
+    elif isinstance(found, bem.NotConverged):
+        contact = found.contact
+        findings.append(Finding("rtol over residual", asked.rtol / contact.residual, 1))
+    else:
+        numbers = dict.fromkeys(NUMBERS, "")
+        return Answer(one_line(found), conduct, asked.describe(), numbers, raised)
+    first = max(contact.iterations, 1) if ordinary else ordinary_iterations(contact.pressure.shape)
+    times = contact.iterations / first
+    findings += [
+        *conduct,
+        Finding("iterations", contact.iterations, asked.max_iterations),
+        Finding("times ordinary", times, math.inf if reason else MOST_TIMES_ORDINARY),
+        *honesty(asked, contact),
+    ]
+    values = contact.area_percent, contact.force, contact.residual, contact.iterations, first, times
+    needed = reason if times > MOST_TIMES_ORDINARY else ""
+    out = f"{contact.area_percent:.4g} %, {contact.force:.6g} µN, residual {contact.residual:.1e}"
+    return Answer(
+        one_line(raised) if raised else f"{out}, {contact.iterations} iterations",
+        findings,
+        asked.describe(),
+        {**dict(zip(NUMBERS, values, strict=True)), "reason": needed},
+        raised,
+    )
 
 
 @lru_cache(maxsize=64)

@@ -2,7 +2,8 @@
 
 The problem is strictly convex: a pressure that is not negative, whose gap is not negative and
 which is zero where the gap is not, is its solution. `complementarity` proves that of every answer,
-with coefficients and a convolution of its own; the others look at it from another side.
+with coefficients and a convolution of its own; the others look at it from another side. Those that
+take further arguments before the problem and its contact are given them by `functools.partial`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -10,10 +11,11 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import bem
 from bem.influence import Kernel
-from bench.references import dense
+from bench.references import dense, yielding
 from bench.references.half_space import displacement, flat_punch, influence_coefficients
 from bench.stability.case import Finding
 from bench.stability.solver.setup import DELTA, Setup
@@ -30,43 +32,58 @@ MISPLACED = 1e-4
 
 FOUR_ULP = 4 * float(np.finfo(np.float64).eps)
 
-
 Check = Callable[[Setup, bem.Contact], Iterable[Finding]]
+Displace = Callable[[Field, Kernel, float], Field]
 
 
-def complementarity(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
+def complementarity(
+    asked: Setup, contact: bem.Contact, displace: Displace = displacement
+) -> Iterator[Finding]:
     """The conditions of contact, from the pressure alone."""
     tension = int(np.count_nonzero(~(contact.pressure >= 0)))
     beyond = int(np.count_nonzero(contact.pressure > (asked.hardness or np.inf)))
-    yield Finding("gap", violation(asked, contact.pressure), asked.rtol + ROUNDING)
+    yield Finding("gap", violation(asked, contact.pressure, displace), asked.rtol + ROUNDING)
     if tension:
         yield Finding("nodes in tension", tension, 0)
     if beyond:
         yield Finding("nodes above the hardness", beyond, 0)
 
 
-def honesty(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
+def honesty(
+    asked: Setup, contact: bem.Contact, displace: Displace = displacement
+) -> Iterator[Finding]:
     """Residual, force and area are those of the pressure."""
     length, width = asked.cell
     share = 100 * float(np.mean(contact.pressure > 0))
-    recomputed = violation(asked, contact.pressure)
+    recomputed = violation(asked, contact.pressure, displace)
     yield Finding("residual off", abs(contact.residual - recomputed), ROUNDING)
     force = float(contact.pressure.sum()) * length * width
-    yield Finding("force off its pressure", _deviation(contact.force, force), 1e-12)
+    yield Finding("force off its pressure", deviation(contact.force, force), 1e-12)
     yield Finding("area off its nodes", abs(contact.area_percent - share), 1e-12)
 
 
-def violation(asked: Setup, pressure: Field) -> float:
+def says_what_yields(
+    asked: Setup, contact: bem.Contact, displace: Displace = displacement
+) -> Iterator[Finding]:
+    """Share, depth and flattened heights are those of the pressure."""
+    yielded = contact.pressure == asked.hardness
+    share = 100 * float(yielded.mean())
+    yield Finding("yielded share off", abs(contact.yielded_percent - share), 1e-12)
+    gap = gap_under(asked, contact.pressure, displace)
+    depth = np.where(yielded, np.maximum(-gap, 0.0), 0.0)
+    off = float(np.abs(contact.yielded_depth / asked.delta - depth).max())
+    yield Finding("yielded depth off", off, 1e-9)
+    off = float(np.abs(contact.flattened - (asked.surface - contact.yielded_depth)).max())
+    height = float(np.abs(asked.surface).max()) or 1.0
+    yield Finding("flattened heights off", off / height, 1e-15)
+
+
+def violation(asked: Setup, pressure: Field, displace: Displace = displacement) -> float:
     """Largest |gap| under pressure or penetration elsewhere [Delta; um where Delta <= 0].
 
     At yielded nodes only a gap counts, no penetration: that is the depth to which they yield.
-
-    Parameters
-    ----------
-    asked : the problem
-    pressure : (nx, ny) [MPa]
     """
-    gap = gap_under(asked, pressure)
+    gap = gap_under(asked, pressure, displace)
     wrong = np.where(pressure > 0, np.abs(gap), -gap)
     if asked.hardness is not None:
         wrong = np.where(pressure == asked.hardness, gap, wrong)
@@ -74,60 +91,75 @@ def violation(asked: Setup, pressure: Field) -> float:
     return np.inf if np.isnan(worst) else max(0.0, worst)
 
 
-def gap_under(asked: Setup, pressure: Field) -> Field:
+def gap_under(asked: Setup, pressure: Field, displace: Displace = displacement) -> Field:
     """Return the (nx, ny) distance left between the surfaces [Delta; um where Delta <= 0]."""
     unit = asked.delta if asked.delta > 0 else 1.0
     with np.errstate(all="ignore"):  # what no number can hold fails as such, in `violation`
-        reduced = _reduced(asked, pressure, unit)
+        reduced: Field = pressure * (asked.compliance / unit)
         approach = asked.delta / unit
         if asked.far_field == "compliant":
             punch = flat_punch(pressure.shape, asked.kernel, asked.aspect)
             approach += float(reduced.sum() / punch.sum())
         overlap = (asked.surface - asked.surface.max()) / unit + approach
-        gap: Field = displacement(reduced, asked.kernel, asked.aspect) - overlap
+        gap: Field = displace(reduced, asked.kernel, asked.aspect) - overlap
     return gap
 
 
-def _reduced(asked: Setup, pressure: Field, unit: float) -> Field:
-    """Pressure in units of E* unit / first side of a cell."""
-    reduced: Field = pressure * (asked.cell[0] / asked.plane_strain_modulus / unit)
-    return reduced
-
-
-def agrees_with_dense_solve(allowed: float = MISPLACED) -> Check:
+def agrees_with_dense_solve(
+    asked: Setup, contact: bem.Contact, allowed: float = MISPLACED
+) -> Iterator[Finding]:
     """Load and nodes in contact are those of a direct solve with the dense matrix.
 
-    Parameters
-    ----------
-    allowed : share of the load that may be elsewhere [1]
+    At most the share `allowed` of the load may be elsewhere [1].
     """
-
-    def check(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
-        press = dense.press_compliant if asked.far_field == "compliant" else dense.press
-        pressure, gap = press(asked.surface, asked.delta, asked.kernel, asked.aspect)
-        reduced = _reduced(asked, contact.pressure, asked.delta)
-        yield Finding("load off a dense solve", _misplaced(reduced, pressure), allowed)
-        decided = (pressure > UNDECIDED) | (gap > UNDECIDED)
-        unlike = ((reduced > 0) != (pressure > 0)) & decided
-        yield Finding("nodes off", int(np.count_nonzero(unlike)), 0)
-
-    return check
+    press = dense.press_compliant if asked.far_field == "compliant" else dense.press
+    pressure, gap = press(asked.surface, asked.delta, asked.kernel, asked.aspect)
+    reduced = contact.pressure * (asked.compliance / asked.delta)
+    yield Finding("load off a dense solve", _misplaced(reduced, pressure), allowed)
+    decided = (pressure > UNDECIDED) | (gap > UNDECIDED)
+    yield Finding("nodes off", unlike(reduced > 0, pressure > 0, decided), 0)
 
 
-def has_force(name: str, force: float, allowed: float) -> Check:
-    """The force is that of a closed form.
+def yields_as_by_dense_solve(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
+    """Force, contact nodes and yielded nodes are those of the dense matrix."""
+    hardness = float(asked.hardness or np.inf) * asked.compliance
+    arguments = asked.surface, asked.delta, hardness, asked.kernel, asked.aspect
+    pressure, gap = yielding.press(*arguments, method=yielding.by_growth)
+    pressure = pressure / asked.compliance
+    force = float(pressure.sum()) * asked.cell[0] * asked.cell[1]
+    yield Finding("force off a dense solve", abs(contact.force / force - 1), 1e-4)
+    little, close = UNDECIDED * float(pressure.max()), UNDECIDED * asked.delta
+    touching, yielded = unlike_nodes(asked, contact, (pressure, gap), little, close)
+    yield Finding("nodes off", touching, 0)
+    yield Finding("yielded nodes off", yielded, 0)
 
-    Parameters
-    ----------
-    name : whose
-    force : [uN]
-    allowed : deviation, that of the grid included [1]
+
+def unlike_nodes(
+    asked: Setup, contact: bem.Contact, expected: tuple[Field, Field], little: float, close: float
+) -> tuple[int, int]:
+    """Count nodes whose contact, and whose yielding, differs from that of a pressure and its gap.
+
+    Those may differ whose pressure is `little` away from a bound [MPa], and that are `close` [um].
     """
+    pressure, gap = expected
+    hardness = float(asked.hardness or np.inf)
+    yielded = contact.pressure == hardness, pressure >= hardness * (1 - 1e-15)
+    return (
+        unlike(contact.pressure > 0, pressure > 0, (pressure > little) | (gap > close)),
+        unlike(*yielded, (hardness - pressure > little) | (gap < -close)),
+    )
 
-    def check(_asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
-        yield Finding(f"force off {name}", _deviation(contact.force, force), allowed)
 
-    return check
+def unlike(first: ArrayLike, second: ArrayLike, decided: ArrayLike = True) -> int:
+    """Count decided nodes at which two fields differ."""
+    return int(np.count_nonzero(np.not_equal(first, second) & decided))
+
+
+def has_force(
+    name: str, force: float, allowed: float, _asked: Setup, contact: bem.Contact
+) -> Iterator[Finding]:
+    """The force [uN] is that of a closed form; `allowed` includes what the grid costs [1]."""
+    yield Finding(f"force off {name}", deviation(contact.force, force), allowed)
 
 
 def one_cell_force(delta: float, spacing: float, kernel: Kernel = "uniform-pressure") -> float:
@@ -140,67 +172,47 @@ def _ordinary_contact() -> bem.Contact:
     return Setup(paper(), DELTA).solve()
 
 
-def scales(force: float, allowed: float = FOUR_ULP) -> Check:
-    """The ordinary contact in other units: force in proportion, the same nodes in contact.
-
-    Parameters
-    ----------
-    force : over that of the paper's surface with E* = 1 MPa, L = 1000 um, Delta = 25 um [1]
-    allowed : deviation [1]
-    """
-
-    def check(_asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
-        ordinary = _ordinary_contact()
-        deviation = _deviation(contact.force, force * ordinary.force)
-        yield Finding("force off similarity", deviation, allowed)
-        unlike = (contact.pressure > 0) != (ordinary.pressure > 0)
-        yield Finding("nodes off", int(np.count_nonzero(unlike)), 0)
-
-    return check
+def scales(force: float, allowed: float, _asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
+    """The ordinary contact in other units: its force times `force` [1], the same nodes."""
+    ordinary = _ordinary_contact()
+    yield Finding("force off similarity", deviation(contact.force, force * ordinary.force), allowed)
+    yield Finding("nodes off", unlike(contact.pressure > 0, ordinary.pressure > 0), 0)
 
 
-def equals(name: str, twin: Callable[[Field], Field]) -> Check:
-    """The pressure is that of another array of the same heights, to the last bit.
-
-    Parameters
-    ----------
-    name : of the other array
-    twin : makes it from the heights in double precision
-    """
-
-    def check(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
-        other = replace(asked, heights=twin(asked.surface)).solve()
-        unlike = int(np.count_nonzero(contact.pressure != other.pressure))
-        yield Finding(f"nodes off {name}", unlike, 0)
-
-    return check
+def equals(
+    name: str, twin: Callable[[Setup], Setup], asked: Setup, contact: bem.Contact
+) -> Iterator[Finding]:
+    """The pressure is that of another problem, to the last bit."""
+    yield Finding(f"nodes off {name}", unlike(contact.pressure, twin(asked).solve().pressure), 0)
 
 
-def is_symmetric(allowed: float = MISPLACED) -> Check:
-    """The pressure has the 8 symmetries of the square, as the surface has.
-
-    Parameters
-    ----------
-    allowed : share of the load that may be elsewhere [1]
-    """
-
-    def check(_asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
-        misplaced = [_misplaced(image, contact.pressure) for image in images(contact.pressure)]
-        yield Finding("load off symmetry", max(misplaced), allowed)
-
-    return check
+def is_nearly_elastic(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
+    """Force and contact nodes are those of the elastic contact, to the tolerance of both."""
+    elastic = replace(asked, hardness=None).solve()
+    yield Finding("force off the elastic one", abs(contact.force / elastic.force - 1), asked.rtol)
+    off = unlike(contact.pressure > 0, elastic.pressure > 0)
+    yield Finding("nodes off the elastic contact", off, 0)
 
 
-def turns_with_surface(allowed: float = MISPLACED) -> Check:
-    """The 8 images of the surface have the 8 images of the pressure; parameter as above."""
+def is_bearing_area(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
+    """The pressure is the hardness wherever the undeformed surfaces overlap."""
+    overlap = asked.surface - asked.surface.max() + asked.delta > 0
+    expected = np.where(overlap, asked.hardness or 0.0, 0.0)
+    yield Finding("nodes off the bearing area", unlike(contact.pressure, expected), 0)
 
-    def check(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
-        turned = [replace(asked, heights=image).solve() for image in images(asked.surface)]
-        pairs = zip(turned, images(contact.pressure), strict=True)
-        misplaced = [_misplaced(other.pressure, image) for other, image in pairs]
-        yield Finding("load off symmetry", max(misplaced), allowed)
 
-    return check
+def is_symmetric(_asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
+    """The pressure has the 8 symmetries of the square, as the surface has."""
+    misplaced = [_misplaced(image, contact.pressure) for image in images(contact.pressure)]
+    yield Finding("load off symmetry", max(misplaced), MISPLACED)
+
+
+def turns_with_surface(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
+    """The 8 images of the surface have the 8 images of the pressure."""
+    turned = [replace(asked, heights=image).solve() for image in images(asked.surface)]
+    pairs = zip(turned, images(contact.pressure), strict=True)
+    misplaced = [_misplaced(other.pressure, image) for other, image in pairs]
+    yield Finding("load off symmetry", max(misplaced), MISPLACED)
 
 
 def images(field: Field) -> list[Field]:
@@ -214,8 +226,8 @@ def _misplaced(pressure: Field, expected: Field) -> float:
     return float(np.abs(pressure - expected).sum()) / total if total else np.inf
 
 
-def _deviation(value: float, expected: float) -> float:
-    """Relative, zero where both are zero."""
+def deviation(value: float, expected: float) -> float:
+    """Relative deviation; zero where both are zero."""
     if value == expected:
         return 0.0
     return abs(value / expected - 1) if expected else np.inf

@@ -1,26 +1,40 @@
 """What a case asks of the solver, and the numbers that its checks derive from that alone."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 import bem
 from bem.influence import Kernel
-from bem.problem import FarField
+from bem.problem import MAX_ITERATIONS, FarField
 from bench.stability.solver.topographies import SIDE, Field
 from gen.material import plane_strain_modulus
 
 DELTA = 25.0
 """Displacement of an ordinary contact, unless a case is about another [um]."""
 
+SYMBOLS = {
+    "modulus": "E",
+    "poisson": "ν",
+    "rtol": "rtol",
+    "max_iterations": "iterations up to",
+    "hardness": "H",
+    "pressure": "p",
+    "force": "F",
+    "kernel": "",
+    "far_field": "",
+}
+"""Arguments that a description names if they are not the default."""
+
 Lengths = float | tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """The arguments of `bem.solve`, which says what they are."""
+    """The arguments of `bem.solve`, which says what they are; a given load replaces `delta`."""
 
     heights: ArrayLike
     delta: float = DELTA
@@ -31,26 +45,15 @@ class Setup:
     kernel: Kernel = "uniform-pressure"
     far_field: FarField = "rigid"
     rtol: float = 1e-6
-    max_iterations: int = 1000
+    max_iterations: int = MAX_ITERATIONS
     hardness: float | None = None
     pressure: float | None = None
+    force: float | None = None
 
     def solve(self) -> bem.Contact:
         """What `bem` makes of it."""
-        return bem.solve(
-            self.heights,
-            self.side,
-            None if self.pressure else self.delta,
-            pressure=self.pressure,
-            hardness=self.hardness,
-            spacing=self.spacing,
-            modulus=self.modulus,
-            poisson=self.poisson,
-            kernel=self.kernel,
-            far_field=self.far_field,
-            rtol=self.rtol,
-            max_iterations=self.max_iterations,
-        )
+        given: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(self)}
+        return bem.solve(**given | ({"delta": None} if self.pressure or self.force else {}))
 
     @cached_property
     def surface(self) -> Field:
@@ -71,9 +74,9 @@ class Setup:
         return self.cell[1] / self.cell[0]
 
     @property
-    def plane_strain_modulus(self) -> float:
-        """E* = E / (1 - nu^2) [MPa]."""
-        return plane_strain_modulus(self.modulus, self.poisson)
+    def compliance(self) -> float:
+        """First side of a cell over E* = E / (1 - nu^2) [um / MPa]."""
+        return self.cell[0] / plane_strain_modulus(self.modulus, self.poisson)
 
     def describe(self) -> str:
         """The input in one line: grid, lengths in um, and whatever else is not the default."""
@@ -83,29 +86,15 @@ class Setup:
             parts.append(str(heights.dtype))
         elif heights.size and heights.min() < heights.max():
             parts.append(f"z {heights.min():.9g} to {heights.max():.9g}")
-        parts.append(f"g = {_text(self.spacing)}" if self.spacing else f"L = {_text(self.side)}")
-        parts.append(f"Δ = {self.delta:.9g}")
-        for symbol, value, default in (
-            ("E", self.modulus, Setup.modulus),
-            ("ν", self.poisson, Setup.poisson),
-            ("rtol", self.rtol, Setup.rtol),
-            ("iterations up to", self.max_iterations, Setup.max_iterations),
-            ("H", self.hardness, Setup.hardness),
-            ("p", self.pressure, Setup.pressure),
-        ):
-            if value != default:
-                parts.append(f"{symbol} = {value:g}")
-        parts += [text for text in (self.kernel, self.far_field) if text not in DEFAULT_CHOICES]
+        lengths = _pair(self.spacing or self.side)
+        text = " x ".join(f"{length:g}" for length in dict.fromkeys(lengths))
+        parts += [f"{'g' if self.spacing else 'L'} = {text}", f"Δ = {self.delta:.9g}"]
+        for name, symbol in SYMBOLS.items():
+            value = getattr(self, name)
+            if value != getattr(Setup, name):
+                parts.append(f"{symbol} = {value:g}" if symbol else value)
         return ", ".join(parts)
-
-
-DEFAULT_CHOICES = Setup.kernel, Setup.far_field
 
 
 def _pair(lengths: Lengths) -> tuple[float, float]:
     return lengths if isinstance(lengths, tuple) else (lengths, lengths)
-
-
-def _text(lengths: Lengths) -> str:
-    """One number where both are the same."""
-    return " x ".join(f"{length:g}" for length in dict.fromkeys(_pair(lengths)))

@@ -31,9 +31,11 @@ def paper(nodes: int = NODES, hurst: float | None = None, sigma0: float | None =
 
     Parameters
     ----------
-    nodes : 2^k + 1 a side; the coarse nodes are the same for every k
-    hurst, sigma0 : Hurst exponent [1] and standard deviation of the first displacement [um]
-        instead of the row's own
+    nodes : int
+        2^k + 1 a side; the coarse nodes are the same for every k.
+    hurst, sigma0 : float, optional
+        Hurst exponent [1] and standard deviation of the first displacement [um] instead of the
+        row's own.
     """
     scene = load("paper")
     row = parameters(scene, 0, 1)
@@ -54,34 +56,14 @@ def cropped_paper(shape: tuple[int, int]) -> Field:
     return paper(nodes)[: shape[0], : shape[1]]
 
 
-def taller_paper(factor: float) -> Field:
-    """All heights times a factor."""
-    return paper() * factor
+def terraces(nodes: int = NODES) -> Field:
+    """The paper's surface in steps of 10 um: plateaus of exact ties."""
+    return np.asarray(np.round(paper(nodes) / 10.0) * 10.0)
 
 
-def offset_paper(offset: float) -> Field:
-    """A range of heights of 1 um, far above the origin."""
-    return paper() / np.ptp(paper()) + offset
-
-
-def whole_numbers(largest: int = 40) -> Field:
-    """The paper's surface on 0, 1, ... `largest`, which integers hold exactly."""
-    return np.asarray(np.round(paper() * (largest / paper().max())))
-
-
-def terraces(nodes: int = NODES, rise: float = 10.0) -> Field:
-    """The paper's surface in steps of one rise: plateaus of exact ties."""
-    return np.asarray(np.round(paper(nodes) / rise) * rise)
-
-
-def tilted(base: Field) -> Field:
-    """A surface on a plane that rises by 45 degrees along the first axis."""
-    return base + np.linspace(0.0, SIDE, base.shape[0])[:, None]
-
-
-def flat(shape: tuple[int, int] = (NODES, NODES)) -> Field:
+def flat(nodes: int = NODES) -> Field:
     """All nodes at one height."""
-    return np.zeros(shape)
+    return np.zeros((nodes, nodes))
 
 
 def with_middle_at(height: float, base: Field) -> Field:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.stability.case import Answer, Case, Finding, Refusal, refused
+from bench.stability.case import Answer, Case, Finding, Refusal
 from bench.stability.surfaces import exact
 from gen.runtime.errors import InputError
 from gen.surface import GENERATORS, generate
@@ -152,7 +152,7 @@ def _refused() -> Iterator[Case]:
     ):
         call = partial(generate, **{**usual, name: value}, random=np.random.default_rng(SEED))
         refusal = Refusal(InputError, (name, words))
-        yield refused("generator: refused", f"{name} {value}", "", call, refusal)
+        yield Case("generator: refused", f"{name} {value}", "", call, refusal)
 
 
 def _in_words(heights: Field) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bench.stability.case import Answer, Case, Refusal, refused
+from bench.stability.case import Answer, Case, Refusal
 from bench.stability.surfaces.checks import EXACT, G, described, says, unchanged
 from gen.runtime.errors import InputError
 from gen.statistics import describe
@@ -264,7 +264,7 @@ def _refused() -> Iterator[Case]:
         ("a list of heights", z.ravel(), "2-D"),
         ("nothing", np.zeros((0, 0)), "2 x 2 nodes or more"),
     ):
-        yield refused(
+        yield Case(
             FAMILY_OF_REFUSED,
             name,
             "9 x 9 or what is left of it",
@@ -272,7 +272,7 @@ def _refused() -> Iterator[Case]:
             Refusal(InputError, ("heights", words)),
         )
     for spacing in (0.0, -1.0, np.nan, 1e-16, (1.0, np.inf), (1.0, 2.0, 3.0)):
-        yield refused(
+        yield Case(
             FAMILY_OF_REFUSED,
             f"spacing {spacing}",
             "9 x 9",
@@ -280,7 +280,7 @@ def _refused() -> Iterator[Case]:
             Refusal(InputError, ("spacing", "from 1e-15 to 1e+15 um")),
         )
     for factor, spacing in ((1e290, 1e-15), (1e-290, 1e15)):
-        yield refused(
+        yield Case(
             FAMILY_OF_REFUSED,
             f"heights times {factor:g} on {spacing:g} um",
             "9 x 9, curvatures beyond double precision",

@@ -7,14 +7,10 @@ import numpy as np
 import pytest
 
 import bem
-from bench.stability.hardness.cases import Tally, cases
-from bench.stability.hardness.problems import YieldingProblem, problem
+from bench.stability.hardness import beside_least_squares, cases, expected, problem
+from bench.stability.solver.setup import Setup
 
 SEED = 11
-
-
-def failed(tally: Tally) -> str:
-    return "; ".join(str(finding) for finding in tally.findings() if not finding.passed)
 
 
 def test_the_table_asks_for_a_thousand_of_each_kind_once() -> None:
@@ -24,7 +20,7 @@ def test_the_table_asks_for_a_thousand_of_each_kind_once() -> None:
 
 
 def test_some_nodes_yield_in_the_problem_of_these_tests() -> None:
-    pressure, _ = problem(SEED).expected
+    pressure, _ = expected(problem(SEED))
     assert 0 < np.count_nonzero(pressure == problem(SEED).hardness) < np.count_nonzero(pressure)
 
 
@@ -61,10 +57,8 @@ def nothing(contact: bem.Contact) -> bem.Contact:
 def test_wrong_answers_are_told(
     monkeypatch: pytest.MonkeyPatch, spoil: Callable[[bem.Contact], bem.Contact], words: str
 ) -> None:
-    tally = Tally()
-    tally.examine(SEED, problem(SEED))
-    assert not failed(tally)
-    solve = YieldingProblem.solve
-    monkeypatch.setattr(YieldingProblem, "solve", lambda asked: spoil(solve(asked)))
-    tally.examine(SEED, problem(SEED))
-    assert words in failed(tally)
+    seeds = range(SEED, SEED + 1)
+    assert beside_least_squares(seeds).passed
+    solve = Setup.solve
+    monkeypatch.setattr(Setup, "solve", lambda asked: spoil(solve(asked)))
+    assert words in beside_least_squares(seeds).failed

@@ -6,28 +6,22 @@ from dataclasses import replace
 import pytest
 
 import bem
-from bench.stability.loads.cases import SOLVES, Tally, cases
-from bench.stability.loads.problems import LoadProblem, problem
+from bench.stability.loads import SOLVES, cases, examine
+from bench.stability.solver.setup import Setup
 
 MANY = 40
 
 
-def failed(tally: Tally) -> str:
-    return "; ".join(str(finding) for finding in tally.findings() if not finding.passed)
-
-
 @pytest.mark.parametrize("rtol", [1e-2, 2e-7, 1e-10, 1e-13])
 def test_random_loads_have_an_answer(rtol: float) -> None:
-    tally = Tally()
-    for seed in range(MANY):
-        tally.solve(seed, problem(seed, rtol))
-    assert not failed(tally)
-    assert len(tally.iterations) == MANY
+    answer = examine(rtol, range(MANY))
+    assert answer.passed, answer.failed
+    assert answer.out.startswith(f"{MANY} solves, ")
 
 
 def test_the_table_asks_for_all_of_them_once() -> None:
-    bounds = [case.examine.args for case in cases()]  # type: ignore[attr-defined]
-    seeds = [seed for _, first, last in bounds for seed in range(first, last)]
+    ranges = [case.examine.args[1] for case in cases()]  # type: ignore[attr-defined]
+    seeds = [seed for each in ranges for seed in each]
     assert sorted(seeds) == list(range(sum(SOLVES.values()))) == list(range(5000))
 
 
@@ -59,8 +53,6 @@ def given_up(contact: bem.Contact) -> bem.Contact:
 def test_wrong_answers_are_told(
     monkeypatch: pytest.MonkeyPatch, spoil: Callable[[bem.Contact], bem.Contact], words: str
 ) -> None:
-    solve = LoadProblem.solve
-    monkeypatch.setattr(LoadProblem, "solve", lambda asked: spoil(solve(asked)))
-    tally = Tally()
-    tally.solve(0, problem(0, 1e-9))
-    assert words in failed(tally)
+    solve = Setup.solve
+    monkeypatch.setattr(Setup, "solve", lambda asked: spoil(solve(asked)))
+    assert words in examine(1e-9, range(1)).failed

@@ -58,7 +58,7 @@ def test_the_page_names_columns_that_are_there(table: str) -> None:
     cases = cases_of(table)
     refused = next((case for case in cases if case.refusal is not None), cases[0])
     for case in (cases[0], refused):
-        row = TABLES[table].row(run_case(case))
+        row = TABLES[table].row(case, run_case(case))
         assert {*TABLES[table].shown, "verdict"} <= row.keys()
 
 
@@ -68,7 +68,9 @@ TWO = (
     SOUND,
     contact_case("two", "refused", np.zeros(3), refusal=Refusal(ValueError, ("(3,)",))),
 )
-BROKEN = contact_case("two", "broken", SMALL, 12.0, checks=(has_force("nothing", 0.0, 0.0),))
+BROKEN = contact_case(
+    "two", "broken", SMALL, 12.0, checks=(partial(has_force, "nothing", 0.0, 0.0),)
+)
 SLOW = replace(SOUND, family="two", name="slow", slow=True)
 
 
@@ -134,7 +136,7 @@ def test_failures_are_red_on_a_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("FORCE_COLOR", "1")
-    tables.show("title", [run_case(SOUND), run_case(BROKEN)])
+    tables.show("title", [(case, run_case(case)) for case in (SOUND, BROKEN)])
     lines = capsys.readouterr().out.splitlines()
     sound, broken, *_ = (line for line in lines if "sound" in line or "broken" in line)
     assert "\x1b[31m" in broken

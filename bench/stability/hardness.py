@@ -1,0 +1,161 @@
+"""Random contacts that yield: 1,000 beside bounded least squares, 1,000 of the paper's surfaces."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import lru_cache, partial
+from unittest import mock
+
+import numpy as np
+
+import bem
+from bem import half_space
+from bem.influence import Kernel
+from bem.problem import RTOL as DEFAULT_RTOL
+from bench.references import dense, yielding
+from bench.references.surfaces import SURFACES, Field
+from bench.stability.case import Answer, Case, Finding
+from bench.stability.solver.checks import honesty, says_what_yields, unlike_nodes, violation
+from bench.stability.solver.setup import Setup
+from bench.stability.tally import Tally
+from gen.generation.plan import parameters
+from gen.generation.sample import surface_of
+from gen.scene import load
+
+PROBLEMS = 1000
+BLOCK = 100
+"""Problems of a case; the first block is in the quick table."""
+
+SALT = 24
+"""Keeps these draws apart from those of other tables with the same seeds."""
+
+MOST_NODES = {50: 33, 10: 20, 1: 12}
+"""Nodes a side at most: of every 50th problem, every 10th, all others; bounded least squares takes
+a time with the fourth power of the number of nodes."""
+
+HARDNESS = (1e-4, 10.0)
+"""Least and largest hardness [E*]."""
+
+PAPER_HARDNESS = (1e-3, 1.0)
+"""Least and largest hardness of the paper's surfaces [E*]."""
+
+LARGEST_ASPECT = 100.0
+"""Largest ratio of a cell's sides, either way [1]."""
+
+SECONDS = 60.0
+"""Wall-clock time after which a solve counts as a loop."""
+
+RTOL = 1e-10
+"""Tolerance of the solves beside least squares [Delta]."""
+
+ROUNDING = 1e-11
+"""What two products of the matrix and a pressure may differ by [displacement of the far field]."""
+
+UNDECIDED = 1e-8
+"""Pressures, over the hardness, and gaps, over the displacement, that may be either [1]."""
+
+LIMITS = dict.fromkeys(("residual off", "yielded depth off"), RTOL + ROUNDING)
+"""Bounds that are tighter here than in the solver's table."""
+
+
+def cases() -> Iterator[Case]:
+    """Ten blocks beside least squares, then ten blocks of the paper preset."""
+    for family, number, asked, examine in (
+        (
+            "least squares",
+            "problems",
+            "2 to 33 nodes a side, cells to 1:100, H from 1e-4 to 10 E*, rtol = 1e-10",
+            beside_least_squares,
+        ),
+        (
+            "the paper's surfaces",
+            "rows",
+            "129 x 129 nodes, H from 1e-3 to 1 E*, default tolerance",
+            on_papers_surfaces,
+        ),
+    ):
+        for first in range(0, PROBLEMS, BLOCK):
+            name, block = f"{number} {first} to {first + BLOCK - 1}", range(first, first + BLOCK)
+            yield Case(family, name, asked, partial(examine, block), slow=first > 0)
+
+
+def problem(seed: int) -> Setup:
+    """Draw a problem.
+
+    The displacement is log-uniform up to that of full elastic contact. The hardness is log-uniform
+    over its range for even seeds; for odd ones it is a share, from 1 down to 1 %, of the largest
+    elastic pressure, so that it matters and yet not all nodes yield.
+    """
+    random = np.random.default_rng((SALT, seed))
+    most = next(nodes for every, nodes in MOST_NODES.items() if seed % every == 0)
+    rows, columns = (int(nodes) for nodes in random.integers(2, most + 1, 2))
+    heights = SURFACES[list(SURFACES)[random.integers(len(SURFACES))]](random, (rows, columns))
+    heights = heights / (np.ptp(heights) or 1.0)
+    oblong = random.random() < 0.5
+    aspect = float(LARGEST_ASPECT ** random.uniform(-1, 1)) if oblong else 1.0
+    concentrated = not oblong and random.random() < 0.4
+    kernel: Kernel = "concentrated-force" if concentrated else "uniform-pressure"
+    deepest = dense.full_contact_delta(heights, kernel, aspect) or 1.0
+    delta = deepest * float(10 ** min(random.uniform(-3, 0.2), 0))
+    hardness = float(np.exp(random.uniform(*np.log(HARDNESS))))
+    if seed % 2:
+        elastic, _ = dense.press(heights, delta, kernel, aspect)
+        share = float(10 ** random.uniform(-2, 0))
+        hardness = float(np.clip(share * delta * elastic.max(), *HARDNESS))
+    cell = (1.0, aspect)
+    return Setup(heights, delta, spacing=cell, kernel=kernel, hardness=hardness, rtol=RTOL)
+
+
+@lru_cache(maxsize=128)
+def expected(asked: Setup) -> tuple[Field, Field]:
+    """(nx, ny) pressure [MPa] and gap [um] of a problem by bounded least squares."""
+    hardness = float(asked.hardness or np.inf)
+    return yielding.press(asked.surface, asked.delta, hardness, asked.kernel, asked.aspect)
+
+
+def judge(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
+    """Compare with least squares, and look at the conditions of contact by the dense matrix."""
+    pressure, gap = expected(asked)
+    hardness = float(asked.hardness or np.inf)
+    off = abs(contact.force / (float(pressure.sum()) * asked.aspect) - 1)
+    yield Finding("force off least squares", off, 1e-8)
+    little, close = UNDECIDED * hardness, UNDECIDED * asked.delta
+    nodes = sum(unlike_nodes(asked, contact, (pressure, gap), little, close))
+    yield Finding("nodes off least squares", nodes, 0)
+    beyond = int(np.count_nonzero(~((contact.pressure >= 0) & (contact.pressure <= hardness))))
+    yield Finding("nodes in tension or above the hardness", beyond, 0)
+    wrong = violation(asked, contact.pressure, dense.displace)
+    yield Finding("gap", wrong, RTOL + ROUNDING)
+    for check in (honesty, says_what_yields):
+        for finding in check(asked, contact, dense.displace):
+            yield finding._replace(allowed=LIMITS.get(finding.what, finding.allowed))
+
+
+def beside_least_squares(seeds: range) -> Answer:
+    """Solve as it comes, then by iterations alone, and compare both with least squares."""
+    tally, shares = Tally(SECONDS), []
+    for seed in seeds:
+        asked = problem(seed)
+        for few_per_root in (half_space.FEW_PER_ROOT, 0.0):
+            with mock.patch.object(half_space, "FEW_PER_ROOT", few_per_root):
+                contact = tally.solve(asked, f"seed {seed}")
+            if contact is not None:
+                tally.note(judge(asked, contact))
+        shares.append(float(np.mean(expected(asked)[0] == asked.hardness)))
+    some = sum(0 < share < 1 for share in shares)
+    said = f"; some nodes yield in {some}, all in {shares.count(1.0)}"
+    return tally.answer(len(seeds), said, tally.raised("without an answer"))
+
+
+def on_papers_surfaces(rows: range) -> Answer:
+    """Solve the paper's surfaces at the default tolerance: none fails, and areas only grow."""
+    scene = load("paper")
+    plan, tally = parameters(scene, rows.start, rows.stop), Tally(SECONDS)
+    for number, row in enumerate(rows):
+        share = np.random.default_rng((row, 1)).uniform(*np.log10(PAPER_HARDNESS))
+        heights, delta = surface_of(scene, plan, number), float(plan.delta[number])
+        elastic = Setup(heights, delta, scene.surface.side, rtol=DEFAULT_RTOL)
+        contact = tally.solve(replace(elastic, hardness=float(10**share)), f"row {row}")
+        if contact is not None:
+            shrunk = float(elastic.solve().contact_nodes - contact.contact_nodes)
+            tally.note([Finding("nodes fewer than in the elastic contact", max(shrunk, 0.0), 0)])
+    return tally.answer(len(rows), "", tally.raised("without an answer"))

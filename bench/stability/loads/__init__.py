@@ -1,1 +1,0 @@
-"""Random forces and mean pressures on random surfaces, cells and tolerances."""

@@ -1,0 +1,300 @@
+"""Elastic contacts: what is given, the surface, the model, and what has to be refused."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+import bem
+from bem.analytic import Cone, FlatPunch, Indenter, Paraboloid
+from bem.equilibrium import BeyondCriticalDelta
+from bem.influence import KERNELS, Kernel
+from bench.references import dense
+from bench.references.half_space import critical_delta
+from bench.stability.case import Case, Refusal
+from bench.stability.solver import topographies
+from bench.stability.solver.case import contact_case
+from bench.stability.solver.checks import (
+    FOUR_ULP,
+    agrees_with_dense_solve,
+    equals,
+    has_force,
+    is_symmetric,
+    one_cell_force,
+    scales,
+    turns_with_surface,
+)
+from bench.stability.solver.setup import DELTA, Setup
+from bench.stability.solver.topographies import CELL, NODES, SIDE, SMALL, Field, flat, paper
+
+HEIGHT_ROUNDING = 1e-6
+"""Heights times a power of ten are rounded anew: two solves then differ by their tolerance."""
+
+LONG_CELLS = (
+    "rows of cells hardly differ across their short side: H is nearly singular there, and the"
+    " preconditioner, made for square cells, further from its inverse"
+)
+SHORT_WAVES = (
+    "the concentrated force resists a checkerboard of pressures seven times less than a uniform"
+    " pressure does (smallest eigenvalue 0.08 against 0.58): conjugate gradients are slower"
+)
+CHECKERBOARD = (
+    "the surface asks for the checkerboard of pressures that the concentrated force resists least:"
+    " the active set cycles, and projected gradients have to end that"
+)
+NEAR_CRITICAL = (
+    "the compliant operator is nearly singular on sets larger than the solution's: the active set"
+    " cycles, and projected gradients or rigid solves have to bring it near"
+)
+DENSE = (agrees_with_dense_solve,)
+SYMMETRIC = (is_symmetric,)
+
+
+def cases() -> Iterator[Case]:
+    """Family after family."""
+    yield from _materials_and_sizes()
+    yield from _displacements()
+    yield from _grids()
+    yield from _arrays()
+    reason = "it is asked for more digits than the ordinary solve"
+    for rtol in (1e-2, 1e-9, 1e-12, 1e-14):
+        yield contact_case("tolerance", f"rtol = {rtol:g}", paper, rtol=rtol, reason=reason)
+    yield from _roughness()
+    yield from _single_nodes()
+    yield from _terraces()
+    yield from _bodies()
+    yield from _concentrated_forces()
+    yield from _compliant_far_fields()
+    yield from _refusals()
+
+
+def _one_cell(delta: float, spacing: float) -> Any:
+    return partial(has_force, "one cell", one_cell_force(delta, spacing), 1e-6)
+
+
+def _materials_and_sizes() -> Iterator[Case]:
+    def case(family: str, name: str, factor: float, force: float, **arguments: Any) -> Case:
+        allowed = FOUR_ULP if np.log2(factor).is_integer() else HEIGHT_ROUNDING
+        heights, check = paper() * factor, partial(scales, force, allowed)
+        return contact_case(family, name, heights, DELTA * factor, checks=(check,), **arguments)
+
+    for modulus in (1e-12, 1e-6, 1e6, 1e15):
+        yield case("material", f"E = {modulus:g} MPa", 1, modulus, modulus=modulus)
+    for poisson in (-0.99, -0.5, 0.3, 0.5):
+        yield case("material", f"ν = {poisson:g}", 1, 1 / (1 - poisson**2), poisson=poisson)
+    for side in (1e-9, 1.0, 1e9):
+        yield case("size", f"L = {side:g} um", 1, side / SIDE, side=side)
+    for name, factor in (("1e-12", 1e-12), ("1e12", 1e12), ("2^-40", 2.0**-40), ("2^40", 2.0**40)):
+        yield case("size", f"heights and Δ times {name}", factor, factor)
+    name = "E, L, heights and Δ"
+    yield case("size", f"{name} small", 1e-12, 1e-36, side=1e-9, modulus=1e-12)
+    yield case("size", f"{name} large", 1e12, 1e33, side=1e9, modulus=1e15)
+
+
+def _displacements() -> Iterator[Case]:
+    case = partial(contact_case, "displacement")
+    untouched = partial(has_force, "nothing touches", 0.0, 0.0)
+    for delta in (0.0, -1.0, -1e300):
+        yield case(f"Δ = {delta:g}", paper, delta, checks=(untouched,))
+    ulp = float(np.spacing(paper().max()))
+    for name, delta in (("one ulp of the highest node", ulp), ("1e-300 um", 1e-300)):
+        yield case(f"first touch by {name}", paper, delta, checks=(_one_cell(delta, CELL),))
+    shares = {"1e-3 short of": 1 - 1e-3, "at": 1.0, "1e-3 beyond": 1 + 1e-3, "10 times": 10.0}
+    for name, factor in shares.items():
+        reaching = partial(_to_full_contact, factor)
+        yield case(f"{name} full contact", paper(SMALL), reaching, checks=DENSE)
+    for times in (1.0, 10.0, 1e3, 1e6):
+        yield case(f"Δ of {times:g} height ranges", paper, times * float(np.ptp(paper())))
+
+
+def _to_full_contact(factor: float, heights: Field) -> float:
+    return factor * dense.full_contact_delta(heights, "uniform-pressure")
+
+
+def _grids() -> Iterator[Case]:
+    """Numbers of nodes, and patches and cells that are not square."""
+    case, corner = partial(contact_case, "grid"), topographies.cropped_paper
+    for k in range(1, 12):
+        checks = DENSE if k <= 5 else (turns_with_surface,) if k == 7 else ()
+        surface = partial(paper, 2**k + 1)
+        yield case(f"k = {k}", surface, checks=checks, slow=k >= 10, ordinary=True)
+    yield case("a single node", flat(1), 3.0, spacing=2.0, checks=(_one_cell(3, 2),))
+    for name, shape in (("one row", (1, 129)), ("one column", (129, 1)), ("four nodes", (2, 2))):
+        yield case(name, corner(shape), 10.0, spacing=7.8125, checks=DENSE)
+    yield case("a patch of 1:64", corner((3, 129)), side=(1000 / 64, 1000.0), checks=DENSE)
+    for sides in ((1000.0, 64000.0), (64000.0, 1000.0)):
+        name = f"cells of {sides[0] / 1000:g}:{sides[1] / 1000:g}"
+        long = partial(case, side=sides, reason=LONG_CELLS)
+        yield long(f"{name}, coarse", paper(SMALL), checks=DENSE)
+        yield long(name, paper)
+        yield long(f"{name}, large contact", paper, 500.0)
+
+
+def _arrays() -> Iterator[Case]:
+    whole = np.round(paper() * (40 / paper().max()))
+    copy = partial(equals, "a float64 copy", partial(_higher, 0.0))
+    for name, given in (
+        ("float32", paper().astype(np.float32)),
+        ("float16", paper().astype(np.float16)),
+        ("big-endian", paper().astype(">f8")),
+        ("int64", whole.astype(np.int64)),
+        ("uint8", whole.astype(np.uint8)),
+        ("Fortran order", np.asfortranarray(paper())),
+        ("every other column of a wider array", np.repeat(paper(), 2, axis=1)[:, ::2]),
+        ("read-only", paper()),
+    ):
+        yield contact_case("array", name, given, checks=(copy,))
+    near = partial(equals, "the same without the offset", partial(_higher, -1e8))
+    raised, name = paper() / np.ptp(paper()) + 1e8, "an offset of 1e8 um, roughness of 1 um"
+    yield contact_case("array", name, raised, 0.5, checks=(near,))
+
+
+def _higher(offset: float, setup: Setup) -> Setup:
+    return replace(setup, heights=setup.surface + offset)
+
+
+def _roughness() -> Iterator[Case]:
+    case, noise = partial(contact_case, "roughness"), topographies.white_noise
+    for hurst in (0.01, 0.99):
+        yield case(f"H = {hurst:g}", paper(NODES, hurst))
+        yield case(f"H = {hurst:g}, large contact", paper(NODES, hurst), 200.0)
+        yield case(f"H = {hurst:g}, coarse", paper(SMALL, hurst), 200.0, checks=DENSE)
+    yield case("σ0 = 0: flat, edge singular", paper(sigma0=0.0), checks=SYMMETRIC)
+    yield case("σ0 = 0, coarse", paper(SMALL, sigma0=0.0), checks=DENSE + SYMMETRIC)
+    for delta in (1.0, 10.0, 100.0, 1000.0):
+        yield case(f"white noise, Δ = {delta:g} σ", noise, delta)
+    yield case("white noise, coarse", noise(SMALL), 10.0, checks=DENSE)
+    plane = np.linspace(0.0, SIDE, NODES)[:, None]
+    for delta in (1.0, 25.0, 700.0, 5000.0):
+        yield case(f"rough, tilted by 45°, Δ = {delta:g}", paper() + plane, delta)
+    coarse = flat(SMALL) + np.linspace(0.0, SIDE, SMALL)[:, None]
+    yield case("a plane tilted by 45°", coarse, 700.0, checks=DENSE)
+
+
+def _single_nodes() -> Iterator[Case]:
+    """One node above or below all others."""
+    case, middle = partial(contact_case, "feature"), topographies.with_middle_at
+    both = DENSE + SYMMETRIC
+    spike, needle, pit = middle(10.0, flat()), middle(1e6, paper()), middle(-1e6, flat())
+    yield case("a spike on a plane", spike, 5.0, checks=(_one_cell(5, CELL),))
+    yield case("spike and plane touch", spike, 20.0, checks=SYMMETRIC)
+    yield case("spike and plane touch, coarse", middle(10.0, flat(SMALL)), 20.0, checks=both)
+    yield case("a needle carries all load", needle, 25.0, checks=(_one_cell(25, CELL),))
+    yield case("a needle in to its root", needle, 1.1e6)
+    for delta in (1.0, 1e7):
+        yield case(f"a pit 1e6 deep, Δ = {delta:g}", pit, delta, checks=SYMMETRIC)
+    yield case("a pit 1e6 deep, coarse", middle(-1e6, flat(SMALL)), 10.0, checks=both)
+
+
+def _terraces() -> Iterator[Case]:
+    """Steps and exact ties."""
+    board, plateaus = topographies.checkerboard, topographies.terraces
+    for name, short, surface, deltas, checks, on_coarse in (
+        ("a step of 1 um", "a step of 1 um", topographies.step, (0.5, 1.0, 3.0), (), 3.0),
+        ("a checkerboard of 1 um", "a checkerboard", board, (1.0, 10.0, 1e3), SYMMETRIC, 10.0),
+        (
+            "plateaus of exact ties",
+            "plateaus of exact ties",
+            plateaus,
+            (10.0, 25.0, 60.0),
+            (),
+            60.0,
+        ),
+    ):
+        for delta in deltas:
+            yield contact_case("feature", f"{name}, Δ = {delta:g}", surface, delta, checks=checks)
+        coarse = partial(surface, SMALL)
+        yield contact_case("feature", f"{short}, coarse", coarse, on_coarse, checks=DENSE + checks)
+
+
+def _bodies() -> Iterator[Case]:
+    """Closed forms, within what the grid costs; some 60 nodes carry the first."""
+    bodies: tuple[tuple[str, str, Indenter, float, int, float], ...] = (
+        ("Hertz, even grid: four nodes tie", "Hertz's", Paraboloid(5000.0), 0.2, 128, 0.01),
+        ("Hertz", "Hertz", Paraboloid(5000.0), 5.0, NODES, 0.001),
+        ("a cone", "a cone", Cone(0.1), 25.0, NODES, 0.001),
+        ("a flat punch", "a flat punch", FlatPunch(250.0), 1.0, NODES, 0.01),
+    )
+    for name, whose, body, delta, nodes, allowed in bodies:
+        off_tip = 0.0 if nodes % 2 else SIDE / (nodes - 1) * np.sqrt(0.5)  # of the nearest node
+        below_tip = -float(body.heights(np.array(off_tip)))
+        closed_form = partial(has_force, whose, body.force(delta + below_tip), allowed)
+        checks = (closed_form, *SYMMETRIC, *(() if nodes % 2 else DENSE))
+        surface = partial(topographies.indenter, body, nodes)
+        yield contact_case("closed form", name, surface, delta, checks=checks)
+
+
+def _concentrated_forces() -> Iterator[Case]:
+    """The kernel that is nearly singular where much is in contact."""
+    case = partial(contact_case, "concentrated force", kernel="concentrated-force")
+    rough = partial(case, reason=SHORT_WAVES)
+    for delta in (25.0, 80.0, 150.0, 500.0, 5000.0):
+        yield rough(f"Δ = {delta:g}", paper, delta)
+        yield rough(f"Δ = {delta:g}, coarse", paper(SMALL), delta, checks=DENSE)
+    yield rough("white noise", topographies.white_noise, 100.0)
+    yield rough("flat", flat, checks=SYMMETRIC)
+    for nodes, checks in ((NODES, SYMMETRIC), (SMALL, DENSE + SYMMETRIC)):
+        for delta in (1.0, 10.0, 50.0, 1e3):
+            name, board = f"a checkerboard of {nodes} nodes", topographies.checkerboard(nodes)
+            yield case(f"{name}, Δ = {delta:g}", board, delta, checks=checks, reason=CHECKERBOARD)
+
+
+def _compliant_far_fields() -> Iterator[Case]:
+    case = partial(contact_case, "compliant far field", far_field="compliant")
+    for kernel in KERNELS:
+        near = partial(case, kernel=kernel, reason=NEAR_CRITICAL)
+        for share, allowed in ((0.9, 1e-4), (0.99, 1e-4), (0.999, 1e-3)):
+            name, delta = f"Δ = {share:g} Δ*, {kernel}", partial(_of_critical, share, kernel)
+            yield near(name, paper, delta)
+            check = partial(agrees_with_dense_solve, allowed=allowed)
+            yield near(f"{name}, coarse", paper(SMALL), delta, checks=(check,))
+        beyond = Refusal(BeyondCriticalDelta, ("delta = ", "must stay below Delta* = "))
+        for share in (1 + 1e-9, 2.0):
+            name, delta = f"Δ = {share:.10g} Δ*, {kernel}", partial(_of_critical, share, kernel)
+            yield case(name, paper, delta, kernel=kernel, refusal=beyond)
+    nowhere = Refusal(BeyondCriticalDelta, ("delta = 1e-09 um", "must stay below Delta* = 0 um"))
+    yield case("flat: Δ* = 0", flat, 1e-9, refusal=nowhere)
+
+
+def _of_critical(share: float, kernel: Kernel, heights: Field) -> float:
+    return share * critical_delta(heights, kernel)
+
+
+def _refusals() -> Iterator[Case]:
+    """What is said of heights, of numbers, and of results beyond double precision."""
+    case, holed = partial(contact_case, "refused"), topographies.with_middle_at
+    unfinished = Refusal(bem.NotConverged, ("after 3 iterations", "raise max_iterations (3) or"))
+    yield case("3 iterations", paper, max_iterations=3, refusal=unfinished)
+    for name, heights, words in (
+        (
+            "one node not a number",
+            holed(np.nan, flat(9)),
+            ("1 values", "not finite", "fill or crop"),
+        ),
+        ("one node infinite", holed(np.inf, flat(9)), ("1 values", "not finite", "fill or crop")),
+        ("no nodes", np.empty((0, 0)), ("shape (0, 0)", "a grid of nodes (nx, ny) is needed")),
+        ("a profile of one axis", np.zeros(9), ("shape (9,)", "a grid of nodes")),
+        ("complex heights", np.zeros((9, 9), complex), ("complex128", "real numbers are needed")),
+        ("text", np.full((9, 9), "high"), ("<U4", "real numbers are needed")),
+        ("masked nodes", np.ma.masked_equal(np.eye(9), 1), ("masked", "fill or crop")),
+    ):
+        yield case(name, heights, refusal=Refusal(ValueError, words))
+    wrong: tuple[tuple[str, dict[str, Any], tuple[str, ...]], ...] = (
+        ("Δ not a number", {"delta": np.nan}, ("delta = nan", "a finite number")),
+        ("Δ infinite", {"delta": np.inf}, ("delta = inf", "a finite number")),
+        ("L = 0", {"side": 0.0}, ("side = 0.0", "above 0 um")),
+        ("E = 0", {"modulus": 0.0}, ("modulus = 0.0", "above 0 MPa")),
+        ("ν = 0.6", {"poisson": 0.6}, ("poisson = 0.6", "above -1 and at most 0.5")),
+        ("ν = -1", {"poisson": -1.0}, ("poisson = -1.0", "above -1 and at most 0.5")),
+        ("rtol = 0", {"rtol": 0.0}, ("rtol = 0.0", "between 1e-15 and 1")),
+    )
+    for name, arguments, said in wrong:
+        yield case(name, paper, **arguments, refusal=Refusal(ValueError, said))
+    case = partial(case, refusal=Refusal(bem.OutOfRange, ("double precision",)))
+    yield case("pressures below the smallest number", paper, 5e-324)
+    yield case("pressures beyond the largest number", paper, modulus=1e300, side=1e-9)
+    yield case("cells below the smallest number", paper, side=5e-324)
+    yield case("cells of 1:1e-600", paper, side=(1e300, 1e-300))
+    yield case("heights of ±1.5e308 um", np.array([[-1.5e308, 1.5e308], [0.0, -1.5e308]]))
