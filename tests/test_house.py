@@ -32,7 +32,7 @@ ONE_HOME = {
 }
 REPORTS = {
     *("bench.circumstances", "bench.databases", "bench.files", "bench.page", "bench.picture"),
-    *("bench.report", "bench.style", "bench.table"),
+    *("bench.remarks", "bench.report", "bench.style", "bench.table"),
 }
 """What the rooms of every report may import."""
 

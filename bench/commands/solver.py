@@ -36,7 +36,7 @@ def solver(
         from bench.work_precision.studies import FULL, QUICK
 
         require_place(output, "solver.csv", "solver.json", "solver.png")
-        tell(output, report(QUICK if quick else FULL, remark))
+        tell(output, report(QUICK if quick else FULL))
 
 
 def peers(

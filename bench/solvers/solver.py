@@ -2,16 +2,17 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import metadata
-from typing import Literal, Protocol
+from typing import Literal, Protocol, TypeVar
 
 from bem.influence import Kernel
 from bench.solvers.case import Case, Field, find_exact
 
 Control = Literal["displacement", "force"]
+Item = TypeVar("Item")
 
 MAX_ITERATIONS = 1000
 """Bound on the steps of a solver; a run that meets it counts as failed."""
@@ -153,3 +154,12 @@ class Solver:
 @lru_cache(maxsize=64)
 def _kept_session(solver: Solver, nodes: int, spacing: float) -> Session:
     return solver.set_up(nodes, spacing)
+
+
+def back_and_forth(items: Sequence[Item], rounds: int) -> Iterator[Item]:
+    """Yield all items in every round, forth and back in turn (A B B A).
+
+    A machine that warms up or slows down then favours none of them.
+    """
+    for number in range(rounds):
+        yield from items if number % 2 == 0 else reversed(items)

@@ -1,35 +1,29 @@
 """`python -m bench solver`: the table, the picture, and how and where they were made."""
 
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
 from bench.circumstances import circumstances
 from bench.page.content import Content, Figure
+from bench.remarks import remark
 from bench.report import Report
 from bench.work_precision.measurement import AREA_GATE, FORCE_GATE, PRESSURE_GATE
 from bench.work_precision.picture import draw
-from bench.work_precision.studies import FULL, Extent, sweep
+from bench.work_precision.studies import Extent, sweep
 
 
-def report(extent: Extent = FULL, announce: Callable[[str], None] = lambda line: None) -> Report:
-    """Measure all studies.
-
-    Parameters
-    ----------
-    extent : Extent
-        How much to measure.
-    announce : callable
-        Told what is being measured, and what was left out and why.
-    """
-    points, left_out = sweep(extent, announce)
-    for each in left_out:
-        announce(f"{each.study}: left out {each.solver}: {each.reason}")
+def report(extent: Extent) -> Report:
+    """Measure all studies."""
+    rows = list(sweep(extent))
+    points = [row for row in rows if "reason" not in row]
+    left_out = [row for row in rows if "reason" in row]
+    for row in left_out:
+        remark(f"{row['study']}: left out {row['solver']}: {row['reason']}")
     record = {
         **circumstances(),
         "extent": asdict(extent),
         "gates": {"force": FORCE_GATE, "pressure": PRESSURE_GATE, "contact_nodes": AREA_GATE},
-        "left_out": [asdict(each) for each in left_out],
+        "left_out": left_out,
     }
     return Report({"solver": points}, records={"solver": record}, pictures={"solver": draw(points)})
 

@@ -1,15 +1,16 @@
 """What is varied: tolerance, grid, kernel, precision, solver."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from bem.influence import KERNELS, Kernel
+from bench.remarks import remark
 from bench.solvers.case import Case, find_exact
 from bench.solvers.others import installed, missing
 from bench.solvers.own import BEM, DOUBLE, MIXED
 from bench.solvers.solver import Solver
-from bench.work_precision.measurement import LeftOut, Point, Task, admit, measure
+from bench.work_precision.measurement import Row, Task, admit, measure
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.scene import load
@@ -58,26 +59,11 @@ PEER_RTOL = 1e-8
 HARDNESSES = (0.3, 0.1, 0.02)
 
 
-Found = tuple[list[Point], list[LeftOut]]
-"""Everything that was measured, and what was left out."""
-
-
-def sweep(extent: Extent = FULL, announce: Callable[[str], None] = lambda line: None) -> Found:
-    """Make all studies.
-
-    Parameters
-    ----------
-    extent : how much
-    announce : told what is about to be measured, a line a study
-    """
-    points: list[Point] = []
-    left_out: list[LeftOut] = []
-    for study, make in STUDIES.items():
-        announce(study)
-        measured, unsolved = make(extent)
-        points += measured
-        left_out += unsolved
-    return points, left_out
+def sweep(extent: Extent) -> Iterator[Row]:
+    """Make all studies; yield a row for each measurement, and for each one that was left out."""
+    for name, study in STUDIES.items():
+        remark(name)
+        yield from study(extent)
 
 
 @lru_cache(maxsize=64)  # the same case has its exact solution found once
@@ -116,81 +102,73 @@ def compare(
     cases: Sequence[Case],
     rtols: Sequence[float],
     rounds: int,
-) -> Found:
-    """Time solvers on the same cases at the same tolerances, side by side.
+) -> Iterator[Row]:
+    """Time solvers on the same cases at the same tolerances.
 
-    A solver that misses the exact solution of a case is left out there.
+    A solver that misses the exact solution of a case is left out there. What competes is timed side
+    by side, at nearly the same moment.
     """
     tasks: list[Task] = []
-    left_out: list[LeftOut] = []
     for case in cases:
         exact = find_exact(case)
-        entries = []
+        competing: list[Task] = []
         for solver in solvers:
-            reached, missing = admit(study, solver, case, rtols, exact)
-            left_out += missing
-            entries += [Task(study, solver, case, rtol, exact) for rtol in reached]
-        # Solvers side by side: what competes is timed at nearly the same moment.
-        tasks += sorted(entries, key=lambda task: -task.rtol)
-    points, failed = measure(tasks, rounds)
-    return points, left_out + failed
+            asked = [Task(study, solver, case, rtol, exact) for rtol in sorted(rtols)]
+            admitted, left_out = admit(asked)
+            competing += admitted
+            yield from left_out
+        tasks += sorted(competing, key=lambda task: -task.rtol)
+    yield from measure(tasks, rounds)
 
 
-def tolerance_study(extent: Extent) -> Found:
-    """The tolerance, with both kernels, each against its own exact solution."""
+def tolerance_study(extent: Extent) -> Iterator[Row]:
+    """Vary the tolerance, with both kernels, each against its own exact solution."""
     cases = [
         paper_case(row, extent.nodes, kernel) for row in range(extent.samples) for kernel in KERNELS
     ]
     return compare("tolerance", [BEM], cases, extent.rtols, extent.rounds)
 
 
-def grid_study(extent: Extent) -> Found:
-    """The grid, with both kernels, against the default kernel on the finest grid.
+def grid_study(extent: Extent) -> Iterator[Row]:
+    """Vary the grid, with both kernels, against the default kernel on the finest grid.
 
     Either kernel's limit is the same continuum; the uniform pressure is nearer to it (compare
     `python -m bench hertz`), so that its finest grid speaks for both.
     """
     tasks: list[Task] = []
-    left_out: list[LeftOut] = []
     *_, finest = nested_cases(extent.levels, KERNELS[0])
     truth = find_exact(finest, GRID_EXACT_RTOL)
     for kernel in KERNELS:
         for case in nested_cases(extent.levels, kernel):
             exact = find_exact(case, GRID_EXACT_RTOL)
-            reached, missing = admit("grid", BEM, case, [GRID_RTOL], exact)
-            left_out += missing
-            on_grid = truth.on_grid(case.nodes)
-            tasks += [Task("grid", BEM, case, rtol, on_grid) for rtol in reached]
-    points, failed = measure(tasks, rounds=2)
-    return points, left_out + failed
+            admitted, left_out = admit([Task("grid", BEM, case, GRID_RTOL, exact)])
+            tasks += [replace(task, exact=truth.on_grid(case.nodes)) for task in admitted]
+            yield from left_out
+    yield from measure(tasks, rounds=2)
 
 
-def precision_study(extent: Extent) -> Found:
-    """Double precision throughout against single precision for search directions."""
+def precision_study(extent: Extent) -> Iterator[Row]:
+    """Compare double precision throughout with single precision for search directions."""
     cases = [paper_case(row, extent.nodes) for row in range(extent.samples)]
-    large = paper_case(0, extent.large)
-    cases.append(Case(large.name, large.heights, large.side, LARGE_DELTA))
+    cases.append(replace(paper_case(0, extent.large), delta=LARGE_DELTA))
     return compare("precision", [MIXED, DOUBLE], cases, extent.rtols, extent.rounds)
 
 
-def peer_study(extent: Extent) -> Found:
-    """Solvers by other people, where they are installed, and ours.
+def peer_study(extent: Extent) -> Iterator[Row]:
+    """Compare with solvers by other people, where they are installed.
 
     Each has its own notion of a tolerance: only errors compare. Those that are given the force
     instead of the displacement get the exact one, which costs them nothing.
     """
-    left_out = [
-        LeftOut("peers", package, f"not installed: {install}")
-        for package, install in missing().items()
-    ]
+    for package, install in missing().items():
+        yield {"study": "peers", "solver": package, "reason": f"not installed: {install}"}
     cases = [paper_case(row, extent.nodes) for row in PEER_ROWS[: extent.samples]]
     rtols = [rtol for rtol in extent.rtols if rtol >= PEER_RTOL]
-    points, unsolved = compare("peers", [BEM, *installed()], cases, rtols, rounds=2)
-    return points, left_out + unsolved
+    yield from compare("peers", [BEM, *installed()], cases, rtols, rounds=2)
 
 
-def hardness_study(extent: Extent) -> Found:
-    """Bodies that yield, by ours and by other solvers that know a hardness."""
+def hardness_study(extent: Extent) -> Iterator[Row]:
+    """Compare on bodies that yield, with other solvers that know a hardness."""
     cases = [
         replace(paper_case(row, extent.nodes), hardness=hardness)
         for row in PEER_ROWS[: extent.samples]
@@ -201,7 +179,7 @@ def hardness_study(extent: Extent) -> Found:
     return compare("hardness", solvers, cases, rtols, rounds=2)
 
 
-STUDIES: dict[str, Callable[[Extent], Found]] = {
+STUDIES = {
     "tolerance": tolerance_study,
     "grid": grid_study,
     "precision": precision_study,

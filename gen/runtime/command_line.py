@@ -25,6 +25,7 @@ EXTRAS = {
     "jinja2": "bench",
     "mapie": "learn",
     "matplotlib": "plot",
+    "pandas": "bench",
     "pytest": "bench",
     "sklearn": "learn",
     "SurfaceTopography": "instruments",

@@ -5,7 +5,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterable
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,22 +19,29 @@ from bench.solvers.case import Case, find_exact
 from bench.solvers.own import BEM
 from bench.solvers.solver import Answer, Failure
 from bench.table import read_table
-from bench.work_precision.measurement import LeftOut, Point, Task, admit, measure
-from bench.work_precision.picture import curves
+from bench.work_precision.measurement import Row, Task, admit, measure
+from bench.work_precision.picture import means
 from bench.work_precision.studies import (
     HARDNESSES,
     QUICK,
-    Found,
     compare,
     nested_cases,
     paper_case,
     sweep,
 )
 
+Found = tuple[list[Row], list[Row]]
+
+
+def parted(rows: Iterable[Row]) -> Found:
+    """Measurements, and what was left out."""
+    found = list(rows)
+    return [row for row in found if "reason" not in row], [row for row in found if "reason" in row]
+
 
 @pytest.fixture(scope="module")
 def done() -> Found:
-    return sweep(QUICK)
+    return parted(sweep(QUICK))
 
 
 @pytest.fixture(scope="module")
@@ -42,13 +49,13 @@ def small() -> Case:
     return paper_case(0, 33)
 
 
-def groups(points: Iterable[Point], study: str, *, by_case: bool = True) -> list[list[Point]]:
+def groups(points: Iterable[Row], study: str) -> list[list[Row]]:
     """Points that differ in what the study varies only, in the order of measuring."""
-    found: dict[tuple[object, ...], list[Point]] = {}
+    found: dict[tuple[object, ...], list[Row]] = {}
     for point in points:
-        if point.study == study:
-            key = point.solver, point.kernel, point.precision, point.case if by_case else ""
-            nodes = 0 if study == "grid" else point.nodes
+        if point["study"] == study:
+            key = tuple(point[name] for name in ("solver", "kernel", "precision", "case"))
+            nodes = 0 if study == "grid" else point["nodes"]
             found.setdefault((*key, nodes), []).append(point)
     assert found
     return list(found.values())
@@ -57,62 +64,64 @@ def groups(points: Iterable[Point], study: str, *, by_case: bool = True) -> list
 @pytest.mark.parametrize("study", ["tolerance", "precision"])
 def test_errors_fall_and_work_grows_with_the_tolerance(done: Found, study: str) -> None:
     for group in groups(done[0], study):
-        assert [point.rtol for point in group] == list(QUICK.rtols)
+        assert [point["rtol"] for point in group] == list(QUICK.rtols)
         for loose, tight in pairwise(group):
             if study == "precision":
-                assert tight.pressure_error < loose.pressure_error
-                assert tight.convolutions > loose.convolutions
+                assert tight["pressure_error"] < loose["pressure_error"]
+                assert tight["convolutions"] > loose["convolutions"]
             else:  # dense algebra knows no tolerance: few nodes in contact are exact at any
-                assert tight.pressure_error <= loose.pressure_error
-                assert tight.convolutions >= loose.convolutions
-        assert group[-1].convolutions > group[0].convolutions
+                assert tight["pressure_error"] <= loose["pressure_error"]
+                assert tight["convolutions"] >= loose["convolutions"]
+        assert group[-1]["convolutions"] > group[0]["convolutions"]
         last = group[-1]
-        assert last.force_error < 1e-9
-        assert last.pressure_error < 1e-8
-        assert last.area_error_nodes == last.area_error_percent == 0
+        assert last["force_error"] < 1e-9
+        assert last["pressure_error"] < 1e-8
+        assert last["area_error_nodes"] == last["area_error_percent"] == 0
 
 
 def test_errors_of_the_default_kernel_fall_with_the_grid(done: Found) -> None:
     uniform, concentrated = groups(done[0], "grid")
     for group in (uniform, concentrated):
-        assert [point.nodes for point in group] == [2**k + 1 for k in QUICK.levels]
-        assert {point.reference_nodes for point in group} == {2 ** QUICK.levels[-1] + 1}
+        assert [point["nodes"] for point in group] == [2**k + 1 for k in QUICK.levels]
+        assert {point["reference_nodes"] for point in group} == {2 ** QUICK.levels[-1] + 1}
         for coarse, fine in pairwise(group):
-            assert fine.force_error < coarse.force_error
-            assert fine.pressure_error < coarse.pressure_error
-    assert uniform[0].kernel == "uniform-pressure"
-    assert [point.area_error_nodes for point in uniform] == [None, None, 0]
+            assert fine["force_error"] < coarse["force_error"]
+            assert fine["pressure_error"] < coarse["pressure_error"]
+    assert uniform[0]["kernel"] == "uniform-pressure"
+    assert [point["area_error_nodes"] for point in uniform] == [None, None, 0]
     for good, poor in zip(uniform, concentrated, strict=True):
-        assert good.force_error < poor.force_error
+        assert good["force_error"] < poor["force_error"]
 
 
 def test_errors_fall_with_the_tolerance_on_bodies_that_yield(done: Found) -> None:
-    points = [point for point in done[0] if (point.study, point.solver) == ("hardness", "bem")]
-    assert {point.hardness for point in points} == set(HARDNESSES)
-    for case in {(point.case, point.hardness) for point in points}:
-        loose, *_, tight = (point for point in points if (point.case, point.hardness) == case)
-        assert tight.rtol < loose.rtol
-        assert tight.pressure_error <= loose.pressure_error
-        assert tight.force_error < 1e-6
-    drawn = curves("hardness", points)
+    points = [
+        point for point in done[0] if (point["study"], point["solver"]) == ("hardness", "bem")
+    ]
+    assert {point["hardness"] for point in points} == set(HARDNESSES)
+    for case in {(point["case"], point["hardness"]) for point in points}:
+        loose, *_, tight = (point for point in points if (point["case"], point["hardness"]) == case)
+        assert tight["rtol"] < loose["rtol"]
+        assert tight["pressure_error"] <= loose["pressure_error"]
+        assert tight["force_error"] < 1e-6
+    drawn = means("hardness", points).index.unique("curve")
     assert list(drawn) == [f"bem, {hardness:g}" for hardness in HARDNESSES]
 
 
 def test_ours_are_all_admitted_and_absent_peers_named(done: Found) -> None:
-    assert {point.study for point in done[0]} == {
+    assert {point["study"] for point in done[0]} == {
         "tolerance",
         "grid",
         "precision",
         "peers",
         "hardness",
     }
-    assert {point.solver for point in done[0]} >= {"bem", "active set"}
+    assert {point["solver"] for point in done[0]} >= {"bem", "active set"}
     for missing in done[1]:
-        assert missing.study in {"peers", "hardness"}
-        assert missing.solver not in {"bem", "active set"}
+        assert missing["study"] in {"peers", "hardness"}
+        assert missing["solver"] not in {"bem", "active set"}
     for package in ("ContactMechanics", "tamaas", "aspher"):
         if importlib.util.find_spec(package) is None:
-            (reason,) = (gone.reason for gone in done[1] if gone.solver == package)
+            (reason,) = (gone["reason"] for gone in done[1] if gone["solver"] == package)
             assert reason.startswith("not installed: pip install ")
 
 
@@ -165,32 +174,36 @@ NO_REASON = "paper 0, uniform-pressure, 33 nodes a side, tolerance "
     ],
 )
 def test_who_misses_the_answer_is_left_out_and_named(small: Case, stub: Stub, reason: str) -> None:
-    points, left_out = compare("peers", [stub, BEM], [small], [1e-2, 1e-6], 1)
-    assert [point.solver for point in points] == ["bem", "bem"]
-    assert {(missing.study, missing.solver) for missing in left_out} == {("peers", "stub")}
-    assert left_out[0].reason.startswith(f"{NO_REASON}1e-06: {reason}")
+    points, left_out = parted(compare("peers", [stub, BEM], [small], [1e-2, 1e-6], 1))
+    assert [point["solver"] for point in points] == ["bem", "bem"]
+    assert {(missing["study"], missing["solver"]) for missing in left_out} == {("peers", "stub")}
+    assert left_out[0]["reason"].startswith(f"{NO_REASON}1e-06: {reason}")
 
 
 def test_who_fails_at_one_tolerance_is_admitted_to_the_others(small: Case) -> None:
     stub = Stub(fails_below=1e-3)
-    rtols, left_out = admit("peers", stub, small, (1e-1, 1e-2, 1e-4), find_exact(small))
-    assert rtols == [1e-1, 1e-2]
-    assert left_out == [LeftOut("peers", "stub", f"{NO_REASON}1e-04: stalled")]
+    exact = find_exact(small)
+    tasks, left_out = admit(
+        [Task("peers", stub, small, rtol, exact) for rtol in (1e-4, 1e-2, 1e-1)]
+    )
+    assert [task.rtol for task in tasks] == [1e-2, 1e-1]
+    reason = f"{NO_REASON}1e-04: stalled"
+    assert left_out == [{"study": "peers", "solver": "stub", "reason": reason}]
     assert [rtol for _, rtol in stub.asked] == [1e-4, 1e-2]
 
 
 def test_who_is_given_the_force_has_no_error_in_it(small: Case) -> None:
-    (point,), _ = compare("peers", [Stub(control="force")], [small], [1e-2], 1)
-    assert (point.control, point.force_error, point.pressure_error) == ("force", None, 0.0)
-    assert "force_error" not in curves("peers", [point])["stub"][0].values
+    (point,) = compare("peers", [Stub(control="force")], [small], [1e-2], 1)
+    assert (point["control"], point["force_error"], point["pressure_error"]) == ("force", None, 0.0)
+    assert np.isnan(means("peers", [point]).loc[("stub", 1e-2), "force_error"])
 
 
 def test_who_fails_while_timed_keeps_the_other_tolerances(small: Case) -> None:
     stub = Stub(fails_below=1e-3)
     tasks = [Task("peers", stub, small, rtol, find_exact(small)) for rtol in (1e-2, 1e-4)]
-    points, (missing,) = measure(tasks, rounds=3)
-    assert [point.rtol for point in points] == [1e-2]
-    assert missing.reason == f"{NO_REASON}1e-04: stalled"
+    points, (missing,) = parted(measure(tasks, rounds=3))
+    assert [point["rtol"] for point in points] == [1e-2]
+    assert missing["reason"] == f"{NO_REASON}1e-04: stalled"
     assert [rtol for _, rtol in stub.asked] == [1e-2, 1e-4, 1e-2, 1e-2]
 
 
@@ -199,39 +212,39 @@ def test_tasks_run_back_and_forth_and_the_shortest_time_counts(small: Case) -> N
     a = Stub(name="A", asked=asked, seconds=[3.0, 2.0, 4.0])
     b = Stub(name="B", asked=asked, seconds=[5.0, 6.0, 7.0])
     exact = find_exact(small)
-    points, _ = measure([Task("peers", solver, small, 1e-2, exact) for solver in (a, b)], 3)
+    points = list(measure([Task("peers", each, small, 1e-2, exact) for each in (a, b)], 3))
     assert [name for name, _ in asked] == ["A", "B", "B", "A", "A", "B"]
-    assert [(point.solver, point.seconds) for point in points] == [("A", 2.0), ("B", 5.0)]
-    assert points[0].force_error == points[0].pressure_error == 0
-    assert points[0].convolutions is None
+    assert [(point["solver"], point["seconds"]) for point in points] == [("A", 2.0), ("B", 5.0)]
+    assert points[0]["force_error"] == points[0]["pressure_error"] == 0
+    assert points[0]["convolutions"] is None
 
 
 def test_curves_are_means_over_the_cases(done: Found) -> None:
-    tolerance = [point for point in done[0] if point.study == "tolerance"]
-    uniform = curves("tolerance", tolerance)["uniform-pressure"]
-    assert [mark.label for mark in uniform] == ["1e-01", "1e-04", "1e-07", "1e-10"]
-    first = [point for point in tolerance if (point.rtol, point.kernel[0]) == (0.1, "u")]
+    tolerance = [point for point in done[0] if point["study"] == "tolerance"]
+    uniform = means("tolerance", tolerance).loc["uniform-pressure"]
+    assert list(uniform.index) == [1e-1, 1e-4, 1e-7, 1e-10]
+    first = [point for point in tolerance if (point["rtol"], point["kernel"][0]) == (0.1, "u")]
     assert len(first) == QUICK.samples
-    mean = sum(point.force_error for point in first) / len(first)
-    assert uniform[0].values["force_error"] == pytest.approx(mean)
-    unknown = [replace(point, convolutions=None) for point in first]
-    assert "convolutions" not in curves("tolerance", unknown)["uniform-pressure"][0].values
+    mean = sum(point["force_error"] for point in first) / len(first)
+    assert uniform.loc[0.1, "force_error"] == pytest.approx(mean)
+    unknown = [first[0], *(point | {"convolutions": None} for point in first[1:])]
+    assert np.isnan(means("tolerance", unknown).loc[("uniform-pressure", 0.1), "convolutions"])
 
 
 def test_means_of_other_cases_are_not_drawn(done: Found) -> None:
-    tolerance = [point for point in done[0] if point.study == "tolerance"]
-    gone = next(point for point in tolerance if (point.rtol, point.kernel[0]) == (1e-7, "c"))
-    drawn = curves("tolerance", [point for point in tolerance if point is not gone])
-    assert [mark.label for mark in drawn["concentrated-force"]] == ["1e-01", "1e-04", "1e-10"]
-    assert len(drawn["uniform-pressure"]) == 4
+    tolerance = [point for point in done[0] if point["study"] == "tolerance"]
+    gone = next(point for point in tolerance if (point["rtol"], point["kernel"][0]) == (1e-7, "c"))
+    drawn = means("tolerance", [point for point in tolerance if point is not gone])
+    assert list(drawn.loc["concentrated-force"].index) == [1e-1, 1e-4, 1e-10]
+    assert len(drawn.loc["uniform-pressure"]) == 4
 
 
 def test_the_finest_grid_is_not_drawn_against_itself(done: Found) -> None:
-    grids = curves("grid", [point for point in done[0] if point.study == "grid"])
-    assert {name: [mark.label for mark in marks] for name, marks in grids.items()} == {
-        "uniform-pressure": ["17", "33"],
-        "concentrated-force": ["17", "33"],
-    }
+    assert list(means("grid", done[0]).index) == [
+        (kernel, nodes)
+        for kernel in ("uniform-pressure", "concentrated-force")
+        for nodes in (17, 33)
+    ]
 
 
 def test_command_writes_table_picture_and_circumstances(tmp_path: Path) -> None:
@@ -281,8 +294,7 @@ def test_every_point_is_a_row_of_the_table(done: Found, tmp_path: Path) -> None:
     (path,) = Report({"solver": done[0]}).write(tmp_path)
     _, rows = read_table(path)
     for point, row in zip(done[0], rows, strict=True):
-        assert [*row.values()] == ["" if value is None else str(value) for value in astuple(point)]
-        assert float(row["delta_um"]) == point.delta
+        assert [*row.values()] == ["" if value is None else str(value) for value in point.values()]
 
 
 def test_help_imports_no_numerics(tmp_path: Path) -> None:
