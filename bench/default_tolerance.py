@@ -31,17 +31,22 @@ HEADER = (
 
 @dataclass(frozen=True)
 class Count:
-    """How well one tolerance found the nodes in contact.
+    """How well one tolerance found the nodes in contact, beside solves to `EXACT_RTOL`.
 
     Attributes
     ----------
-    rtol : the solver's tolerance [Delta]
-    samples : samples solved
-    right : samples with exactly as many nodes in contact as at `EXACT_RTOL`
-    largest_miss : largest difference in that number [nodes]
-    force_error : largest relative difference in force [1]
-    convolutions : mean applications of the influence matrix
-    relative_time : time of all solves over that of all solves at `EXACT_RTOL` [1]
+    rtol : float
+        Tolerance of the solver [Delta].
+    samples, right : int
+        Samples solved, and those with exactly as many nodes in contact.
+    largest_miss : int
+        Largest difference in that number [nodes].
+    force_error : float
+        Largest relative difference in force [1].
+    convolutions : float
+        Mean applications of the influence matrix.
+    relative_time : float
+        Time of all solves over that of all exact ones [1].
     """
 
     rtol: float
@@ -52,119 +57,94 @@ class Count:
     convolutions: float
     relative_time: float
 
-    @property
-    def share(self) -> float:
-        """Share of the samples with the right number of contact nodes [1]."""
-        return self.right / self.samples
-
-
-@dataclass(frozen=True)
-class _Solve:
-    contact_nodes: int
-    force: float
-    convolutions: int
-    seconds: float
-
 
 def right_counts(
     scene: str = "paper", samples: int = 1000, rtols: Sequence[float] = RTOLS
 ) -> list[Count]:
     """Solve the first samples of a scene at each tolerance and at `EXACT_RTOL`.
 
-    Parameters
-    ----------
-    scene : name or path of a scene; its own tolerance does not count
-    samples : rows, of which those without a solution at `EXACT_RTOL` are left out
-    rtols : tolerances to try [Delta]
-
-    Returns
-    -------
-    One count per tolerance, in their order
+    Samples without a solution at `EXACT_RTOL` are left out; the scene's own tolerance does not
+    count.
 
     Raises
     ------
     InputError
-        For a scene that cannot be used, or that has no sample with a solution
+        For a scene that cannot be used, or that has no sample with a solution.
     """
     settings = load(scene)
     plan = parameters(settings, 0, samples)
-    exact: list[_Solve] = []
-    found: list[list[_Solve]] = []
+    measured = []
     for row in range(samples):
         heights, delta = surface_of(settings, plan, row), float(plan.delta[row])
-        order = [EXACT_RTOL, *rtols]
-        if row % 2:  # back and forth, so that no tolerance always runs on a warm cache
-            order.reverse()
+        order = (EXACT_RTOL, *rtols)[:: (-1) ** row]  # no tolerance always finds a warm cache
         try:
             solves = [_solve(settings, heights, delta, rtol) for rtol in order]
         except (bem.NoSolution, bem.NotConverged):
             continue
-        if row % 2:
-            solves.reverse()
-        exact.append(solves[0])
-        found.append(solves[1:])
-    if not exact:
+        measured.append(solves[:: (-1) ** row])
+    if not measured:
         raise InputError(f"none of the first {samples} samples of {scene} has a solution")
-    columns = zip(*found, strict=True)
-    return [_count(rtol, column, exact) for rtol, column in zip(rtols, columns, strict=True)]
+    nodes, forces, convolutions, seconds = np.array(measured).T
+    loaded = forces[0] != 0
+    misses = np.abs(nodes - nodes[0])
+    errors = np.abs(forces[:, loaded] / forces[0, loaded] - 1)
+    return [
+        Count(
+            rtol=rtol,
+            samples=len(measured),
+            right=int((misses[place] == 0).sum()),
+            largest_miss=int(misses[place].max()),
+            force_error=float(errors[place].max(initial=0.0)),
+            convolutions=float(convolutions[place].mean()),
+            relative_time=float(seconds[place].sum() / seconds[0].sum()),
+        )
+        for place, rtol in enumerate(rtols, 1)
+    ]
 
 
 def cheapest_right(counts: Sequence[Count], wanted: float = WANTED_SHARE) -> Count | None:
-    """The loosest tolerance from which on all are right in the wanted share of samples."""
+    """Return the loosest tolerance from which on all are right in the wanted share of samples."""
     cheapest = None
     for count in sorted(counts, key=lambda count: count.rtol):
-        if count.share < wanted:
+        if count.right < wanted * count.samples:
             break
         cheapest = count
     return cheapest
 
 
 def markdown_table(counts: Sequence[Count]) -> str:
-    """Lines of Markdown: a row per tolerance, and the verdict."""
-    lines = []
-    for count in counts:
-        right, wrong = (
-            f"{100 * count.share:.2f} %",
+    """Return lines of Markdown: a row per tolerance, and the verdict."""
+    lines = (
+        (
+            _power_of_ten(count.rtol),
+            f"{100 * count.right / count.samples:.2f} %",
             f"{count.samples - count.right} of {count.samples}",
+            f"{count.largest_miss} nodes",
+            f"{count.force_error:.1e}",
+            f"{count.convolutions:.1f}",
+            f"{count.relative_time:.2f}",
         )
-        worst = f"{count.largest_miss} nodes", f"{count.force_error:.1e}"
-        cost = f"{count.convolutions:.1f}", f"{count.relative_time:.2f}"
-        lines.append((_power_of_ten(count.rtol), right, wrong, *worst, *cost))
-    table = markdown(HEADER, lines)
+        for count in counts
+    )
     cheapest = cheapest_right(counts)
     verdict = _power_of_ten(cheapest.rtol) if cheapest else "none of these"
     return (
-        f"{table}\n\nTime is relative to rtol {_power_of_ten(EXACT_RTOL)}, which also says what is"
-        f" right.\nCheapest with {100 * WANTED_SHARE:g} % right: {verdict}."
+        f"{markdown(HEADER, lines)}\n\n"
+        f"Time is relative to rtol {_power_of_ten(EXACT_RTOL)}, which also says what is right.\n"
+        f"Cheapest with {100 * WANTED_SHARE:g} % right: {verdict}."
     )
 
 
 def _power_of_ten(rtol: float) -> str:
-    """As people write tolerances: 1e-6, 1.5e-7."""
+    """Write a tolerance as people do: 1e-6, 1.5e-7."""
     return np.format_float_scientific(rtol, trim="-", exp_digits=1)
 
 
-def _solve(scene: Scene, heights: Heights, delta: float, rtol: float) -> _Solve:
-    """Solve one sample as the scene says, but to another tolerance; time it."""
-    contact_settings = scene.contact.model_copy(update={"rtol": rtol})
-    asked = scene.model_copy(update={"contact": contact_settings})
+def _solve(scene: Scene, heights: Heights, delta: float, rtol: float) -> tuple[float, ...]:
+    """Return contact nodes, force, convolutions and seconds of one sample to a tolerance."""
+    settings = scene.contact.model_copy(update={"rtol": rtol})
+    asked = scene.model_copy(update={"contact": settings})
     began = time.perf_counter()
     contact = solve_contact(asked, heights, delta)
     seconds = time.perf_counter() - began
-    return _Solve(contact.contact_nodes, contact.force, contact.convolutions, seconds)
-
-
-def _count(rtol: float, solves: Sequence[_Solve], exact: Sequence[_Solve]) -> Count:
-    pairs = list(zip(solves, exact, strict=True))
-    misses = [abs(solve.contact_nodes - right.contact_nodes) for solve, right in pairs]
-    forces = [abs(solve.force / right.force - 1) for solve, right in pairs if right.force]
-    return Count(
-        rtol=rtol,
-        samples=len(pairs),
-        right=misses.count(0),
-        largest_miss=max(misses),
-        force_error=max(forces, default=0.0),
-        convolutions=float(np.mean([solve.convolutions for solve in solves])),
-        relative_time=sum(solve.seconds for solve in solves)
-        / sum(right.seconds for right in exact),
-    )
+    return contact.contact_nodes, contact.force, contact.convolutions, seconds

@@ -1,16 +1,20 @@
-"""How the cost of a solve grows with the grid: the reason for a start from a coarser one.
+"""How the cost of a solve grows with the grid, and how area and mean pressure depend on it.
 
-`python -m bench growth` presses nested surfaces, each with twice the nodes a side of the one
-before, until the same share of their nodes is in contact, and counts applications of the influence
-matrix, seconds and memory. Counts do not depend on the machine's load, and are those of iterations
-alone: dense algebra, which only small grids have few enough nodes in contact for, would pass for
-growth. Seconds and memory are those of a solve as it comes.
+The cost is the reason for a start from a coarser grid. Nested surfaces, each with twice the nodes a
+side of the one before, are pressed until the same share of their nodes is in contact. Counts of
+applications of the influence matrix do not depend on the machine's load, and are those of
+iterations alone: dense algebra, which only small grids have few enough nodes in contact for, would
+pass for growth. Seconds and memory are those of a solve as it comes.
+
+Pressures: on a self-affine surface the elastic contact has no limit. With every halving of the
+spacing slopes grow, the area falls and the pressure rises; a hardness bounds the pressure from some
+grid on. The same surfaces are pressed by the same mean pressure.
 """
 
 import time
 import tracemalloc
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -22,170 +26,186 @@ import bem
 from bem import half_space
 from bem.convolution import fast_period
 from bench.page.content import Content, Figure, Table
-from bench.picture import new_figure
+from bench.picture import draw_curves, new_figure
+from bench.remarks import remark
 from bench.report import Report
-from bench.style import STYLES
-from bench.table import markdown
+from bench.table import formatted
 from gen.arrays import Heights
 from gen.runtime.errors import InputError
 from gen.surface import generate
 
+Row = dict[str, Any]
+
 SIDE = 1000.0  # um
 HURST, SIGMA0 = 0.65, 12.5  # 1, um
 PERCENTS = (1.0, 10.0, 50.0)
-NODES = (129, 257, 513, 1025)
 RTOL = 1e-6
 SEEKING_RTOL = 1e-2  # of the solves on small grids that find Delta
 SEEKING_NODES = (65, 129)
 WANTED_GROWTH = 1.3
 WANTED_MEMORY = 12.0
+PRESSURE = 2e-3  # on the patch [E*]
+HARDNESSES = (None, 0.1, 0.05, 0.02)  # E*
+PRESSED = ("area_percent", "yielded_percent", "mean_pressure", "convolutions")
+
+COLUMNS = {
+    "contact": "{area_percent:.1f} %",
+    "nodes": "{nodes}",
+    "convolutions": "{convolutions:.1f}",
+    "growth": "{growth:.2f}",
+    "seconds": "{seconds:.3g}",
+    "memory": "{padded_arrays:.1f}",
+}
 
 
-@dataclass(frozen=True)
-class Row:
-    """The cost of solves of one size, means over surfaces.
-
-    Attributes
-    ----------
-    percent : share of the nodes in contact that was aimed at [%]
-    nodes : nodes a side
-    area_percent : share that was reached [%]
-    convolutions : applications of the influence matrix without dense algebra, those on coarser
-        grids by their share of the nodes
-    growth : factor of `convolutions` per doubling of the nodes a side, from the smallest grid on
-    seconds : wall time of a solve [s]
-    padded_arrays : largest memory, tables and plans included, over that of one double-precision
-        field on the doubled grid
-    """
-
-    percent: float
-    nodes: int
-    area_percent: float
-    convolutions: float
-    growth: float
-    seconds: float
-    padded_arrays: float
-
-
-def growth(
-    nodes: Sequence[int] = NODES,
-    surfaces: int = 3,
-    percents: Sequence[float] = PERCENTS,
-    remark: Callable[[str], None] = lambda _: None,
-) -> list[Row]:
-    """Solve on ever finer grids.
+def cost(nodes: Sequence[int], surfaces: int, percents: Sequence[float] = PERCENTS) -> list[Row]:
+    """Measure the cost of solves on ever finer grids, as means over surfaces.
 
     Parameters
     ----------
-    nodes : nodes a side, each 2^k + 1, ascending
-    surfaces : number of surfaces, each of its own seed
-    percents : shares of the nodes in contact [%]
-    remark : told about every solve
-
-    Returns
-    -------
-    One row per share and grid
+    nodes : sequence of int
+        Nodes a side, each 2^k + 1, ascending.
+    surfaces : int
+        Number of surfaces, each of its own seed.
+    percents : sequence of float
+        Shares of the nodes in contact to aim at [%].
 
     Raises
     ------
     InputError
-        For nodes that are not 2^k + 1, or too few
+        For nodes that are not 2^k + 1, or too few.
     """
     for size in nodes:
         if size < SEEKING_NODES[0] or size - 1 & size - 2:
             raise InputError(f"nodes {size}: give 2^k + 1, {SEEKING_NODES[0]} or more")
-    rows = []
-    for percent in percents:
-        first: Row | None = None
-        for size in nodes:
-            solves = []
-            for seed in range(surfaces):
-                solves.append(_solve(size, seed, _displacement(size, seed, percent)))
-                remark(f"{percent:g} %, {size} nodes, seed {seed}: {solves[-1][2]:.2f} s")
-            area, convolutions, seconds, _ = np.mean(solves, axis=0).tolist()
-            memory = max(solve[-1] for solve in solves)
-            row = Row(percent, size, area, convolutions, 1.0, seconds, memory)
-            first = first or row
-            rows.append(replace(row, growth=_growth(first, row)))
+    rows: list[Row] = []
+    fewest = 1.0
+    for percent, size in product(percents, nodes):
+        solves = [_solve(size, seed, percent) for seed in range(surfaces)]
+        area, convolutions, seconds, _ = np.mean(solves, axis=0).tolist()
+        if size == nodes[0]:
+            fewest = convolutions
+        doublings = max(np.log2((size - 1) / (nodes[0] - 1)), 1.0)
+        rows.append(
+            {
+                "percent": percent,
+                "nodes": size,
+                "area_percent": area,
+                "convolutions": convolutions,
+                "growth": float((convolutions / fewest) ** (1 / doublings)),
+                "seconds": seconds,
+                "padded_arrays": max(solve[-1] for solve in solves),
+            }
+        )
+        remark(f"{percent:g} %, {size} nodes: {seconds:.2f} s")
     return rows
 
 
-def report(rows: Sequence[Row]) -> Report:
-    """Return the table, the picture and the words of a report."""
-    return Report({"growth": rows}, pictures={"growth": _picture(rows)}, text=in_words(rows))
+def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
+    """Press the same surfaces with the same mean pressure on each grid, as means over surfaces."""
+    rows = []
+    for hardness, size in product(HARDNESSES, nodes):
+        contacts = [
+            bem.solve(surface(size, seed), SIDE, pressure=PRESSURE, hardness=hardness)
+            for seed in range(surfaces)
+        ]
+        measured = [
+            (c.area_percent, c.yielded_percent, 100 * PRESSURE / c.area_percent, c.convolutions)
+            for c in contacts
+        ]
+        row: Row = {"hardness": hardness, "nodes": size}
+        row |= zip(PRESSED, np.mean(measured, axis=0).tolist(), strict=True)
+        remark(f"{_label(hardness)}, {size} nodes: {row['area_percent']:.3g} %")
+        rows.append(row)
+    return rows
+
+
+def report(costs: Sequence[Row], pressed: Sequence[Row]) -> Report:
+    """Make a report of the rows of `cost` and of `pressures`."""
+    return Report(
+        {"growth": costs, "yielding": pressed},
+        pictures={"growth": _cost_picture(costs), "yielding": _pressure_picture(pressed)},
+        text=f"{formatted(COLUMNS, costs)}\n\n{verdict(costs)}",
+    )
 
 
 def contents(folder: Path) -> list[Content]:
     """List what a page shows of a folder that holds this report."""
+    table, yielding = folder / "growth.csv", folder / "yielding.csv"
     return [
         Figure(
             folder / "growth.png",
             "Convolutions, seconds and memory of a solve over the nodes a side, at 1, 10 and 50 %"
             " of the nodes in contact. Seconds grow with the nodes times their logarithm, and with"
             " the convolutions.",
-            data=(folder / "growth.csv",),
+            data=(table,),
         ),
         Table(
-            folder / "growth.csv",
+            table,
             "Growth is per doubling of the nodes a side, from the first grid on. Convolutions are"
             " those of iterations alone: dense algebra, for which only small grids have few enough"
             " nodes in contact, would pass for growth.",
         ),
+        Figure(
+            folder / "yielding.png",
+            f"The same surfaces under the same mean pressure of {PRESSURE:g} E* on finer and finer"
+            " grids, elastic and with a hardness. Elastic areas fall with every halving of the"
+            " spacing, as mean pressures rise with the slopes; where most of the contact yields,"
+            " the area is the force over the hardness on every grid.",
+            data=(yielding,),
+        ),
     ]
 
 
-def in_words(rows: Sequence[Row]) -> str:
-    """Return lines of Markdown: a row per share and grid, and whether the marks are met."""
-    table = markdown(
-        ("contact", "nodes", "convolutions", "growth", "seconds", "memory"),
-        (
-            (
-                *(f"{row.area_percent:.1f} %", f"{row.nodes}", f"{row.convolutions:.1f}"),
-                *(f"{row.growth:.2f}", f"{row.seconds:.3g}", f"{row.padded_arrays:.1f}"),
-            )
-            for row in rows
-        ),
-    )
-    largest = max(row.growth for row in rows if row.nodes == rows[-1].nodes)
-    memory = max(row.padded_arrays for row in rows)
-    verdict = (
-        f"Growth per doubling up to {rows[-1].nodes} nodes: at most {largest:.2f}"
+def verdict(costs: Sequence[Row]) -> str:
+    """Say whether growth and memory keep to their marks."""
+    finest = costs[-1]["nodes"]
+    largest = max(row["growth"] for row in costs if row["nodes"] == finest)
+    memory = max(row["padded_arrays"] for row in costs)
+    return (
+        f"Growth per doubling up to {finest} nodes: at most {largest:.2f}"
         f" (mark {WANTED_GROWTH:g}); memory: at most {memory:.1f} padded arrays"
         f" (mark {WANTED_MEMORY:g})."
     )
-    return f"{table}\n\n{verdict}"
 
 
-def _picture(rows: Sequence[Row]) -> Any:
-    """Convolutions, seconds and memory over the nodes a side."""
-    figure = new_figure(11, 3.6)
-    panels = figure.subplots(1, 3)
-    for panel, column, label in zip(
-        panels,
-        ("convolutions", "seconds", "padded_arrays"),
-        ("applications of H", "wall time of a solve [s]", "memory [padded fields]"),
-        strict=True,
-    ):
-        for number, percent in enumerate(dict.fromkeys(row.percent for row in rows)):
-            mine = [row for row in rows if row.percent == percent]
-            x, y = [row.nodes for row in mine], [getattr(row, column) for row in mine]
-            panel.plot(x, y, label=f"{percent:g} % in contact", **STYLES[number % len(STYLES)])
-        panel.set(xscale="log", ylabel=label, xlabel="nodes a side")
-        nodes = sorted({row.nodes for row in rows})
-        panel.set_xticks(nodes, [str(size) for size in nodes])
-        panel.minorticks_off()
-    panels[0].set(ylim=(0, None))
-    panels[1].set(yscale="log")
-    panels[2].axhline(WANTED_MEMORY, color="0.6", ls=":")
-    panels[2].set(ylim=(0, None))
-    panels[0].legend()
+def _cost_picture(rows: Sequence[Row]) -> Any:
+    labels = "applications of H", "wall time of a solve [s]", "memory [padded fields]"
+    figure = _over_nodes(rows, "percent", ("convolutions", "seconds", "padded_arrays"), labels)
+    counts, seconds, memory = figure.axes
+    seconds.set(yscale="log")
+    memory.axhline(WANTED_MEMORY, color="0.6", ls=":")
+    for panel in (counts, memory):
+        panel.set(ylim=(0, None))
+    counts.legend()
     return figure
 
 
-def _growth(first: Row, row: Row) -> float:
-    """Factor of the convolutions per doubling of the nodes a side [1]."""
-    doublings = np.log2((row.nodes - 1) / (first.nodes - 1)) if row is not first else 1.0
-    return float((row.convolutions / first.convolutions) ** (1 / doublings))
+def _pressure_picture(rows: Sequence[Row]) -> Any:
+    labels = "contact area [% of the nodes]", "mean contact pressure [E*]", "applications of H"
+    columns = "area_percent", "mean_pressure", "convolutions"
+    figure = _over_nodes(rows, "hardness", columns, labels)
+    for panel in figure.axes:
+        panel.set(ylim=(0, None))
+    figure.axes[1].legend()
+    return figure
+
+
+def _over_nodes(rows: Sequence[Row], by: str, columns: Sequence[str], labels: Sequence[str]) -> Any:
+    """Draw columns over the nodes a side, each on a panel of its own."""
+    name = _label if by == "hardness" else "{:g} % in contact".format
+    figure = new_figure(11, 3.6)
+    sizes = sorted({row["nodes"] for row in rows})
+    for panel, column, label in zip(figure.subplots(1, 3), columns, labels, strict=True):
+        draw_curves(panel, rows, "nodes", column, by=by, label=name)
+        panel.set(xscale="log", ylabel=label, xlabel="nodes a side")
+        panel.set_xticks(sizes, [str(size) for size in sizes])
+        panel.minorticks_off()
+    return figure
+
+
+def _label(hardness: float | None) -> str:
+    return "elastic" if hardness is None else f"H = {hardness:g} E*"
 
 
 def surface(nodes: int, seed: int) -> Heights:
@@ -194,7 +214,7 @@ def surface(nodes: int, seed: int) -> Heights:
 
 
 def _displacement(nodes: int, seed: int, percent: float) -> float:
-    """Delta that brings about such a share into contact, from its growth on small grids [um]."""
+    """Find the Delta of a share of contact [%] from its growth on small grids [um]."""
 
     def excess(delta: float, heights: Heights) -> float:
         return bem.solve(heights, SIDE, delta, rtol=SEEKING_RTOL).area_percent - percent
@@ -208,13 +228,12 @@ def _displacement(nodes: int, seed: int, percent: float) -> float:
     return float(found[-1] * (found[-1] / found[-2]) ** doublings)
 
 
-def _solve(nodes: int, seed: int, delta: float) -> tuple[float, float, float, float]:
-    """Area [%], convolutions, seconds and padded arrays of memory of a solve, see `Row`.
+def _solve(nodes: int, seed: int, percent: float) -> tuple[float, float, float, float]:
+    """Return area [%], convolutions, seconds, and memory over that of a padded double field.
 
-    Memory comes first, as the first solve of a size needs most of it; then time and counts.
+    The first solve of a size needs most memory, tables and plans included; then time and counts.
     """
-    heights = surface(nodes, seed)
-    field_bytes = 8 * fast_period(nodes) ** 2
+    heights, delta = surface(nodes, seed), _displacement(nodes, seed, percent)
     tracemalloc.start()
     try:
         bem.solve(heights, SIDE, delta, rtol=RTOL)
@@ -227,4 +246,5 @@ def _solve(nodes: int, seed: int, delta: float) -> tuple[float, float, float, fl
     if contact.contact_nodes <= half_space.FEW_PER_ROOT * np.cbrt(heights.size):
         with mock.patch.object(half_space, "FEW_PER_ROOT", 0.0):
             contact = bem.solve(heights, SIDE, delta, rtol=RTOL)
+    field_bytes = 8 * fast_period(nodes) ** 2
     return contact.area_percent, contact.convolutions, seconds, memory / field_bytes

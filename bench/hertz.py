@@ -4,6 +4,7 @@ Both kernels on the paper's two grids, beside the closed form. The displacement 
 paraboloid's tip, which on an even number of nodes lies a little above the highest of them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,29 +20,31 @@ from bench.picture import new_figure
 from bench.report import Report
 from bench.style import STYLES
 
-Values = NDArray[np.float64]
-
 SPHERE = Paraboloid(5000.0)
 SIDE = 1000.0  # um
 NODES = (128, 256)
 LARGEST_DELTA = 1.0  # um
 STEPS = 50
 
+COLUMNS = ("solution", "nodes", "delta_um", "force_uN", "area_percent")
 COLOURS = {"uniform-pressure": STYLES[0]["color"], "concentrated-force": STYLES[1]["color"]}
 DASHES = {128: (4, 2), 256: (1, 0)}
+
+Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One solution of the paraboloid's contact, for E* = 1 MPa.
+    """One solution for E* = 1 MPa.
 
     Attributes
     ----------
-    solution : "hertz", or the kernel
-    nodes : nodes a side; 0 for the closed form
-    delta : (m,) displacement of the far field [um]
-    force : (m,) normal force [uN]
-    area_percent : (m,) contact area as a share of the patch or of its nodes [%]
+    solution : str
+        "hertz", or the kernel.
+    nodes : int
+        Nodes a side; 0 for the closed form.
+    delta, force, area_percent : ndarray, shape (m,)
+        Displacements of the far field [um], forces [uN], and areas [% of the patch].
     """
 
     solution: str
@@ -52,52 +55,36 @@ class Curve:
 
 
 def closed_form(delta: Values) -> Curve:
-    """Force and area by Hertz."""
+    """Compute force and area by Hertz."""
     force = np.array([SPHERE.force(float(value)) for value in delta])
     radius = np.array([SPHERE.contact_radius(float(value)) for value in delta])
     return Curve("hertz", 0, delta, force, 100 * np.pi * radius**2 / SIDE**2)
 
 
 def solved(kernel: Kernel, nodes: int, delta: Values) -> Curve:
-    """Force and area by boundary elements."""
+    """Compute force and area by boundary elements."""
     heights = SPHERE.heights(distances_to_centre((nodes, nodes), SIDE))
-    below_tip = float(heights.max())
-    contacts = [
-        bem.solve(heights, SIDE, float(value) + below_tip, kernel=kernel) for value in delta
-    ]
-    force = np.array([contact.force for contact in contacts])
-    area = np.array([contact.area_percent for contact in contacts])
+    tip = float(heights.max())
+    contacts = [bem.solve(heights, SIDE, float(value) + tip, kernel=kernel) for value in delta]
+    force, area = np.array([(each.force, each.area_percent) for each in contacts]).T
     return Curve(kernel, nodes, delta, force, area)
 
 
 def compare(steps: int = STEPS) -> list[Curve]:
-    """The closed form first, then every kernel on every grid.
-
-    Parameters
-    ----------
-    steps : displacements above 0, evenly spaced up to `LARGEST_DELTA`
-    """
+    """Compute the closed form first, then every kernel on every grid, at `steps` displacements."""
     delta = np.linspace(0, LARGEST_DELTA, steps + 1)
     curves = [solved(kernel, nodes, delta) for kernel in KERNELS for nodes in NODES]
     return [closed_form(delta), *curves]
 
 
-def report(curves: list[Curve]) -> Report:
-    """Return the table and the picture of all curves, the closed form first."""
-    figure = new_figure(11, 7.5)
-    _draw(figure, curves)
+def report(curves: Sequence[Curve]) -> Report:
+    """Make a report of all curves, the closed form first."""
     rows = (
-        {
-            "solution": curve.solution,
-            "nodes": curve.nodes or "",
-            "delta_um": float(curve.delta[step]),
-            "force_uN": float(curve.force[step]),
-            "area_percent": float(curve.area_percent[step]),
-        }
+        dict(zip(COLUMNS, (curve.solution, curve.nodes or "", *map(float, values)), strict=True))
         for curve in curves
-        for step in range(curve.delta.size)
+        for values in zip(curve.delta, curve.force, curve.area_percent, strict=True)
     )
-    return Report({"hertz": rows}, pictures={"hertz": figure})
+    return Report({"hertz": rows}, pictures={"hertz": _picture(curves)})
 
 
 def contents(folder: Path) -> list[Content]:
@@ -115,35 +102,30 @@ def contents(folder: Path) -> list[Content]:
     ]
 
 
-def _draw(figure: Any, curves: list[Curve]) -> None:
-    """Force and area above, what separates them from Hertz below."""
-    (force, area), (force_off, area_off) = figure.subplots(
-        2, 2, sharex=True, gridspec_kw={"height_ratios": (3, 2)}
-    )
-    exact, *numerical = curves
-    for curve in numerical:
-        style = {
-            "color": COLOURS[curve.solution],
-            "dashes": DASHES[curve.nodes],
-            "label": f"{curve.solution}, {curve.nodes} × {curve.nodes}",
-        }
-        force.plot(curve.delta, curve.force, **style)
-        area.plot(curve.delta, curve.area_percent, **style)
-        force_off.plot(curve.delta, _deviation(curve.force, exact.force), **style)
-        area_off.plot(curve.delta, _deviation(curve.area_percent, exact.area_percent), **style)
-    for axis, values in ((force, exact.force), (area, exact.area_percent)):
-        axis.plot(exact.delta, values, "k:", lw=2, label="Hertz")
-    for axis in (force_off, area_off):
-        axis.axhline(0, color="k", ls=":", lw=2)
-        axis.set(xlabel="far-field displacement Δ [µm]", xlim=(0, LARGEST_DELTA))
+def _picture(curves: Sequence[Curve]) -> Any:
+    """Draw force and area above, and their deviations from Hertz below."""
+    figure = new_figure(11, 7.5)
+    panels = figure.subplots(2, 2, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
+    (force, area), (force_off, area_off) = panels
+    closed, *numerical = curves
+    for above, below, quantity in ((force, force_off, "force"), (area, area_off, "area_percent")):
+        exact = getattr(closed, quantity)
+        for curve in numerical:
+            style = {
+                "color": COLOURS[curve.solution],
+                "dashes": DASHES[curve.nodes],
+                "label": f"{curve.solution}, {curve.nodes} × {curve.nodes}",
+            }
+            values = getattr(curve, quantity)
+            above.plot(curve.delta, values, **style)
+            below.plot(curve.delta, 100 * (values - exact) / exact[-1], **style)
+        above.plot(closed.delta, exact, "k:", lw=2, label="Hertz")
+        below.axhline(0, color="k", ls=":", lw=2)
+        below.set(xlabel="far-field displacement Δ [µm]", xlim=(0, LARGEST_DELTA))
     force.set(ylabel="force F [µN], E* = 1 MPa", ylim=(0, None), title="(a) contact force")
     area.set(ylabel="contact area [% of the nodes]", ylim=(0, None), title="(b) contact area")
     force_off.set(ylabel="deviation of F\n[% of Hertz's at Δ = 1 µm]")
     area_off.set(ylabel="deviation of the area\n[% of Hertz's at Δ = 1 µm]")
     force.legend()
     figure.align_ylabels()
-
-
-def _deviation(values: Values, exact: Values) -> Values:
-    """Difference as a share of the largest exact value [%]."""
-    return np.asarray(100 * (values - exact) / exact[-1])
+    return figure

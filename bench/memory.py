@@ -11,16 +11,15 @@ import multiprocessing
 import resource
 import sys
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench.page.content import Content, Table
+from bench.remarks import remark
 from bench.report import Report
-from bench.table import markdown
+from bench.table import formatted
 from gen.runtime.errors import InputError
 from learn import memory
 from learn.comparison.search.spaces import OPTIMA, SPACES
@@ -44,38 +43,16 @@ LARGEST: dict[str, dict[str, Any]] = {
 """Settings of the search spaces that take the most memory."""
 
 
-@dataclass(frozen=True)
-class Peak:
-    """Memory of one model.
-
-    Attributes
-    ----------
-    model : name
-    rows : training rows
-    estimators : trees of the dearest candidate, 1 for a model without
-    measured : peak of the largest fit made [GiB]
-    peak : of the dearest candidate, carried on from the fits made [GiB]
-    reckoned : what `learn.memory.needed` says [GiB]
-    """
-
-    model: str
-    rows: int
-    estimators: int
-    measured: float
-    peak: float
-    reckoned: float
+COLUMNS = {
+    "model": "{model}",
+    "training rows": "{rows:,}",
+    "peak [GiB]": "{peak:.2f}",
+    "reckoned with [GiB]": "{reckoned:.2f}",
+}
 
 
-def measure(
-    names: list[str], rows: int, remark: Callable[[str], None] = lambda line: None
-) -> list[Peak]:
-    """Fit models to random rows and take their peaks.
-
-    Parameters
-    ----------
-    names : of models, all nine if empty
-    rows : training rows
-    remark : told of each model
+def measure(names: list[str], rows: int) -> list[dict[str, Any]]:
+    """Fit models, all nine if none are named, to random rows and take their peaks.
 
     Raises
     ------
@@ -85,40 +62,40 @@ def measure(
     unknown = set(names) - MODELS.keys()
     if unknown:
         raise InputError(f"--model {min(unknown)!r}: give some of {', '.join(MODELS)}")
-    found = []
+    peaks = []
     for name in names or list(MODELS):
         memory.check(name, rows)
-        peak = _peak(name, rows)
-        remark(f"{name}: {peak.peak:.2f} GiB, reckoned with {peak.reckoned:.2f}")
-        found.append(peak)
-    return found
+        peaks.append(_peak(name, rows))
+        remark("{model}: {peak:.2f} GiB, reckoned with {reckoned:.2f}".format(**peaks[-1]))
+    return peaks
 
 
-def report(peaks: list[Peak]) -> Report:
-    """Return the peaks as a file, and as lines of Markdown."""
-    header = ("model", "training rows", "peak [GiB]", "reckoned with [GiB]")
-    lines = ((p.model, f"{p.rows:,}", f"{p.peak:.2f}", f"{p.reckoned:.2f}") for p in peaks)
-    return Report({"memory": peaks}, text=markdown(header, lines))
+def report(peaks: list[dict[str, Any]]) -> Report:
+    """Make a report of what was measured."""
+    return Report({"memory": peaks}, text=formatted(COLUMNS, peaks))
 
 
 def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder that `report` has written."""
-    return [
-        Table(folder / "memory.csv", "Peak memory [GiB] of the dearest fit of each model's space.")
-    ]
+    """List what a page shows of a folder that holds this report."""
+    caption = "Peak memory [GiB] of the dearest fit of each model's space."
+    return [Table(folder / "memory.csv", caption)]
 
 
-def _peak(name: str, rows: int) -> Peak:
-    """Measure one model."""
-    reckoned = memory.needed(name, rows) / 2**30
+def _peak(name: str, rows: int) -> dict[str, Any]:
+    """Measure one model: the largest fit made, and the dearest candidate, carried on from it."""
     most = max(SPACES[name].get("n_estimators", [1]))
-    if most == 1:
-        measured = _in_its_own_process(name, rows, 1)
-        return Peak(name, rows, 1, measured, measured, reckoned)
     few, more = (max(1, round(share * most)) for share in SHARES)
-    low, high = (_in_its_own_process(name, rows, number) for number in (few, more))
-    each = max(high - low, 0.0) / (more - few)
-    return Peak(name, rows, most, high, high + each * (most - more), reckoned)
+    measured, each = _in_its_own_process(name, rows, more), 0.0
+    if most > 1:
+        each = max(measured - _in_its_own_process(name, rows, few), 0.0) / (more - few)
+    return {
+        "model": name,
+        "rows": rows,
+        "estimators": most,
+        "measured": measured,
+        "peak": measured + each * (most - more),
+        "reckoned": memory.needed(name, rows) / 2**30,
+    }
 
 
 def _in_its_own_process(name: str, rows: int, estimators: int) -> float:

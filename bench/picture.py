@@ -1,10 +1,12 @@
 """Pictures of reports: made, and written under their names only once they are whole."""
 
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from bench.style import COLOURS
+from bench.style import COLOURS, STYLES
 from gen.runtime import figure as figures
 from gen.runtime.output import make_folder, write
 
@@ -27,6 +29,35 @@ def new_figure(width: float = 6.4, height: float = 4.8) -> Any:
 
     rcParams["axes.prop_cycle"] = cycler(color=COLOURS)
     return figure
+
+
+def draw_curves(
+    panel: Any,
+    rows: Sequence[Mapping[str, Any]],
+    x: str,
+    y: str,
+    *,
+    by: str,
+    label: Callable[[Any], str] = str,
+) -> None:
+    """Draw one column of a table over another: a curve for each value of a third one.
+
+    Parameters
+    ----------
+    panel : axes
+        Where to draw.
+    rows : sequence of mappings
+        Values by the names of the columns.
+    x, y, by : str
+        Columns of the abscissa, of the ordinate, and of what tells the curves apart.
+    label : callable
+        Names a curve by its value of `by`.
+    """
+    values = dict.fromkeys(row[by] for row in rows)
+    for value, style in zip(values, itertools.cycle(STYLES), strict=False):
+        own = [row for row in rows if row[by] == value]
+        places, heights = [row[x] for row in own], [row[y] for row in own]
+        panel.plot(places, heights, label=label(value), **style)
 
 
 def save(figure: Any, path: Path) -> Path:

@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from io import StringIO
 from pathlib import Path
@@ -71,6 +71,20 @@ def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Return a table as lines of Markdown."""
     lines = (f"| {' | '.join(cells)} |" for cells in rows)
     return "\n".join([f"| {' | '.join(header)} |", f"|{'---|' * len(header)}", *lines])
+
+
+def formatted(columns: Mapping[str, str], rows: Iterable[Any]) -> str:
+    """Return rows as lines of Markdown.
+
+    Parameters
+    ----------
+    columns : mapping of str to str
+        Headers, each with the format of its cells, as "{seconds:.2f}".
+    rows : iterable
+        Rows as `write_rows` takes them.
+    """
+    texts = ([form.format(**record(row)) for form in columns.values()] for row in rows)
+    return markdown(list(columns), texts)
 
 
 def read_table(path: Path) -> tuple[list[str], list[dict[str, str]]]:

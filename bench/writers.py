@@ -32,13 +32,7 @@ SCENE = "samples = {rows}\n[surface]\nnodes = {nodes}\n[store]\npressure = true\
 
 @dataclass(frozen=True)
 class Spec:
-    """One measurement.
-
-    Attributes
-    ----------
-    rows, nodes : of the scene, with its pressure fields
-    rounds : how often each writer writes it
-    """
+    """Rows with pressure fields on a grid, and how often each writer writes them."""
 
     rows: int = 2000
     nodes: int = 129
@@ -46,7 +40,7 @@ class Spec:
 
     @property
     def scene(self) -> Scene:
-        """What is written."""
+        """The scene of the rows."""
         return Scene.parse(SCENE.format(rows=self.rows, nodes=self.nodes), "the benchmark's scene")
 
     @property
@@ -66,9 +60,12 @@ def measure(
 
     Parameters
     ----------
-    spec : what is written, and how often
-    ranks : numbers of processes, 2 or more each, in turn; rank 0 is the master
-    folder : where the files are written, for a file system of interest; None for a temporary one
+    spec : Spec
+        Rows and rounds.
+    ranks : sequence of int
+        Numbers of processes, 2 or more each, in turn; rank 0 is the master.
+    folder : Path or None
+        Folder on the file system of interest; None for a temporary one.
 
     Raises
     ------
@@ -83,7 +80,7 @@ def measure(
 
 
 def markdown_table(spec: Spec, measured: Sequence[tuple[int, Seconds]]) -> str:
-    """Lines of Markdown: MB/s of both writers, median (lowest to highest) of the rounds."""
+    """Return lines of Markdown: MB/s of both writers, median (lowest to highest) of the rounds."""
     lines = []
     for ranks, seconds in measured:
         rates = [_rate(spec, seconds.get(writer, [])) for writer in ("single", "parallel")]
@@ -96,12 +93,11 @@ def markdown_table(spec: Spec, measured: Sequence[tuple[int, Seconds]]) -> str:
 
 
 def _rate(spec: Spec, seconds: list[float]) -> str:
-    """Rate of one writer in words."""
+    """Return the rate of one writer in words."""
     if not seconds:
         return "this h5py has no MPI (make parallel)"
-    middle, low, high = (
-        spec.megabytes / time for time in (median(seconds), max(seconds), min(seconds))
-    )
+    times = median(seconds), max(seconds), min(seconds)
+    middle, low, high = (spec.megabytes / each for each in times)
     return f"{middle:,.0f} ({low:,.0f} to {high:,.0f})"
 
 
@@ -166,10 +162,5 @@ def require_rows(path: Path, blocks: Sequence[Block], template: Columns) -> None
                 raise ValueError(f"row {stop - 1} is not what was written")
 
 
-def main(arguments: dict[str, int], world: farm.World) -> Seconds:
-    """Time both writers as the arguments specify."""
-    return time_writers(Spec(**arguments), Path("writers.h5"), world)
-
-
 if __name__ == "__main__":
-    answer(main)
+    answer(lambda spec, world: time_writers(Spec(**spec), Path("writers.h5"), world))

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from bench.commands.options import Folder, numbers, remark, require_place, tell
+from bench.commands.options import Folder, numbers, require_place, tell
+from bench.remarks import remark
 from gen.runtime.errors import InputError
 
 

@@ -1,4 +1,4 @@
-"""What several commands take, and how they tell how far they are."""
+"""What several commands take, and how they tell what they have found."""
 
 from __future__ import annotations
 
@@ -43,11 +43,6 @@ def numbers(name: str, text: str, kind: type[Number]) -> list[Number]:
         return [kind(part) for part in text.split(",")]
     except ValueError:
         raise InputError(f"{name} {text!r}: give numbers with commas between them") from None
-
-
-def remark(line: str) -> None:
-    """Tell how far a report is, beside its output."""
-    typer.echo(line, err=True)
 
 
 def require_place(folder: Path, *names: str) -> None:

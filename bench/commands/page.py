@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from bench.commands.options import Folder, PaperDatabase, remark, require_place, tell
+from bench.commands.options import Folder, PaperDatabase, require_place, tell
+from bench.remarks import remark
 
 
 def run(

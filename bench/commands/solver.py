@@ -1,11 +1,11 @@
 """Commands on the contact solver: exactness, speed, stiff cases."""
 
-from dataclasses import replace
 from typing import Annotated
 
 import typer
 
-from bench.commands.options import Folder, FolderIfAny, numbers, remark, require_place, tell
+from bench.commands.options import Folder, FolderIfAny, numbers, require_place, tell
+from bench.remarks import remark
 from gen.runtime.errors import InputError
 
 
@@ -82,18 +82,11 @@ def growth(
     with a hardness and without. Some minutes. Prints a table, writes DIR/growth.csv and
     DIR/yielding.csv, and a picture of each.
     """
-    from bench.growth import growth, report
-    from bench.yielding_growth import grids, picture
+    from bench.growth import cost, pressures, report
 
     require_place(output, "growth.csv", "growth.png", "yielding.csv", "yielding.png")
     sizes = numbers("nodes", nodes, int)
-    elastic, yielding = growth(sizes, surfaces, remark=remark), grids(sizes, surfaces, remark)
-    both = report(elastic)
-    tables, pictures = {"yielding": yielding}, {"yielding": picture(yielding)}
-    tell(
-        output,
-        replace(both, tables={**both.tables, **tables}, pictures={**both.pictures, **pictures}),
-    )
+    tell(output, report(cost(sizes, surfaces), pressures(sizes, surfaces)))
 
 
 def hertz(output: Folder) -> None:

@@ -12,10 +12,10 @@ from bench.commands.options import (
     PaperDatabase,
     PaperRows,
     numbers,
-    remark,
     require_place,
     tell,
 )
+from bench.remarks import remark
 from gen.runtime.output import check_folder
 
 
@@ -169,4 +169,4 @@ def memory(
 
     if output is not None:
         check_folder(output, "memory.csv")
-    tell(output, report(measure(model or [], rows, remark)))
+    tell(output, report(measure(model or [], rows)))

@@ -36,7 +36,7 @@ PARTS = (
         "Growth with the grid",
         quick="-m bench growth --nodes 129,257,513 --surfaces 1 -o {folder}",
         full="-m bench growth --nodes 129,257,513,1025,2049 --surfaces 3 -o {folder}",
-        show=contents_of("bench.yielding_growth:contents"),
+        show=contents_of("bench.growth:contents"),
     ),
     Part(
         "hertz",

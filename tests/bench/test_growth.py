@@ -1,35 +1,64 @@
-"""Rows of the report on growth: what they hold, and that they can show a miss."""
+"""The report on grids: what its rows hold, and that they can show a miss."""
 
 import csv
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from bench.growth import growth, in_words, report
+from bench.growth import HARDNESSES, contents, cost, pressures, report, verdict
+from bench.page.content import files_of
 from gen.runtime.errors import InputError
 
 
-def test_rows_reach_their_contact_and_say_what_it_took(tmp_path: Path) -> None:
-    rows = growth((65, 129), surfaces=1, percents=(5.0,))
-    assert [row.nodes for row in rows] == [65, 129]
-    for row in rows:
-        assert row.area_percent == pytest.approx(5, rel=0.2)
-        assert row.convolutions >= 3
-        assert row.seconds > 0
-        assert 0 < row.padded_arrays < 12
-    assert rows[0].growth == 1
-    assert rows[1].growth == pytest.approx(rows[1].convolutions / rows[0].convolutions)
-    table, picture = report(rows).write(tmp_path / "new")
-    assert picture.read_bytes().startswith(b"\x89PNG")
+@pytest.fixture(scope="module")
+def costs() -> list[dict[str, Any]]:
+    return cost((65, 129), surfaces=1, percents=(5.0,))
+
+
+@pytest.fixture(scope="module")
+def pressed() -> list[dict[str, Any]]:
+    return pressures((65, 129), 1)
+
+
+def test_rows_reach_their_contact_and_say_what_it_took(costs: list[dict[str, Any]]) -> None:
+    assert [row["nodes"] for row in costs] == [65, 129]
+    for row in costs:
+        assert row["area_percent"] == pytest.approx(5, rel=0.2)
+        assert row["convolutions"] >= 3
+        assert row["seconds"] > 0
+        assert 0 < row["padded_arrays"] < 12
+    assert costs[0]["growth"] == 1
+    ratio = costs[1]["convolutions"] / costs[0]["convolutions"]
+    assert costs[1]["growth"] == pytest.approx(ratio)
+    missed = [costs[0], costs[1] | {"growth": 1.77, "padded_arrays": 13.0}]
+    assert "at most 1.77 (mark 1.3); memory: at most 13.0" in verdict(missed)
+
+
+def test_a_hardness_bounds_the_mean_pressure(pressed: list[dict[str, Any]]) -> None:
+    assert [row["hardness"] for row in pressed] == [each for each in HARDNESSES for _ in range(2)]
+    elastic = pressed[:2]
+    assert elastic[0]["area_percent"] > elastic[1]["area_percent"]
+    for row in pressed[2:]:
+        assert row["mean_pressure"] <= row["hardness"] * (1 + 1e-12)
+        assert 0 < row["yielded_percent"] <= row["area_percent"]
+        assert row["area_percent"] >= min(each["area_percent"] for each in elastic)
+
+
+def test_the_page_shows_what_is_written(
+    costs: list[dict[str, Any]], pressed: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    made = report(costs, pressed)
+    assert "| 5.0 % | 65 |" in made.text.replace(f"{costs[0]['area_percent']:.1f}", "5.0")
+    table, _, *pictures = made.write(tmp_path)
+    assert all(picture.read_bytes().startswith(b"\x89PNG") for picture in pictures)
     with table.open(newline="") as file:
         written = list(csv.DictReader(file))
-    assert [float(row["convolutions"]) for row in written] == [row.convolutions for row in rows]
-    missed = [rows[0], replace(rows[1], growth=1.77, padded_arrays=13.0)]
-    assert "at most 1.77 (mark 1.3); memory: at most 13.0" in in_words(missed)
+    assert [float(row["convolutions"]) for row in written] == [row["convolutions"] for row in costs]
+    assert all(path.exists() for each in contents(tmp_path) for path in files_of(each))
 
 
 @pytest.mark.parametrize("nodes", [100, 33, 3, 0])
 def test_grids_that_cannot_be_nested_are_refused(nodes: int) -> None:
     with pytest.raises(InputError, match=f"nodes {nodes}: give 2"):
-        growth((nodes,))
+        cost((nodes,), 1)
