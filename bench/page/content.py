@@ -7,18 +7,9 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Figure:
-    """A picture with what to see in it.
+    """A PNG file, a caption in plain text that says what to see in it, and the tables behind it.
 
-    Attributes
-    ----------
-    picture : Path
-        The PNG file.
-    caption : str
-        What it shows and what to see, in a sentence or two; plain text.
-    command : str
-        The command that makes it, as a user types it; empty for that of the part.
-    data : tuple of Path
-        The tables (CSV) behind it.
+    The command that makes it is that of the part if it is empty.
     """
 
     picture: Path
@@ -29,16 +20,10 @@ class Figure:
 
 @dataclass(frozen=True)
 class Table:
-    """A table with what to see in it.
+    """A CSV file, with the names of its columns first, and a caption as that of a figure.
 
     Attributes
     ----------
-    data : Path
-        The CSV file, with the names of the columns first.
-    caption : str
-        What it shows and what to see; plain text.
-    command : str
-        The command that makes it; empty for that of the part.
     columns : tuple of str
         The columns that are shown, in this order; all of them if empty.
     verdict : str
@@ -54,15 +39,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Words:
-    """Plain text.
-
-    Attributes
-    ----------
-    text : str
-        A paragraph.
-    typed : bool
-        Whether its lines and blanks are kept, as a program printed them.
-    """
+    """A paragraph; its lines and blanks are kept if a program `typed` it."""
 
     text: str
     typed: bool = False
@@ -70,15 +47,7 @@ class Words:
 
 @dataclass(frozen=True)
 class Absent:
-    """Something that was left out.
-
-    Attributes
-    ----------
-    what : str
-        What is not there.
-    how : str
-        How to get it, in one line.
-    """
+    """Something that was left out, and how to get it in one line."""
 
     what: str
     how: str
@@ -87,23 +56,28 @@ class Absent:
 Content = Figure | Table | Words | Absent
 
 
+def tables_of(content: Content) -> tuple[Path, ...]:
+    """Return the CSV files of a content."""
+    match content:
+        case Figure():
+            return content.data
+        case Table():
+            return (content.data,)
+    return ()
+
+
 def files_of(content: Content) -> tuple[Path, ...]:
     """Return the pictures and tables of a content."""
-    if isinstance(content, Figure):
-        return content.picture, *content.data
-    return (content.data,) if isinstance(content, Table) else ()
+    picture = (content.picture,) if isinstance(content, Figure) else ()
+    return *picture, *tables_of(content)
 
 
 def moved(content: Content, place: Callable[[Path], Path]) -> Content:
     """Return a content whose files are elsewhere."""
-    if isinstance(content, Figure):
-        data = tuple(place(file) for file in content.data)
-        return replace(content, picture=place(content.picture), data=data)
-    return replace(content, data=place(content.data)) if isinstance(content, Table) else content
-
-
-def commanded(content: Content, command: str) -> Content:
-    """Return a content that names a command, where it names none of its own."""
-    if isinstance(content, Figure | Table) and not content.command:
-        return replace(content, command=command)
+    match content:
+        case Figure():
+            data = tuple(map(place, content.data))
+            return replace(content, picture=place(content.picture), data=data)
+        case Table():
+            return replace(content, data=place(content.data))
     return content

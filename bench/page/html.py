@@ -3,16 +3,17 @@
 import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from bench.circumstances import circumstances
 from bench.files import content_of
-from bench.page.content import Absent, Content, Figure, Table, Words
+from bench.page.content import Content, Figure, Table, tables_of
 from bench.page.inputs import Inputs, typed
 from bench.page.part import Part
 from bench.page.record import Record, read
-from bench.page.table import Row, tabulated
+from bench.page.table import tabulated
 from gen.runtime.errors import InputError
 from gen.runtime.output import write
 
@@ -21,35 +22,23 @@ PAGE = "index.html"
 
 @dataclass(frozen=True)
 class Shown:
-    """A part as the template needs it.
-
-    Attributes
-    ----------
-    part : Part
-        What it is.
-    record : Record or None
-        How it was made.
-    contents : tuple of (str, dict)
-        Kinds of its contents, and the values that the template shows of each.
-    absent : str
-        Why there is nothing; empty where there is something.
-    """
+    """A part as the template needs it: how it was made, its contents, or why there are none."""
 
     part: Part
     record: Record | None
-    contents: tuple[tuple[str, dict[str, Any]], ...] = ()
+    contents: Sequence[dict[str, Any]] = ()
     absent: str = ""
 
     @property
-    def failures(self) -> int:
-        """Number of rows with a failed verdict in its tables."""
-        return sum(row.failed for row in self.judged)
+    def verdicts(self) -> list[bool]:
+        """Of each judged row in its tables, whether it failed."""
+        tables = [values["lines"].failed for values in self.contents if "lines" in values]
+        return [failed for table in tables for failed in table if failed is not None]
 
     @property
-    def judged(self) -> list[Row]:
-        """Rows of its tables that have a verdict."""
-        tables = (values["lines"] for kind, values in self.contents if kind == "table")
-        return [row for table in tables if table.judges for row in table.rows]
+    def failures(self) -> int:
+        """Number of rows with a failed verdict."""
+        return sum(self.verdicts)
 
 
 def write_page(parts: Sequence[Part], inputs: Inputs) -> Path:
@@ -68,13 +57,6 @@ def write_page(parts: Sequence[Part], inputs: Inputs) -> Path:
 def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
     """Return the page of what a folder holds.
 
-    Parameters
-    ----------
-    parts : sequence of Part
-        The reports, in the page's order.
-    inputs : Inputs
-        Where their files are.
-
     Raises
     ------
     InputError
@@ -92,19 +74,17 @@ def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
         lstrip_blocks=True,
     )
     shown = [_shown(part, inputs) for part in parts]
-    chapters: dict[str, list[Shown]] = {}
-    for each in shown:
-        chapters.setdefault(each.part.chapter, []).append(each)
+    chapters = groupby(shown, key=lambda each: each.part.chapter)
     return environment.get_template("page.html").render(
-        chapters=chapters,
+        chapters={chapter: list(each) for chapter, each in chapters},
         made=circumstances(),
-        judged=sum(len(each.judged) for each in shown),
+        judged=sum(len(each.verdicts) for each in shown),
         failures=sum(each.failures for each in shown),
     )
 
 
 def _shown(part: Part, inputs: Inputs) -> Shown:
-    """What a part holds; what cannot be shown does not keep the others from it."""
+    """Return what a part holds; what cannot be shown does not hide the other parts."""
     found = read(inputs.making(part).path)
     given = inputs.folder(part) == inputs.comparison and inputs.comparison.is_dir()
     if found is None and not given:
@@ -113,7 +93,7 @@ def _shown(part: Part, inputs: Inputs) -> Shown:
         told = found.told[-1] if found.told else "it said nothing"
         return Shown(part, found, absent=f"{found.command}: code {found.code}, {told}")
     try:
-        contents = tuple(_prepared(each) for each in part.show(inputs.folder(part)))
+        contents = [_prepared(each) for each in part.show(inputs.folder(part))]
     except (InputError, ModuleNotFoundError) as error:
         return Shown(part, found, absent=str(error))
     if not contents:
@@ -122,45 +102,25 @@ def _shown(part: Part, inputs: Inputs) -> Shown:
 
 
 def _how(part: Part, inputs: Inputs) -> str:
-    """The command that makes a part."""
-    arguments = inputs.arguments(part)
-    if arguments:
+    """Return the command that makes a part."""
+    if arguments := inputs.arguments(part):
         return typed(arguments)
     return f"python -m bench run --full --only {part.name} -o {inputs.output}"
 
 
-def _prepared(content: Content) -> tuple[str, dict[str, Any]]:
-    """Kind of a content, and what the template needs to show it."""
-    match content:
-        case Figure():
-            source = base64.b64encode(content_of(content.picture)).decode()
-            return "figure", {
-                "source": f"data:image/png;base64,{source}",
-                "size": _size(content.picture),
-                "caption": content.caption,
-                "command": content.command,
-                "files": [_download(path) for path in content.data],
-            }
-        case Table():
-            return "table", {
-                "lines": tabulated(content),
-                "caption": content.caption,
-                "command": content.command,
-                "files": [_download(content.data)],
-            }
-        case Words():
-            return "words", {"text": content.text, "typed": content.typed}
-        case Absent():
-            return "absent", {"what": content.what, "how": content.how}
+def _prepared(content: Content) -> dict[str, Any]:
+    """Return the kind of a content and its values, with all files in it."""
+    values = {**vars(content), "kind": type(content).__name__}
+    if isinstance(content, Figure):
+        start = content_of(content.picture)[16:24]  # width and height in a PNG file's header
+        values["size"] = int.from_bytes(start[:4]), int.from_bytes(start[4:])
+        values["source"] = _embedded(content.picture, "image/png")
+    elif isinstance(content, Table):
+        values["lines"] = tabulated(content)
+    files = [{"name": e.name, "source": _embedded(e, "text/csv")} for e in tables_of(content)]
+    return {**values, "files": files}
 
 
-def _download(path: Path) -> dict[str, str]:
-    """A file as a link that holds it."""
-    source = base64.b64encode(content_of(path)).decode()
-    return {"name": path.name, "source": f"data:text/csv;base64,{source}"}
-
-
-def _size(picture: Path) -> tuple[int, int]:
-    """Width and height of a PNG file, from its header [pixels]."""
-    start = content_of(picture)[16:24]
-    return int.from_bytes(start[:4]), int.from_bytes(start[4:])
+def _embedded(path: Path, kind: str) -> str:
+    """Return an address that holds the file itself."""
+    return f"data:{kind};base64,{base64.b64encode(content_of(path)).decode()}"

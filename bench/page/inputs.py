@@ -40,33 +40,24 @@ class Inputs:
 
     def arguments(self, part: Part) -> list[str]:
         """Return the arguments of the interpreter; none if the part is not in this run."""
-        return self._filled(part, part.full if self.full else part.quick)
-
-    def full_command(self, part: Part) -> str:
-        """Return the command of a full run, as a user types it."""
-        return typed(self._filled(part, part.full))
-
-    def making(self, part: Part) -> Making:
-        """Return what decides whether a part stays: its record, its command and its inputs."""
-        template = part.full if self.full else part.quick
-        files = self._files()
-        sources = {
-            name: files[name]
-            for name in re.findall(r"\{(\w+)\}", template)
-            if name in files and files[name] != self.folder(part)
-        }
-        path = self.folder(part) / f"{part.name}.part.json"
-        return Making(path, typed(self.arguments(part)), sources)
-
-    def _filled(self, part: Part, template: str) -> list[str]:
         files = self._files()
         given = re.sub(
             r"\[([^]]*\{(\w+)\})\]",
-            lambda found: found[1] if _there(files[found[2]]) else "",
-            template,
+            lambda found: found[1] if _is_there(files[found[2]]) else "",
+            self._template(part),
         )
         values = {"folder": self.folder(part), **files}
         return [word.format_map(values) for word in given.split()]
+
+    def making(self, part: Part) -> Making:
+        """Return what decides whether a part stays: its record, its command and its inputs."""
+        folder, files = self.folder(part), self._files()
+        named = re.findall(r"\{(\w+)\}", self._template(part))
+        sources = {name: files[name] for name in named if files.get(name, folder) != folder}
+        return Making(folder / f"{part.name}.part.json", typed(self.arguments(part)), sources)
+
+    def _template(self, part: Part) -> str:
+        return part.full if self.full else part.quick
 
     def _files(self) -> dict[str, Path]:
         return {
@@ -82,6 +73,6 @@ def typed(arguments: Sequence[str]) -> str:
     return shlex.join(["python", *arguments])
 
 
-def _there(path: Path) -> bool:
-    """Whether an input is there: a file, or a folder with a finished table."""
+def _is_there(path: Path) -> bool:
+    """Say whether an input is there: a file, or a folder with a finished table."""
     return path.is_file() or any(path.glob("**/*.csv"))

@@ -12,14 +12,10 @@ ShowContents = Callable[[Path], Sequence[Content]]
 
 @dataclass(frozen=True)
 class Part:
-    """A report of its own.
+    """A report of its own, under the headings of a chapter and a section.
 
     Attributes
     ----------
-    name : str
-        Name of the part, and of its folder unless `folder` says otherwise.
-    chapter, title : str
-        Headings of the chapter and of the section.
     quick, full : str
         Arguments of the Python interpreter in a short and in a full run, with {folder}, {database},
         {comparison}, {cost} and {fine} for what a run fills in; words in brackets are left out
@@ -43,14 +39,9 @@ class Part:
 
 
 def contents_of(report: str) -> ShowContents:
-    """Return the function by which a report says what its folder shows.
+    """Return the function "module:function" by which a report says what its folder shows.
 
     Its module is loaded when the page asks: a part does not need the packages of all others.
-
-    Parameters
-    ----------
-    report : str
-        Where the function is, as "module:function".
     """
 
     def show(folder: Path) -> Sequence[Content]:

@@ -1,7 +1,7 @@
 """How something was made: written beside its files, and compared before it is made again."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,7 +9,7 @@ from pydantic import Field
 
 from bench.circumstances import circumstances
 from bench.files import is_there
-from bench.page.content import Content, commanded, files_of, moved
+from bench.page.content import Content, Figure, Table, files_of, moved
 from gen.runtime import documents, output
 
 SAME = ("commit", "versions", "machine")
@@ -20,7 +20,7 @@ NOT_READ = (".part.json", ".printed.txt")
 
 
 class Machine(documents.Document):
-    """The machine on which something was made; see `bench.circumstances`."""
+    """The machine on which something was made."""
 
     processor: str
 
@@ -45,14 +45,8 @@ class Record(documents.Document):
 class Making:
     """Something that is made by a command of some inputs, and stays while these are as they were.
 
-    Attributes
-    ----------
-    path : Path
-        The record, in the folder of what is made.
-    command : str
-        The command that makes it, as a user types it.
-    sources : mapping of str to Path
-        Files and folders that the command reads, by name.
+    The record (`path`) is in the folder of what is made; `sources` are the files and folders that
+    the command reads, by name.
     """
 
     path: Path
@@ -69,14 +63,9 @@ class Making:
         return all(then[name] == now[name] for name in ("command", "inputs", *SAME))
 
     def write(self, contents: Sequence[Content] = (), **said: Any) -> None:
-        """Write the record, under its name only once it is whole.
+        """Write the record, with the contents that are shown if it is to say so.
 
-        Parameters
-        ----------
-        contents : sequence of Content
-            What is shown, where its own record says so; files are in the record's folder.
-        **said
-            The fields of `Record` that only the maker knows.
+        Their files are in the record's folder; `said` are further fields of `Record`.
         """
         folder = self.path.parent
         if contents:
@@ -86,7 +75,7 @@ class Making:
         output.write(self.path, record.model_dump_json(indent=2, exclude_unset=True) + "\n")
 
     def _stamps(self) -> dict[str, int]:
-        """How old the inputs are [ns]: 0 of what is not there."""
+        """Return when each input was changed last [ns]; 0 for what is not there."""
         return {
             name: max((file.stat().st_mtime_ns for file in _inside(source)), default=0)
             for name, source in self.sources.items()
@@ -94,13 +83,7 @@ class Making:
 
 
 def read(path: Path) -> Record | None:
-    """Read a record; None if there is none.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read.
-    """
+    """Read a record; None if there is none."""
     found = documents.read(path, Record)
     return None if found is None else Record.model_validate(found, strict=False)
 
@@ -112,7 +95,14 @@ def contents_of(path: Path) -> list[Content] | None:
         return None
     contents = [moved(each, lambda file: path.parent / file) for each in found.contents]
     whole = all(is_there(file) for each in contents for file in files_of(each))
-    return [commanded(each, found.command) for each in contents] if whole else None
+    if not whole:
+        return None
+    return [
+        replace(each, command=each.command or found.command)
+        if isinstance(each, Figure | Table)
+        else each
+        for each in contents
+    ]
 
 
 def _inside(path: Path) -> Iterator[Path]:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from bench.databases import of_the_paper
 from bench.page.html import PAGE, write_page
 from bench.page.inputs import COMPARISON, Inputs
 from bench.page.part import Part
@@ -10,6 +11,7 @@ from bench.page.parts import DATABASE, PARTS, ROWS
 from bench.page.run import Outcome, Remark, make
 from gen.runtime.errors import InputError
 from gen.runtime.output import check_folder, make_folder
+from gen.scene import load
 
 
 def run(
@@ -31,40 +33,29 @@ def run(
         Told how far it is.
     full : bool
         True for everything, False for what fits into ten minutes.
-    database : Path or None
-        Database of the paper preset; generated into the folder if None.
-    comparison : Path or None
-        Folder of `learn compare` and `learn tune`; made in the folder if None.
+    database, comparison : Path or None
+        Database of the paper preset, and folder of `learn compare` and `learn tune`; made in the
+        folder if None.
     only : sequence of str
         Names of parts; all if empty.
-
-    Returns
-    -------
-    (Path, Outcome)
-        The page, and how the making of its parts ended.
 
     Raises
     ------
     InputError
         If a name is unknown, a given file cannot be used or the folder cannot be written to.
     """
-    inputs = _inputs(output, full=full, database=database, comparison=comparison)
+    inputs = _inputs(output, database, comparison, full=full)
     parts = _chosen(only, inputs, comparison)
     check_folder(output, PAGE)
     make_folder(output)
     if any("{database}" in (part.full if full else part.quick) for part in parts):
-        _find_database(output, database, remark, full=full)
+        rows = load("paper").samples if full else ROWS
+        of_the_paper(database, (output / DATABASE).parent, rows, remark)
     outcome = make(parts, inputs, remark, lambda: write_page(PARTS, inputs))
     return write_page(PARTS, inputs), outcome
 
 
-def page(
-    output: Path,
-    *,
-    full: bool = False,
-    database: Path | None = None,
-    comparison: Path | None = None,
-) -> Path:
+def page(output: Path, *, full: bool = False, comparison: Path | None = None) -> Path:
     """Write the page of what a folder holds, and make nothing.
 
     Raises
@@ -74,21 +65,15 @@ def page(
     """
     if not output.is_dir():
         raise InputError(f"{output} is not a folder; `python -m bench run -o {output}` makes one")
-    inputs = _inputs(output, full=full, database=database, comparison=comparison)
-    return write_page(PARTS, inputs)
+    return write_page(PARTS, _inputs(output, None, comparison, full=full))
 
 
-def _inputs(output: Path, *, full: bool, database: Path | None, comparison: Path | None) -> Inputs:
-    return Inputs(
-        output=output,
-        database=database or output / DATABASE,
-        comparison=comparison or output / COMPARISON,
-        full=full,
-    )
+def _inputs(output: Path, database: Path | None, comparison: Path | None, *, full: bool) -> Inputs:
+    return Inputs(output, database or output / DATABASE, comparison or output / COMPARISON, full)
 
 
 def _chosen(only: Sequence[str], inputs: Inputs, given: Path | None) -> list[Part]:
-    """The parts of this run; a comparison that was given is not ours to add to."""
+    """Return the parts of this run; a comparison that was given is not ours to add to."""
     names = {part.name: part for part in PARTS}
     for name in only:
         if name not in names:
@@ -99,12 +84,3 @@ def _chosen(only: Sequence[str], inputs: Inputs, given: Path | None) -> list[Par
         raise InputError(f"--comparison {given}: give a folder of learn compare or learn tune")
     wanted = [part for part in PARTS if not only or part.name in only]
     return [part for part in wanted if inputs.folder(part) != given]
-
-
-def _find_database(output: Path, given: Path | None, remark: Remark, *, full: bool) -> None:
-    """Check the database that was given, or generate what is missing in our own."""
-    from bench.databases import of_the_paper
-    from gen.scene import load
-
-    rows = load("paper").samples if full else ROWS
-    of_the_paper(given, (output / DATABASE).parent, rows, remark)

@@ -8,12 +8,12 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TextIO
 
-from bench.page.inputs import Inputs, typed
+from bench.page.inputs import Inputs
 from bench.page.part import Part
-from bench.page.record import read
+from bench.page.record import Record, read
 from gen.runtime.errors import InputError
 from gen.runtime.interruption import Interruption
 
@@ -25,15 +25,7 @@ Remark = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Outcome:
-    """The end of a run: which parts failed, and whether a signal came.
-
-    Attributes
-    ----------
-    failed : tuple of str
-        Parts that ended with another code than 0, now or when they were made.
-    signal : int
-        Number of the signal that came, 0 if none did.
-    """
+    """The end of a run: the parts that failed, now or when they were made, and the signal or 0."""
 
     failed: tuple[str, ...] = ()
     signal: int = 0
@@ -56,12 +48,7 @@ def make(
     remark : callable
         Told how far it is, and what the commands print to standard error.
     after : callable
-        Called after each part.
-
-    Returns
-    -------
-    Outcome
-        What failed, and whether a signal has come: the same call goes on.
+        Called after each part that was made.
     """
     wanted = [part for part in parts if inputs.arguments(part)]
     failed: list[str] = []
@@ -70,11 +57,12 @@ def make(
             if interruption.requested():
                 break
             heading = f"[{number}/{len(wanted)}] {part.name}"
-            if _stays(part, inputs):
+            kept = _kept(part, inputs)
+            if kept is not None:
                 remark(f"{heading}: is there")
-                code = found.code if (found := read(inputs.making(part).path)) else 0
+                code = kept.code
             else:
-                remark(f"{heading}: {typed(inputs.arguments(part))}")
+                remark(f"{heading}: {inputs.making(part).command}")
                 code = _run(part, inputs, remark, interruption)
                 if interruption.requested():
                     break
@@ -84,29 +72,36 @@ def make(
     return Outcome(tuple(failed), interruption.signal)
 
 
-def _stays(part: Part, inputs: Inputs) -> bool:
-    """Whether a part need not be made; a short run also leaves alone what a full one has made."""
-    making = inputs.making(part)
+def _kept(part: Part, inputs: Inputs) -> Record | None:
+    """Return the record of a part that need not be made.
+
+    A short run also leaves alone what a full one has made.
+    """
+    making, full = inputs.making(part), replace(inputs, full=True).making(part)
     found = read(making.path)
-    if found is not None and found.finished and not inputs.full:
-        full = inputs.full_command(part)
-        if found.command == full != making.command:
-            return True
-    return making.stays()
+    if found is None or not found.finished:
+        return None
+    longer = not inputs.full and found.command == full.command != making.command
+    return found if longer or making.stays() else None
 
 
 def _run(part: Part, inputs: Inputs, remark: Remark, interruption: Interruption) -> int:
-    """Run one command to its end, or to a signal's; write down how it ended."""
+    """Run one command to its end or a signal; write down how it ended, return its exit code."""
     making, arguments = inputs.making(part), inputs.arguments(part)
     path = making.path
+    told: list[str] = []
+
+    def tell(line: str) -> None:
+        told.append(line)
+        remark(f"    {line}")
+
     printed = path.with_name(f"{part.name}.printed.txt")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.unlink(missing_ok=True)
         began = time.monotonic()
-        told: list[str] = []
         with printed.open("w", encoding="utf-8") as file:
-            code = _call(arguments, file, told, remark, interruption)
+            code = _call(arguments, file, tell, interruption)
     except OSError as error:
         raise InputError(f"{path.parent} cannot be written to: {error.strerror or error}") from None
     if not interruption.requested():
@@ -121,16 +116,11 @@ def _run(part: Part, inputs: Inputs, remark: Remark, interruption: Interruption)
 
 
 def _call(
-    arguments: Sequence[str],
-    printed: TextIO,
-    told: list[str],
-    remark: Remark,
-    interruption: Interruption,
+    arguments: Sequence[str], printed: TextIO, tell: Remark, interruption: Interruption
 ) -> int:
-    """Run one command; its exit code.
+    """Run one command in a session of its own; return its exit code.
 
-    In a session of its own: Ctrl-C reaches us alone, and is passed on once. Whatever the command
-    has started ends with it.
+    So Ctrl-C reaches us alone, and is passed on once; what the command has started ends with it.
     """
     with subprocess.Popen(
         [sys.executable, *arguments],
@@ -140,7 +130,7 @@ def _call(
         errors="replace",
         start_new_session=True,
     ) as process:
-        listener = threading.Thread(target=_listen, args=(process, told, remark), daemon=True)
+        listener = threading.Thread(target=_listen, args=(process, tell), daemon=True)
         listener.start()
         try:
             code = _wait(process, interruption)
@@ -151,12 +141,11 @@ def _call(
         return code
 
 
-def _listen(process: "subprocess.Popen[str]", told: list[str], remark: Remark) -> None:
+def _listen(process: "subprocess.Popen[str]", tell: Remark) -> None:
     """Pass on what a command tells."""
     for line in process.stderr or ():
         if line.strip():
-            told.append(line.rstrip())
-            remark(f"    {told[-1]}")
+            tell(line.rstrip())
 
 
 def _wait(process: "subprocess.Popen[str]", interruption: Interruption) -> int:

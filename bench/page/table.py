@@ -1,7 +1,7 @@
 """Tables as people read them: few digits, units in the titles, red where a verdict failed."""
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from bench.page.content import Table
 from bench.table import read_table
@@ -16,39 +16,19 @@ UNITS = {"um": "µm", "s": "s", "seconds": "s", "ms": "ms", "percent": "%", "uN"
 """Last words of columns' names that are units."""
 
 
-@dataclass(frozen=True)
-class Cell:
-    """A value as it is shown."""
+class Cell(NamedTuple):
+    """A title or a value as it is shown, and whether it is a number or that of numbers."""
 
     text: str
     number: bool
 
 
-@dataclass(frozen=True)
-class Row:
-    """A line; `failed` ones are red."""
+class Tabulated(NamedTuple):
+    """A table as it is shown; the verdict of each row says whether it failed, None without one."""
 
-    cells: tuple[Cell, ...]
-    failed: bool
-
-
-@dataclass(frozen=True)
-class Tabulated:
-    """A table as it is shown.
-
-    Attributes
-    ----------
-    titles : tuple of (str, bool)
-        Titles of the columns, and whether they hold numbers.
-    rows : tuple of Row
-        The lines.
-    judges : bool
-        Whether it has verdicts.
-    """
-
-    titles: tuple[tuple[str, bool], ...]
-    rows: tuple[Row, ...]
-    judges: bool
+    titles: list[Cell]
+    rows: list[list[Cell]]
+    failed: list[bool | None]
 
 
 def tabulated(table: Table) -> Tabulated:
@@ -61,27 +41,21 @@ def tabulated(table: Table) -> Tabulated:
     """
     header, lines = read_table(table.data)
     columns = table.columns or tuple(header)
-    wanted = {*columns, table.verdict} - {""}
-    if missing := wanted - set(header):
+    if missing := {*columns, table.verdict} - {"", *header}:
         raise InputError(f"{table.data}: has no column {', '.join(sorted(missing))}")
-    rows = tuple(
-        Row(
-            tuple(_cell(line[name]) for name in columns),
-            bool(table.verdict) and line[table.verdict] != PASSED,
-        )
-        for line in lines
-    )
-    numeric = [all(row.cells[place].number for row in rows) for place in range(len(columns))]
-    titles = tuple(zip(map(_title, columns), numeric, strict=True))
-    return Tabulated(titles, rows, judges=bool(table.verdict))
+    rows = [[_cell(line[name]) for name in columns] for line in lines]
+    titles = [
+        Cell(_title(name), all(row[place].number for row in rows))
+        for place, name in enumerate(columns)
+    ]
+    failed = [line[table.verdict] != PASSED if table.verdict else None for line in lines]
+    return Tabulated(titles, rows, failed)
 
 
 def _title(name: str) -> str:
-    """A column's name for people, its unit in brackets where it ends in one."""
-    words = name.split("_")
-    if len(words) > 1 and words[-1] in UNITS:
-        return f"{' '.join(words[:-1])} [{UNITS[words[-1]]}]"
-    return " ".join(words)
+    """Return a column's name for people, its unit in brackets where it ends in one."""
+    *words, last = name.split("_")
+    return " ".join([*words, f"[{UNITS[last]}]" if words and last in UNITS else last])
 
 
 def _cell(text: str) -> Cell:

@@ -29,7 +29,7 @@ from gen.runtime.errors import InputError
 )
 def test_numbers_are_short(text: str, expected: str, tmp_path: Path) -> None:
     data = written("data.csv", [["value", "other"], [text, 1]], tmp_path)
-    assert tabulated(Table(data, "")).rows[0].cells[0].text == expected
+    assert tabulated(Table(data, "")).rows[0][0].text == expected
 
 
 def test_tables_without_a_column_are_refused(tmp_path: Path) -> None:
