@@ -1,13 +1,12 @@
 """A JSON file of pytest-benchmark as one table that people can read."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from bench.files import content_of, is_there
 from bench.page.content import Absent, Content, Table, Words
-from bench.table import write_table
+from bench.table import write_rows
 from gen.runtime.errors import InputError
 from gen.runtime.output import write
 
@@ -15,20 +14,8 @@ COMMAND = "pytest bench --benchmark-only --benchmark-json {json}"
 
 SIZES = ("smoke", "paper", "large")
 
-HEADER = (
-    "suite",
-    "case",
-    "size",
-    "median_ms",
-    "spread_ms",
-    "rounds",
-    "convolutions",
-    "residual",
-    "more",
-)
-"""The spread is the interquartile range of the rounds."""
-
 SHOWN = ("suite", "case", "size", "median_ms", "spread_ms", "rounds", "convolutions", "residual")
+"""Columns on the page; the spread is the interquartile range of the rounds."""
 
 
 def contents(folder: Path) -> list[Content]:
@@ -36,30 +23,21 @@ def contents(folder: Path) -> list[Content]:
 
     Where pytest-benchmark's `times.json` is in the folder, `times.csv` and `times.txt` are written
     from it first; without it they are shown as they are.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of `times.json`, or of the two files made of it.
     """
     measured = folder / "times.json"
     table, words = measured.with_suffix(".csv"), measured.with_suffix(".txt")
     if measured.exists():
-        found = read(measured)
-        write_table(table, HEADER, rows(found))
-        write(words, circumstances(found) + "\n")
+        document = read(measured)
+        write_rows(table, map(_row, document["benchmarks"]))
+        write(words, circumstances(document) + "\n")
     if not is_there(table):
         return [Absent("Times of single steps", COMMAND.format(json=measured))]
-    return [
-        Table(
-            table,
-            "Times of single steps, each with its answer asserted: median and interquartile range"
-            " of the rounds, convolutions and residual where something is solved. Sizes: smoke is a"
-            " look, paper the paper's, large beyond it. Compare ratios, not milliseconds.",
-            columns=SHOWN,
-        ),
-        Words(content_of(words).decode().strip()),
-    ]
+    caption = (
+        "Times of single steps, each with its answer asserted: median and interquartile range"
+        " of the rounds, convolutions and residual where something is solved. Sizes: smoke is a"
+        " look, paper the paper's, large beyond it. Compare ratios, not milliseconds."
+    )
+    return [Table(table, caption, columns=SHOWN), Words(content_of(words).decode().strip())]
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -71,30 +49,30 @@ def read(path: Path) -> dict[str, Any]:
         If it is no such file.
     """
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        found["benchmarks"], found["machine_info"]
+        document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        document["benchmarks"], document["machine_info"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} is no JSON file of pytest-benchmark: {error}") from None
-    return dict(found)
+    return document
 
 
-def rows(measured: dict[str, Any]) -> Iterator[tuple[object, ...]]:
-    """Return a row for each benchmark, in the order of the suites."""
-    for each in measured["benchmarks"]:
-        case, size = _case(each["name"], each.get("params") or {})
-        stats, extra = each["stats"], dict(each["extra_info"])
-        extra.pop("versions", None)
-        yield (
-            Path(each["fullname"].partition("::")[0]).stem.removeprefix("test_"),
-            case,
-            size,
-            1e3 * stats["median"],
-            1e3 * stats["iqr"],
-            stats["rounds"],
-            extra.pop("convolutions", ""),
-            extra.pop("residual", ""),
-            "; ".join(f"{name} {_number(value)}" for name, value in extra.items()),
-        )
+def _row(benchmark: dict[str, Any]) -> dict[str, Any]:
+    """Return the values of a benchmark by the names of their columns."""
+    case, size = _case(benchmark["name"], benchmark.get("params") or {})
+    stats, extra = benchmark["stats"], dict(benchmark["extra_info"])
+    extra.pop("versions", None)
+    row = {
+        "suite": Path(benchmark["fullname"].partition("::")[0]).stem.removeprefix("test_"),
+        "case": case,
+        "size": size,
+        "median_ms": 1e3 * stats["median"],
+        "spread_ms": 1e3 * stats["iqr"],
+        "rounds": stats["rounds"],
+        "convolutions": extra.pop("convolutions", ""),
+        "residual": extra.pop("residual", ""),
+    }
+    more = [f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in extra.items()]
+    return {**row, "more": "; ".join(more)}
 
 
 def _case(name: str, params: dict[str, Any]) -> tuple[str, str]:
@@ -109,16 +87,10 @@ def _case(name: str, params: dict[str, Any]) -> tuple[str, str]:
     return f"{case}: {inside}" if inside else case, size
 
 
-def _number(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
 def circumstances(measured: dict[str, Any]) -> str:
     """Return machine, date, commit and versions in a sentence."""
     machine, commit = measured["machine_info"], measured.get("commit_info", {})
-    versions = ", ".join(
-        f"{name} {version}" for name, version in measured.get("versions", {}).items() if version
-    )
+    versions = ", ".join(f"{name} {each}" for name, each in measured.get("versions", {}).items())
     processor = machine.get("processor") or machine.get("cpu", {}).get("brand_raw", "unknown")
     return (
         f"Measured on {processor}, {machine.get('cores', '?')} cores, threads:"

@@ -20,14 +20,9 @@ def work(task: int) -> int:
 
 def dispatch(tasks: int, world: farm.World) -> int:
     """Sum the results of all tasks on the master; every process of the world has to call it."""
-    total = 0
-
-    def take(_task: int, result: int) -> None:
-        nonlocal total
-        total += result
-
-    farm.run(work, iter(range(tasks)), take, world)
-    return total
+    results: list[int] = []
+    farm.run(work, iter(range(tasks)), lambda _task, result: results.append(result), world)
+    return sum(results)
 
 
 def expected(tasks: int) -> int:

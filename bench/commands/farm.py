@@ -41,9 +41,10 @@ def outputs(
     rounds: Annotated[int, typer.Option(min=1, help="Repetitions; medians count.")] = 7,
 ) -> None:
     """Measure what each optional output of a database costs, and print it as a table."""
-    from bench.outputs import markdown_table, measure
+    from bench.outputs import COLUMNS, measure
+    from bench.table import formatted
 
-    typer.echo(markdown_table(measure(scene, rounds=rounds)))
+    typer.echo(formatted(COLUMNS, measure(scene, rounds)))
 
 
 def scale(

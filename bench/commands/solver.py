@@ -5,7 +5,6 @@ from typing import Annotated
 import typer
 
 from bench.commands.options import Folder, FolderIfAny, numbers, require_place, tell
-from bench.remarks import remark
 from gen.runtime.errors import InputError
 
 
