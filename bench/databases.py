@@ -1,8 +1,8 @@
 """The databases that the reports rest on: generated into a folder, resumed, or given."""
 
-from collections.abc import Callable
 from pathlib import Path
 
+from bench.remarks import remark
 from gen.database import Reader
 from gen.generation.run import Request, generate_database
 from gen.runtime.errors import InputError
@@ -18,11 +18,7 @@ OTHER_SEED = 2026
 """Of databases to be tested on: the preset's own seed would give them the surfaces trained on."""
 
 
-Remark = Callable[[str], None]
-"""What is told how far a report is."""
-
-
-def generated(folder: Path, name: str, text: str, remark: Remark) -> Path:
+def generated(folder: Path, name: str, text: str) -> Path:
     """Return a complete database of a scene (TOML): generate what is missing in the folder's.
 
     Raises
@@ -57,7 +53,7 @@ def _complete(path: Path, wanted: Scene) -> bool:
     return bool(len(status) == wanted.samples and (status != Status.PENDING).all())
 
 
-def of_the_paper(given: Path | None, folder: Path, rows: int, remark: Remark) -> Path:
+def of_the_paper(given: Path | None, folder: Path, rows: int) -> Path:
     """Return the database to train on: the one given, or the preset's first rows.
 
     Raises
@@ -66,7 +62,7 @@ def of_the_paper(given: Path | None, folder: Path, rows: int, remark: Remark) ->
         If the one given is of another scene: its surrogates would be at home elsewhere.
     """
     if given is None:
-        return generated(folder, PAPER, f"samples = {rows}\n", remark)
+        return generated(folder, PAPER, f"samples = {rows}\n")
     with Reader(given) as reader:
         preset = load(PAPER).model_copy(update={"store": reader.scene.store})
         different = differences(reader.scene, preset)

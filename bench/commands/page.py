@@ -86,7 +86,7 @@ def paper(
 
     inputs = {"database": database, "fine": fine, "comparison": comparison, "cost": cost}
     given = {name: path for name, path in inputs.items() if path is not None}
-    for path in write_report(output, given, rows, only=only or (), remark=remark):
+    for path in write_report(output, given, rows, only=only or ()):
         typer.echo(path)
 
 
@@ -104,4 +104,4 @@ def unstated(
     from bench.paper.unstated.report import report
 
     require_place(output, "unstated.csv", "readings.csv", "early-stop.csv", "unstated.png")
-    tell(output, report(output, rows, remark))
+    tell(output, report(output, rows))

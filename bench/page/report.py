@@ -50,7 +50,7 @@ def run(
     make_folder(output)
     if any("{database}" in (part.full if full else part.quick) for part in parts):
         rows = load("paper").samples if full else ROWS
-        of_the_paper(database, (output / DATABASE).parent, rows, remark)
+        of_the_paper(database, (output / DATABASE).parent, rows)
     outcome = make(parts, inputs, remark, lambda: write_page(PARTS, inputs))
     return write_page(PARTS, inputs), outcome
 

@@ -11,6 +11,7 @@ from bench.page.content import Absent, Content, files_of
 from bench.page.inputs import typed
 from bench.page.record import Making, contents_of
 from bench.paper import borrowed, cost, database, fine, models, numbers, predictions, surfaces
+from bench.remarks import remark
 from bench.surrogates.cases import CASES, FINE
 from bench.surrogates.generalisation import tests_of
 from gen.runtime.errors import InputError
@@ -67,7 +68,6 @@ def write_report(
     rows: int,
     *,
     only: Sequence[str] = (),
-    remark: databases.Remark = lambda line: None,
 ) -> list[Path]:
     """Make the parts that are not made yet, or whose inputs have changed.
 
@@ -82,8 +82,6 @@ def write_report(
         Rows of the paper preset that are generated where no database is given.
     only : sequence of str
         Names of the parts that are made; all that the inputs allow if empty.
-    remark : callable
-        Told how far it is.
 
     Returns
     -------
@@ -103,7 +101,7 @@ def write_report(
             refuse(given[name])
     parts = _chosen(only, given)
     needed = {each for name in parts for each in inputs_of(name)} & GENERATED
-    sources = {**given, **_databases(folder / "databases", given, rows, needed, remark)}
+    sources = {**given, **_databases(folder / "databases", given, rows, needed)}
     make_folder(folder)
     written: dict[Path, None] = {}
     for number, name in enumerate(parts, 1):
@@ -160,16 +158,16 @@ def _chosen(only: Sequence[str], given: Mapping[str, Path]) -> list[str]:
 
 
 def _databases(
-    place: Path, given: Mapping[str, Path], rows: int, needed: set[str], remark: databases.Remark
+    place: Path, given: Mapping[str, Path], rows: int, needed: set[str]
 ) -> dict[str, Path]:
     """Return the databases that are needed: given, generated, or found in their place."""
     found = {}
     if "database" in needed:
-        found["database"] = databases.of_the_paper(given.get("database"), place, rows, remark)
+        found["database"] = databases.of_the_paper(given.get("database"), place, rows)
     if "fine" in needed and "fine" not in given:
         # The one that `bench generalisation` tests on too.
         (case,) = (case for case in CASES if case.name == FINE)
         count = tests_of(max(100, database.read(found["database"])["row"].size))
         text = f"samples = {count}\nseed = {OTHER_SEED}\n{case.scene}"
-        found["fine"] = databases.generated(place, case.file, text, remark)
+        found["fine"] = databases.generated(place, case.file, text)
     return found

@@ -106,8 +106,7 @@ def databases(folder: Path, rows: int, remark: Callable[[str], None]) -> dict[st
     """
     head = f"samples = {rows}\nseed = {OTHER_SEED}\n"
     return {
-        case.name: generated(folder, case.file, head + case.scene, remark)
-        for case in (*CASES, RESAMPLED)
+        case.name: generated(folder, case.file, head + case.scene) for case in (*CASES, RESAMPLED)
     }
 
 

@@ -113,7 +113,7 @@ def cost(
     if rows < 200:
         raise InputError(f"--rows {rows}: give 200 or more, the paper has 15878")
     searched = 0.0 if comparison is None else tuning_seconds(comparison)
-    path = databases.of_the_paper(given, folder / "databases", rows, remark)
+    path = databases.of_the_paper(given, folder / "databases", rows)
     remark(f"the solver on {surfaces} surfaces")
     new = new_surfaces(surfaces)
     costs = Costs(measure_solver(new), {}, [_published()], [])

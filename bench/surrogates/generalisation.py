@@ -117,7 +117,7 @@ def generalisation(
         If a model is unknown, a database is another one, or there are too few rows.
     """
     names, tests = [model.name for model in models_named(list(models))], tests_of(rows)
-    paper = databases.of_the_paper(given, folder / "databases", rows, remark)
+    paper = databases.of_the_paper(given, folder / "databases", rows)
     tested = databases_to_test_on(folder / "databases", tests, remark)
     found: list[Judged] = []
     for model in names:

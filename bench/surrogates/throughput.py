@@ -93,7 +93,7 @@ def fitted(
     model : its name
     """
     with tempfile.TemporaryDirectory() as folder:
-        path = databases.of_the_paper(given, Path(folder), rows, remark)
+        path = databases.of_the_paper(given, Path(folder), rows)
         surrogates = {}
         for features in SETS:
             request = Request(

@@ -96,7 +96,7 @@ def tolerance(
         raise InputError(f"--rows {rows}: give 100 or more, the paper has 15878")
     if not all(TIGHT < each < 1 for each in wanted):
         raise InputError(f"--tolerances: give numbers above {TIGHT:g} and below 1")
-    true = generated(folder / "databases", "tight", _tight(rows), remark)
+    true = generated(folder / "databases", "tight", _tight(rows))
     labels = solve_all(folder / "databases", wanted, rows, remark)
     with Reader(true) as reader:
         exact = np.stack([reader.column(name)[:rows] for name in MEASURED], axis=1)

@@ -54,7 +54,7 @@ ROW = Row(
 def paper(tmp_path_factory):
     """200 rows of the paper preset."""
     folder = tmp_path_factory.mktemp("paper")
-    path = databases.of_the_paper(None, folder, 200, print)
+    path = databases.of_the_paper(None, folder, 200)
     assert path == folder / "paper.h5"
     return path
 
@@ -84,30 +84,31 @@ def test_the_median_leaves_the_first_call_out(monkeypatch):
     assert clock.mean_seconds([call, call]) == pytest.approx(0.1)
 
 
-def test_databases_are_resumed_and_others_are_refused(tmp_path):
+def test_databases_are_resumed_and_others_are_refused(tmp_path, capsys):
     text = "samples = 6\n[surface]\nnodes = 9\n"
     (tmp_path / "scene.toml").write_text(text)
     path = str(tmp_path / "small.h5")
     assert gen.cli.main(["run", str(tmp_path / "scene.toml"), "-o", path, "--rows", "0:2"]) == 0
-    said = []
+    capsys.readouterr()
     for _ in range(2):
-        databases.generated(tmp_path, "small", text, said.append)
+        databases.generated(tmp_path, "small", text)
         with Reader(tmp_path / "small.h5") as reader:
             assert reader.counts().done == 6
-    assert len(said) == 1, "a complete database is not generated again"
+    said = capsys.readouterr().err
+    assert said.count("generating") == 1, "a complete database is not generated again"
     with pytest.raises(InputError, match=r"small\.h5: is a database of another scene \(surface"):
-        databases.generated(tmp_path, "small", text.replace("9", "17"), print)
+        databases.generated(tmp_path, "small", text.replace("9", "17"))
     with pytest.raises(InputError, match="give one of the paper preset"):
-        databases.of_the_paper(tmp_path / "small.h5", tmp_path, 6, print)
+        databases.of_the_paper(tmp_path / "small.h5", tmp_path, 6)
 
 
-def test_a_signal_ends_the_report_with_what_to_do(tmp_path, monkeypatch):
+def test_a_signal_ends_the_report_with_what_to_do(tmp_path, monkeypatch, capsys):
     interrupted = RunResult(Counts(4, 2, 0), signal.SIGTERM, "")
     monkeypatch.setattr(databases, "generate_database", lambda request, world: interrupted)
-    said = []
     with pytest.raises(KeyboardInterrupt):
-        databases.generated(tmp_path, "small", "samples = 6\n", said.append)
-    assert said[-1].endswith("small.h5: interrupted; the same command goes on")
+        databases.generated(tmp_path, "small", "samples = 6\n")
+    said = capsys.readouterr().err.strip()
+    assert said.endswith("small.h5: interrupted; the same command goes on")
 
 
 def test_scaled_scenes_have_the_same_areas():

@@ -1,6 +1,6 @@
 """What a choice does to the numbers of the paper: areas, failures, Table 1's ranges, scores."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from bench.databases import generated
 from bench.paper.unstated.choices import OURS, VARIANTS
 from bench.paper.unstated.readings import range_distance
+from bench.remarks import remark
 from bench.surrogates import fitting
 from gen.database import Reader
 from gen.schema import Status
@@ -19,14 +20,13 @@ from learn.models import MODELS, pipeline
 from learn.request import Request
 
 Values = NDArray[np.float64]
-Remark = Callable[[str], None]
 
 MODEL, FEATURES = "kernel-ridge", "paper"
 SEEDS = range(5)
 """Of the decision trees, whose scores scatter."""
 
 
-def measure(folder: Path, rows: int, remark: Remark) -> Iterator[dict[str, Any]]:
+def measure(folder: Path, rows: int) -> Iterator[dict[str, Any]]:
     """Generate the databases of all variants, and compare each with the preset's.
 
     Parameters
@@ -35,8 +35,6 @@ def measure(folder: Path, rows: int, remark: Remark) -> Iterator[dict[str, Any]]
         Folder of the databases; those that are there already are used.
     rows : int
         Rows of each database.
-    remark : callable
-        Told how far it is.
 
     Yields
     ------
@@ -46,7 +44,7 @@ def measure(folder: Path, rows: int, remark: Remark) -> Iterator[dict[str, Any]]
         solved [1]. As many rows train the surrogate of each variant.
     """
     head = f"samples = {rows}\n"
-    paths = {v.name: generated(folder, v.name, head + v.scene, remark) for v in VARIANTS}
+    paths = {v.name: generated(folder, v.name, head + v.scene) for v in VARIANTS}
     requests = [
         fitting.request_for(paths[v.name], MODEL, FEATURES, v.area_max or 100.0) for v in VARIANTS
     ]

@@ -6,8 +6,8 @@ from typing import Any
 
 from bench.page.content import Content, Figure, Table
 from bench.paper.unstated import early_stop, effects, readings
-from bench.paper.unstated.effects import Remark
 from bench.picture import new_figure
+from bench.remarks import remark
 from bench.report import Report
 from bench.style import STYLES
 from gen.scene import load
@@ -32,7 +32,7 @@ TICKS = (0.5, 1.0, 2.0, 5.0)
 """Of areas and forces over the preset's."""
 
 
-def report(folder: Path, rows: int, remark: Remark) -> Report:
+def report(folder: Path, rows: int) -> Report:
     """Try the readings, stop iterations early, and measure the effect of every choice.
 
     The databases, of so many rows each, go to the folder's own folder `databases`.
@@ -41,7 +41,7 @@ def report(folder: Path, rows: int, remark: Remark) -> Report:
     ranges = list(readings.compare(load("paper"), SURFACES))
     remark("iterations that stop early")
     stopped = list(early_stop.compare(load("paper-mirco"), LIMITED, SHARES))
-    rows_of_choices = list(effects.measure(folder / "databases", rows, remark))
+    rows_of_choices = list(effects.measure(folder / "databases", rows))
     tables: Mapping[str, Iterable[Any]] = {
         "readings": ranges,
         "early-stop": stopped,
