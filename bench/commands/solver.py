@@ -65,7 +65,7 @@ def peers(
     ratios = numbers("hardness", hardness, float) if hardness else []
     names = ["hardness.csv", "hardness-loads.csv", "hardness.png"]
     require_place(output, *(names if ratios else ["peers.csv", "peers.png"]))
-    tell(output, report(sizes, loads, rounds, typer.echo, ratios))
+    tell(output, report(sizes, loads, rounds, ratios))
 
 
 def growth(

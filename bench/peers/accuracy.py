@@ -17,34 +17,23 @@ MISPLACED_SHARE = 5e-4
 
 @dataclass(frozen=True)
 class Errors:
-    """How far a pressure is from the reference.
+    """How far a pressure is from the reference."""
 
-    Attributes
-    ----------
-    load_error : relative error of the force, or of the displacement where the force is given [1]
-    misplaced_nodes : nodes in contact, or that have yielded, in it or in the reference, not in both
-    pressure_error : largest error of a pressure over the largest pressure [1]
-    """
-
-    load_error: float
-    misplaced_nodes: int
-    pressure_error: float
+    load_error: float  # of the force, or of the displacement where the force is given, relative
+    misplaced_nodes: int  # in contact, or yielded, in it or in the reference, not in both
+    pressure_error: float  # the largest, over the largest pressure
 
     def good_enough(self, contact_nodes: int) -> bool:
-        """Whether a solution of a contact of so many nodes may have these errors."""
+        """Say whether a solution of a contact of this many nodes may have these errors."""
         allowed = max(1.0, MISPLACED_SHARE * contact_nodes)
         return self.load_error <= LOAD_ERROR and self.misplaced_nodes <= allowed
 
 
 def find_errors(pressure: Field, control: Control, case: Case, exact: Exact) -> Errors:
-    """Measure the errors of a pressure.
+    """Measure the errors of an (n, n) pressure [MPa] that was found under a given load.
 
-    Parameters
-    ----------
-    pressure : (n, n) [MPa]
-    control : what was given to who found it; a force is met by construction, so that its
-        displacement counts, which is computed here and not by the peer
-    case, exact : the contact and its reference
+    A given force is met by construction, so that its displacement counts, which is computed here
+    and not by the peer.
     """
     if control == "force":
         moved = displacement_filter(pressure.shape, case.kernel)(pressure) * case.spacing
@@ -64,15 +53,10 @@ def find_errors(pressure: Field, control: Control, case: Case, exact: Exact) -> 
 def loosest(
     good_enough: Callable[[float], bool], ladder: Sequence[float], guess: float
 ) -> float | None:
-    """Find the loosest tolerance that is good enough, or None if none is.
+    """Find the loosest tolerance of a falling ladder that is good enough, or None if none is.
 
-    Looser from a guess that is, as far as that holds; tighter from one that is not.
-
-    Parameters
-    ----------
-    good_enough : whether a tolerance is
-    ladder : tolerances to try, falling
-    guess : where to begin; the nearest tolerance that is not looser is taken
+    Begin at the nearest tolerance that is not looser than the guess. Go looser from one that is
+    good enough, as far as that holds; go tighter from one that is not.
     """
     rung = next((r for r, tolerance in enumerate(ladder) if tolerance <= guess), len(ladder) - 1)
     if good_enough(ladder[rung]):

@@ -4,14 +4,15 @@ An open report on ContactMechanics' plastic system finds no convergence where th
 approaches the hardness. Both solvers are given the same surface, load, hardness and tolerance.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 import bem
+from bench.peers.compare import Row
 from bench.peers.sample import HURST, Sample
+from bench.remarks import remark
 from bench.solvers.case import Case
 from bench.solvers.contact_mechanics import PrimalGradients
 from bench.solvers.others import installed
@@ -27,65 +28,30 @@ RTOL = 1e-6
 THEIRS = "ContactMechanics"
 
 
-@dataclass(frozen=True)
-class Pressed:
-    """A load, and how both solvers did under it.
+def up_to_full_contact(nodes: int) -> Iterator[Row]:
+    """Press a surface of so many nodes a side by rising loads, up to 99 % of the hardness.
 
-    Attributes
-    ----------
-    nodes : nodes a side
-    hardness, mean_pressure : over E* [1]
-    delta : displacement of the far field [um]
-    area_percent, yielded_percent : of the nodes, by our solution [%]
-    converged, convolutions, residual : of our solution; the residual over Delta
-    theirs : "yes", or why ContactMechanics has no solution
-    their_iterations, their_convolutions : None where it has none
-    pressure_difference : largest difference of both pressures over the hardness [1]
-    """
-
-    nodes: int
-    hardness: float
-    mean_pressure: float
-    delta: float
-    area_percent: float
-    yielded_percent: float
-    converged: bool
-    convolutions: int
-    residual: float
-    theirs: str
-    their_iterations: int | None = None
-    their_convolutions: int | None = None
-    pressure_difference: float | None = None
-
-
-def up_to_full_contact(
-    nodes: int, announce: Callable[[str], None] = lambda line: None
-) -> Iterator[Pressed]:
-    """Press a surface by rising loads, up to 99 % of the hardness.
-
-    Parameters
-    ----------
-    nodes : int
-        Nodes a side.
-    announce : callable
-        Told which load is about to be solved.
+    Yields
+    ------
+    dict
+        A load, and how both solvers did under it.
     """
     case = Sample(nodes, HURST, 1.0, HARDNESS).case()
     for mean_pressure in MEAN_PRESSURES:
-        announce(f"{nodes} nodes a side, mean pressure {mean_pressure:g} E*")
+        remark(f"{nodes} nodes a side, mean pressure {mean_pressure:g} E*")
         contact = _ours(case, mean_pressure)
-        yield Pressed(
-            nodes=nodes,
-            hardness=HARDNESS,
-            mean_pressure=mean_pressure,
-            delta=contact.delta,
-            area_percent=contact.area_percent,
-            yielded_percent=contact.yielded_percent,
-            converged=contact.residual <= RTOL,
-            convolutions=contact.convolutions,
-            residual=contact.residual,
+        yield {
+            "nodes": nodes,
+            "hardness": HARDNESS,
+            "mean_pressure": mean_pressure,
+            "delta_um": contact.delta,
+            "area_percent": contact.area_percent,
+            "yielded_percent": contact.yielded_percent,
+            "converged": contact.residual <= RTOL,
+            "convolutions": contact.convolutions,
+            "residual": contact.residual,  # over Delta
             **_theirs(case, contact),
-        )
+        }
 
 
 def _ours(case: Case, mean_pressure: float) -> bem.Contact:
@@ -103,21 +69,18 @@ def _ours(case: Case, mean_pressure: float) -> bem.Contact:
         return failure.contact
 
 
-def _theirs(case: Case, contact: bem.Contact) -> dict[str, Any]:
-    """Solve the same with ContactMechanics; return the columns of `Pressed` about it."""
+def _theirs(case: Case, contact: bem.Contact) -> Row:
+    """Solve the same with ContactMechanics; say in `theirs` if it has a solution, or why not."""
+    columns = "theirs", "their_iterations", "their_convolutions", "pressure_difference"
+    row: Row = dict.fromkeys(columns)
     if THEIRS not in {solver.package for solver in installed()}:
-        return {"theirs": "not installed"}
-    force = contact.force
-    posed = replace(case, delta=contact.delta)
+        return row | {"theirs": "not installed"}
     session = PrimalGradients(case.nodes, case.spacing)
     try:
-        answer = session.press_by_force(posed, force, RTOL)
+        answer = session.press_by_force(replace(case, delta=contact.delta), contact.force, RTOL)
     except Failure as failure:
-        return {"theirs": str(failure)}
-    difference = np.abs(answer.pressure - contact.pressure).max() / HARDNESS
-    return {
-        "theirs": "yes",
-        "their_iterations": answer.iterations,
-        "their_convolutions": answer.convolutions,
-        "pressure_difference": float(difference),
-    }
+        return row | {"theirs": str(failure)}
+    difference = float(np.abs(answer.pressure - contact.pressure).max() / HARDNESS)
+    return dict(
+        zip(columns, ("yes", answer.iterations, answer.convolutions, difference), strict=True)
+    )

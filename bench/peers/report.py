@@ -1,13 +1,14 @@
 """`python -m bench peers`: the comparison, and words on what to see in it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from bench.page import content
 from bench.peers.compare import compare
 from bench.peers.layout import HARDNESSES, LOADS, draw, loads_table, tables
 from bench.peers.loads import up_to_full_contact
-from bench.peers.sample import samples, yielding_samples
+from bench.peers.sample import samples
+from bench.remarks import remark
 from bench.report import Report
 from bench.solvers.others import OTHERS, installed, missing
 from bench.solvers.own import BEM, PAPERS
@@ -19,7 +20,6 @@ def report(
     nodes: Sequence[int],
     deltas: Sequence[float],
     rounds: int,
-    announce: Callable[[str], None] = lambda line: None,
     hardnesses: Sequence[float] = (),
 ) -> Report:
     """Compare all solvers that are installed at equal accuracy.
@@ -35,8 +35,6 @@ def report(
         Displacements of the far field [um].
     rounds : int
         Turns in which each solver is timed.
-    announce : callable
-        Told what is missing, and what is being solved.
     hardnesses : sequence of float
         Over E* [1].
 
@@ -47,11 +45,20 @@ def report(
     """
     _check(nodes, deltas, hardnesses)
     for package, install in missing().items():
-        announce(f"{package} is not installed and left out: {install}")
-    if hardnesses:
-        return _yielding(nodes, deltas, hardnesses, rounds, announce)
-    rows = compare(samples(nodes, deltas), [BEM, PAPERS, *installed()], rounds, announce)
-    return Report({"peers": rows}, pictures={"peers": draw(rows, LOADS)}, text=tables(rows, LOADS))
+        remark(f"{package} is not installed and left out: {install}")
+    solvers = [BEM, PAPERS, *installed()]
+    if not hardnesses:
+        rows = compare(samples(nodes, deltas), solvers, rounds)
+        pictures = {"peers": draw(rows, LOADS)}
+        return Report({"peers": rows}, pictures=pictures, text=tables(rows, LOADS))
+    plastic = [solver for solver in solvers if solver.plastic]
+    rows = compare(samples(nodes, deltas, hardnesses), plastic, rounds)
+    pressed = [row for size in nodes for row in up_to_full_contact(size)]
+    return Report(
+        {"hardness": rows, "hardness-loads": pressed},
+        pictures={"hardness": draw(rows, HARDNESSES)},
+        text=tables(rows, HARDNESSES) + loads_table(pressed),
+    )
 
 
 def _check(nodes: Sequence[int], deltas: Sequence[float], hardnesses: Sequence[float]) -> None:
@@ -64,24 +71,6 @@ def _check(nodes: Sequence[int], deltas: Sequence[float], hardnesses: Sequence[f
     for hardness in hardnesses:
         if not 0 < hardness < float("inf"):
             raise InputError(f"hardness {hardness}: give a share of E* above 0")
-
-
-def _yielding(
-    nodes: Sequence[int],
-    deltas: Sequence[float],
-    hardnesses: Sequence[float],
-    rounds: int,
-    announce: Callable[[str], None],
-) -> Report:
-    """Compare the solvers that know a hardness."""
-    solvers = [solver for solver in (BEM, *installed()) if solver.plastic]
-    rows = compare(yielding_samples(nodes, deltas, hardnesses), solvers, rounds, announce)
-    pressed = [each for size in nodes for each in up_to_full_contact(size, announce)]
-    return Report(
-        {"hardness": rows, "hardness-loads": pressed},
-        pictures={"hardness": draw(rows, HARDNESSES)},
-        text=tables(rows, HARDNESSES) + loads_table(pressed),
-    )
 
 
 def contents(folder: Path) -> list[content.Content]:

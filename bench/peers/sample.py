@@ -24,23 +24,15 @@ PAPERS_DELTAS = (5.0, 25.0)  # um
 
 @dataclass(frozen=True)
 class Sample:
-    """A contact.
+    """A contact."""
 
-    Attributes
-    ----------
-    nodes : nodes a side, 2^k + 1
-    hurst : Hurst exponent of its surface
-    delta : displacement of the far field from first touch on [um]
-    hardness : over E*, None for elastic bodies [1]
-    """
-
-    nodes: int
+    nodes: int  # a side, 2^k + 1
     hurst: float
-    delta: float
-    hardness: float | None = None
+    delta: float  # of the far field from first touch on [um]
+    hardness: float | None = None  # over E*, None for elastic bodies
 
     def case(self) -> Case:
-        """Surface and load."""
+        """Return surface and load."""
         name = f"H = {self.hurst}, Delta = {self.delta:g} um"
         if self.hardness is not None:
             name += f", hardness {self.hardness:g} E*"
@@ -48,29 +40,25 @@ class Sample:
         return Case(name, heights, SIDE, self.delta, hardness=self.hardness)
 
 
-def samples(nodes: Sequence[int], deltas: Sequence[float]) -> list[Sample]:
-    """The peers' surface at every load on every grid; at 129 nodes, the paper's algorithm's too."""
+def samples(
+    nodes: Sequence[int], deltas: Sequence[float], hardnesses: Sequence[float] = ()
+) -> list[Sample]:
+    """Return the peers' surface at every load on every grid, elastic and with every hardness.
+
+    Without a hardness, contacts of the paper's algorithm are added at its grid.
+    """
+    bounds = (None, *sorted(hardnesses, reverse=True))
     found = []
     for size in nodes:
-        found += [Sample(size, HURST, delta) for delta in deltas]
-        if size == PAPERS_NODES:
+        found += [Sample(size, HURST, delta, bound) for delta in deltas for bound in bounds]
+        if size == PAPERS_NODES and not hardnesses:
             found += [Sample(size, PAPERS_HURST, delta) for delta in PAPERS_DELTAS]
     return found
 
 
-def yielding_samples(
-    nodes: Sequence[int], deltas: Sequence[float], hardnesses: Sequence[float]
-) -> list[Sample]:
-    """Return the same surface at every load on every grid, elastic and with every hardness."""
-    bounds = (None, *sorted(hardnesses, reverse=True))
-    return [
-        Sample(size, HURST, delta, bound) for size in nodes for delta in deltas for bound in bounds
-    ]
-
-
 @lru_cache(maxsize=8)
 def _heights(nodes: int, hurst: float) -> Field:
-    """(nodes, nodes) surface [um]."""
+    """Generate the (nodes, nodes) surface [um]."""
     random = surface_random(load("paper"), SURFACE)
     heights = generate("diamond-square", nodes, hurst, SIGMA0, random)
     heights.setflags(write=False)

@@ -24,8 +24,7 @@ SAMPLE = Sample(129, HURST, 15.0)
 def test_contact_by_solver(benchmark: BenchmarkFixture, solver: Solver) -> None:
     if not solver.version:
         pytest.skip(f"{solver.package} is not installed: {solver.install}")
-    case = SAMPLE.case()
-    trial = Trial(solver, case)
+    case, trial = SAMPLE.case(), Trial(solver, SAMPLE)
     trial.find_tolerance(1e-4)
     assert trial.tolerance is not None, trial.remark
     pressure = benchmark(solver.solve, case, trial.tolerance).pressure
