@@ -1,37 +1,18 @@
 """Every command on three ranks with bad input of every kind: one line, code 2, and never a hang."""
 
-import json
 import shlex
 import subprocess
 from importlib.util import find_spec
 
 import command_lines
 import pytest
-from launch import command, environment, launch, mpiexec
+from launch import command, environment, mpiexec
+from walk import SECONDS, walk
 
 pytestmark = [
     pytest.mark.mpi,
     pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'"),
 ]
-
-WALK = """
-import contextlib, faulthandler, io, json, sys
-from mpi4py import MPI
-from bench import __main__ as bench
-from gen import cli as gen
-from learn import cli as learn
-PROGRAMS = {"gen": gen.main, "learn": learn.main, "bench": bench.main}
-world = MPI.COMM_WORLD
-for program, arguments, seconds in json.load(open("walk.json")):
-    faulthandler.dump_traceback_later(seconds, exit=True)
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = PROGRAMS[program](arguments)
-    ends = world.gather((code, err.getvalue()))
-    faulthandler.cancel_dump_traceback_later()
-    if world.rank == 0:
-        print(json.dumps([program, arguments, ends]), flush=True)
-"""
 
 GOOD = [
     ["gen", "run", "good.toml", "-o", "good.h5"],
@@ -42,19 +23,6 @@ GOOD = [
 
 LEARNING = find_spec("sklearn") is not None
 """Whether the extra 'learn' is there; where h5py has MPI it need not be."""
-
-SECONDS = 20
-"""After which a command line hangs."""
-
-
-def walk(folder, lines):
-    """End of every command line on three ranks: program, arguments, [code, standard error]."""
-    listed = [(program, arguments, SECONDS) for program, *arguments in lines]
-    (folder / "walk.json").write_text(json.dumps(listed))
-    (folder / "walking.py").write_text(WALK)
-    done = launch(3, folder=folder, module="walking")
-    assert done.returncode == 0, f"{done.stdout[-500:]} {done.stderr[-3000:]}"
-    return [json.loads(line) for line in done.stdout.splitlines()]
 
 
 def test_every_command_has_bad_command_lines():
@@ -70,17 +38,19 @@ def test_every_command_refuses_bad_input_on_all_ranks_in_one_line(tmp_path):
     benches = [["bench", name, "--nonsense"] for name in command_lines.commands("bench")]
     lines = [[program, *case.arguments] for program, case in cases]
     good = GOOD if LEARNING else GOOD[:1]
-    ended = iter(walk(tmp_path, [*good, *benches, *lines]))
-    for _, (*_, ends) in zip(good, ended, strict=False):
-        assert [code for code, _ in ends] == [0, 0, 0], ends
-    for _, (*_, ends) in zip(benches, ended, strict=False):
-        assert ends == [[2, "bench: started as 3 processes; start it as one\n"], [2, ""], [2, ""]]
+    ended = iter(walk(3, [*good, *benches, *lines], tmp_path))
+    for _, ends in zip(good, ended, strict=False):
+        assert [end.code for end in ends] == [0, 0, 0], ends
+    for _, ends in zip(benches, ended, strict=False):
+        assert [end.code for end in ends] == [2, 2, 2]
+        refusal = "bench: started as 3 processes; start it as one\n"
+        assert [end.errors for end in ends] == [refusal, "", ""]
     wrong = []
-    for (program, case), (*_, ends) in zip(cases, ended, strict=True):
-        (code, said), *others = ends
+    for (program, case), ends in zip(cases, ended, strict=True):
+        (code, said), *others = [(end.code, end.errors) for end in ends]
         right = case.word in said or (not LEARNING and " needs " in said)
         line = said.startswith(f"{program}: ") and said.count("\n") == 1 and right
-        if code != 2 or others != [[2, ""], [2, ""]] or not line:
+        if code != 2 or others != [(2, ""), (2, "")] or not line:
             wrong.append(f"{program} {' '.join(case.arguments)[:150]}: {ends}")
     assert not wrong, "\n".join([f"{len(wrong)} of {len(cases)}", *wrong])
     left = {path.name for path in tmp_path.iterdir()}

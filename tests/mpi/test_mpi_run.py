@@ -1,10 +1,21 @@
 """The main job under mpiexec: the same bytes as serially, errors once, never a hang."""
 
+import h5py
 import pytest
 from databases import deterministic_bytes, status
 from launch import launch, mpiexec
+from walk import walk
+
+from gen import cli
 
 SMALL = "samples = 75\n{}\n[surface]\nnodes = 33\n"
+YIELDING = SMALL.format("samples_per_surface = 2") + "[contact]\nhardness = {}\n"
+SCENES = {
+    "one-a-surface": SMALL.format("samples_per_surface = 1"),
+    "five-a-surface": SMALL.format("samples_per_surface = 5"),
+    "one-hardness": YIELDING.format("0.02"),
+    "any-hardness": YIELDING.format("[0.003, 0.1]"),
+}
 
 pytestmark = [
     pytest.mark.mpi,
@@ -12,43 +23,43 @@ pytestmark = [
 ]
 
 
-@pytest.fixture(scope="module", params=[1, 5], ids=["one-a-surface", "five-a-surface"])
-def serial(request, tmp_path_factory):
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with the scenes, and the database of each from a serial run."""
     folder = tmp_path_factory.mktemp("serial")
-    (folder / "small.toml").write_text(SMALL.format(f"samples_per_surface = {request.param}"))
-    done = launch(0, "run", "small.toml", "-o", "serial.h5", folder=folder)
-    assert done.returncode == 0, done.stderr
+    for name, text in SCENES.items():
+        (folder / f"{name}.toml").write_text(text)
+        assert (
+            cli.main(["run", str(folder / f"{name}.toml"), "-o", str(folder / f"{name}.h5")]) == 0
+        )
     return folder
 
 
-@pytest.mark.parametrize("ranks", [1, 2, 3, 4, 5, 8])
-def test_any_number_of_ranks_gives_the_same_bytes(serial, ranks):
-    done = launch(ranks, "run", "small.toml", "-o", f"{ranks}.h5", folder=serial)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.count("75 rows done, 0 failed, 0 pending") == 1
-    assert deterministic_bytes(serial / f"{ranks}.h5") == deterministic_bytes(serial / "serial.h5")
+@pytest.fixture(scope="module", params=[1, 2, 3, 4, 5, 8])
+def on_ranks(request, folder):
+    """The number of ranks, and what the master says of the run of each scene in one launch."""
+    ranks = request.param
+    lines = [["gen", "run", f"{name}.toml", "-o", f"{name}-{ranks}.h5"] for name in SCENES]
+    walked = walk(ranks, lines, folder)
+    assert [[end.code for end in ends] for ends in walked] == len(SCENES) * [ranks * [0]]
+    return ranks, {name: master.output for name, (master, *_) in zip(SCENES, walked, strict=True)}
 
 
-@pytest.mark.parametrize("hardness", ["0.02", "[0.003, 0.1]"])
-def test_bodies_that_yield_have_the_same_bytes_on_any_number_of_ranks(tmp_path, hardness):
-    scene = SMALL.format("samples_per_surface = 2") + f"[contact]\nhardness = {hardness}\n"
-    (tmp_path / "yielding.toml").write_text(scene)
-    bytes_by_ranks = []
-    for ranks in (0, 1, 2, 3):
-        done = launch(ranks, "run", "yielding.toml", "-o", f"{ranks}.h5", folder=tmp_path)
-        assert done.returncode == 0, done.stderr
-        assert done.stdout.count("75 rows done, 0 failed, 0 pending") == 1
-        bytes_by_ranks.append(deterministic_bytes(tmp_path / f"{ranks}.h5"))
-    assert all(each == bytes_by_ranks[0] for each in bytes_by_ranks)
+@pytest.mark.parametrize("scene", SCENES)
+def test_any_number_of_ranks_gives_the_same_bytes(folder, on_ranks, scene):
+    ranks, said = on_ranks
+    assert said[scene].count("75 rows done, 0 failed, 0 pending") == 1
+    made = deterministic_bytes(folder / f"{scene}-{ranks}.h5")
+    assert made == deterministic_bytes(folder / f"{scene}.h5")
 
 
-def test_every_worker_worked(serial):
-    import h5py
-
-    done = launch(4, "run", "small.toml", "-o", "shared.h5", folder=serial)
-    assert done.returncode == 0, done.stderr
-    with h5py.File(serial / "shared.h5", "r") as file:
-        assert set(file["runtime/rank"][:]) == {1, 2, 3}
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_worker_worked(folder, on_ranks, scene):
+    ranks, _ = on_ranks
+    with h5py.File(folder / f"{scene}-{ranks}.h5", "r") as file:
+        worked = set(file["runtime/rank"][:].tolist())
+    assert worked <= (set(range(1, ranks)) or {0})
+    assert len(worked) >= min(ranks - 1, 3)  # of many on few cores, some may come too late
 
 
 @pytest.mark.parametrize(
