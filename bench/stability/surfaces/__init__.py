@@ -1,5 +1,5 @@
 """Stiff and extreme cases of generators and statistics.
 
-`exact` computes both again in whole numbers and fractions; `generator_cases` and `statistics_cases`
-say what is asked and judge it, `sheet` is the table of all.
+`exact` computes both again in whole numbers and fractions, `checks` compares, `generator_cases` and
+`statistics_cases` are the rows of the table.
 """

@@ -1,7 +1,7 @@
 """Judgements of statistics that do not rely on `gen.statistics`."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,29 +25,24 @@ SHAPES = {name for name in NAMES if "kurtosis" in name or "skewness" in name}
 
 
 def described(heights: ArrayLike, spacing: Spacing = (G, G), allowed: float = EXACT) -> Answer:
-    """Describe a surface and compare with whole numbers.
+    """Describe a surface of any type, and compare with whole numbers.
 
-    Parameters
-    ----------
-    heights : as they are handed over, of whatever type
-    spacing : along x and y [um]
-    allowed : relative error; absolute for skewness and kurtosis below 1
+    `allowed` is a relative error, and absolute for skewness and kurtosis below 1.
     """
     given = np.asanyarray(heights)
-    found = describe(given, spacing)
     expected = exact.statistics(np.array(given, dtype=np.float64), spacing)
-    return Answer(in_words(found), [*differences(found.values, expected, "off exact", allowed)])
+    return _compared(describe(given, spacing), expected, "off exact", allowed)
 
 
-def differences(
-    found: dict[str, float], expected: dict[str, float], what: str, allowed: float
-) -> Iterator[Finding]:
-    """The largest error of all statistics, and how many are defined in one of both only."""
-    errors = [_error(name, found[name], expected[name], expected) for name in NAMES]
+def _compared(found: Description, expected: dict[str, float], what: str, allowed: float) -> Answer:
+    """Find the largest error of all statistics, and those that are defined in one of both only."""
+    values = found.values
+    errors = [_error(name, values[name], expected[name], expected) for name in NAMES]
     worst = int(np.argmax(errors))
-    yield Finding(f"{what}: {NAMES[worst]}", errors[worst], allowed)
-    unlike = [name for name in NAMES if math.isnan(found[name]) != math.isnan(expected[name])]
-    yield Finding(", ".join(["defined unlike", *unlike]), len(unlike), 0)
+    unlike = [name for name in NAMES if math.isnan(values[name]) != math.isnan(expected[name])]
+    error = Finding(f"{what}: {NAMES[worst]}", errors[worst], allowed)
+    undefined = Finding(", ".join(["defined unlike", *unlike]), len(unlike), 0)
+    return Answer(in_words(found), [error, undefined])
 
 
 def _error(name: str, value: float, expected: float, beside: dict[str, float]) -> float:
@@ -63,25 +58,13 @@ def _error(name: str, value: float, expected: float, beside: dict[str, float]) -
     return abs(value) / largest if largest else math.inf
 
 
-def says(heights: ArrayLike, *words: str, spacing: Spacing = (G, G)) -> Answer:
-    """Describe a surface that does not define everything; nothing may be undefined silently.
-
-    Parameters
-    ----------
-    heights : see `described`
-    words : of the reason that is given
-    spacing : along x and y [um]
-    """
-    found = describe(np.asanyarray(heights), spacing)
+def says(heights: ArrayLike, *words: str) -> Answer:
+    """Describe a surface that does not define everything, for a reason with these words."""
+    found = describe(np.asanyarray(heights), (G, G))
     missing = [word for word in words if word not in found.reason]
-    undefined = sum(map(math.isnan, found.values.values()))
-    return Answer(
-        in_words(found),
-        [
-            Finding(", ".join(["words missing in the reason", *missing]), len(missing), 0),
-            Finding("undefined without a reason", int(not undefined), 0),
-        ],
-    )
+    said = Finding(", ".join(["words missing in the reason", *missing]), len(missing), 0)
+    defined = not any(map(math.isnan, found.values.values()))
+    return Answer(in_words(found), [said, Finding("undefined without a reason", int(defined), 0)])
 
 
 def unchanged(
@@ -97,25 +80,28 @@ def unchanged(
 
     Parameters
     ----------
-    heights : the surface [um]
-    change : makes the image
-    allowed : relative error; 0 is to the last bit
-    length : of heights of the image over those of the surface
-    spacings : of the surface and of the image [um]
-    swapped : whether the axes change places
+    heights : ndarray, shape (n_x, n_y)
+        The surface [um].
+    change : callable
+        Makes the image.
+    allowed : float
+        Relative error; 0 is to the last bit.
+    length : float
+        Heights of the image over those of the surface [1].
+    spacings : pair of tuples of float
+        Spacings of the surface and of the image [um].
+    swapped : bool
+        Whether the axes change places.
     """
-    before = describe(heights, spacings[0]).values
-    after = describe(np.asanyarray(change(heights)), spacings[1])
+    expected = dict(describe(heights, spacings[0]).values)
     per_length = length * (spacings[0][0] / spacings[1][int(swapped)]) ** 2
-    expected = {
-        name: value * (per_length if name in CURVATURES else length if name in LENGTHS else 1.0)
-        for name, value in before.items()
-    }
+    for name in LENGTHS:
+        expected[name] *= per_length if name in CURVATURES else length
     if swapped:
         x, y = expected["bandwidth_x"], expected["bandwidth_y"]
         expected |= {"bandwidth_x": y, "bandwidth_y": x}
-    found = differences(after.values, expected, "off the other's", allowed)
-    return Answer(in_words(after), [*found])
+    image = describe(np.asanyarray(change(heights)), spacings[1])
+    return _compared(image, expected, "off the other's", allowed)
 
 
 def in_words(found: Description) -> str:

@@ -4,10 +4,11 @@ Nothing here is shared with `gen`: the definitions stand a second time, node by 
 slices, and a float appears only when a result is handed over.
 """
 
+from collections.abc import Iterable, Mapping
 from decimal import Decimal, localcontext
 from fractions import Fraction
-from math import isqrt, nan
-from typing import Any, NamedTuple
+from math import nan
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,38 +16,35 @@ from numpy.typing import NDArray
 from gen.statistics import NAMES
 
 Field = NDArray[np.float64]
+Place = tuple[int, int]
 
 SMALL_ENOUGH = 2**20
 """Whole heights up to here are kept in machine words: their curvatures fit too."""
 
 DIGITS = 60
-"""Of powers of two that are no fractions."""
-
+"""Of powers of two and roots that are no fractions."""
 
 DIAGONAL = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 STRAIGHT = ((1, 0), (-1, 0), (0, 1), (0, -1))
 
-
-class Moments(NamedTuple):
-    """Of a sample, as `gen.statistics` names them; nan where it does not define them."""
-
-    mean: Fraction | float
-    rms: Fraction | float
-    skewness: float
-    kurtosis: float
+fractions = np.vectorize(Fraction, otypes=[object])
+"""Make fractions of floats, exactly."""
 
 
 def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]:
-    """The 22 statistics of heights as they are given.
+    """Compute the 22 statistics of heights as they are given.
 
     Parameters
     ----------
-    heights : (n_x, n_y) finite heights [um]
-    spacing : along x and y [um]
+    heights : ndarray, shape (n_x, n_y)
+        Finite heights [um].
+    spacing : tuple of float
+        Spacing of the nodes along x and y [um].
 
     Returns
     -------
-    By the names of Table 1, rounded once [um, um-1 or 1]
+    dict of str to float
+        Statistics by the names of Table 1, rounded once [um, um-1 or 1].
     """
     z, unit = whole(heights)
     squares = [Fraction(each) ** 2 for each in spacing]
@@ -58,58 +56,45 @@ def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]
     summits = on_x[:, 1:-1] & on_y[1:-1]
     # Curvatures over unit / (spacing_x^2 denominator), twice that at summits: whole numbers.
     over, under = ratio.numerator, ratio.denominator
-    pooled = _joined(_times(along_x[on_x], under), _times(along_y[on_y], over))
+    pooled = np.concatenate((_times(along_x[on_x], under), _times(along_y[on_y], over)))
     both = _times(along_x[:, 1:-1][summits], under) + _times(along_y[1:-1][summits], over)
     per_length = unit / squares[0] / under
-    peak = moments(_joined(z[1:-1][on_x], z[:, 1:-1][on_y]))
-    peak_curvature, asperity = moments(pooled), moments(z[1:-1, 1:-1][summits])
-    curvature, height = moments(both), moments(z.ravel())
-    peaks = int(on_x.sum()) + int(on_y.sum())
+    peaks = np.concatenate((z[1:-1][on_x], z[:, 1:-1][on_y]))
+    peak_curvature = moments(pooled, per_length)
+    asperity = moments(z[1:-1, 1:-1][summits], unit)
+    height = moments(z.ravel(), unit)
     values = (
-        _times_unit(peak.mean, unit),
-        _times_unit(peak.rms, unit),
-        peak.kurtosis,
-        peak.skewness,
-        peaks / (2 * z.size),
-        _times_unit(peak_curvature.mean, per_length),
-        peak_curvature.kurtosis - 3,
-        peak_curvature.skewness,
+        *moments(peaks, unit),
+        peaks.size / (2 * z.size),
+        *(peak_curvature[0], peak_curvature[2] - 3, peak_curvature[3]),
         _bandwidth(z, np.diff(z, axis=0), along_x),
         _bandwidth(z, np.diff(z, axis=1), along_y),
-        _times_unit(asperity.mean, unit),
-        _times_unit(asperity.rms, unit),
-        asperity.kurtosis - 3,
-        asperity.skewness,
-        int(summits.sum()) / z.size,
-        _times_unit(curvature.mean, per_length / 2),
-        _times_unit(curvature.rms, per_length / 2),
-        curvature.kurtosis,
-        curvature.skewness,
-        _times_unit(height.mean, unit),
-        float(int(z.max()) * unit),
-        _times_unit(height.rms, unit),
+        *(asperity[0], asperity[1], asperity[2] - 3, asperity[3]),
+        both.size / z.size,
+        *moments(both, per_length / 2),
+        *(height[0], float(int(z.max()) * unit), height[1]),
     )
     return dict(zip(NAMES, values, strict=True))
 
 
 def whole(heights: Field) -> tuple[NDArray[Any], Fraction]:
-    """Heights above the lowest as whole numbers of a unit, all of their bits [um]."""
+    """Return heights above the lowest as whole numbers of a unit, all of their bits [um]."""
     pairs = [float(height).as_integer_ratio() for height in np.unique(heights)]
     unit = max(denominator for _, denominator in pairs)
     lowest, highest = (top * (unit // bottom) for top, bottom in (pairs[0], pairs[-1]))
     if highest - lowest < SMALL_ENOUGH and unit < 2**40 and abs(lowest) < 2**53:
         return (heights * unit).astype(np.int64) - lowest, Fraction(1, unit)
-    grid = np.empty(heights.size, dtype=object)
-    for place, height in enumerate(heights.ravel().tolist()):
-        top, bottom = height.as_integer_ratio()
-        grid[place] = top * (unit // bottom) - lowest
-    return grid.reshape(heights.shape), Fraction(1, unit)
+    steps = np.vectorize(lambda height: int(Fraction(height) * unit) - lowest, otypes=[object])
+    return steps(heights), Fraction(1, unit)
 
 
-def moments(values: NDArray[Any]) -> Moments:
-    """Moments of whole numbers (count,); shapes are nan where all are equal."""
+def moments(values: NDArray[Any], unit: Fraction) -> tuple[float, float, float, float]:
+    """Return mean and rms value of whole numbers of a unit, kurtosis and skewness [1].
+
+    All are nan for no numbers, and the last two where all numbers are equal.
+    """
     if not values.size:
-        return Moments(nan, nan, nan, nan)
+        return nan, nan, nan, nan
     counts, number = _counts(values), values.size
     total = sum(value * count for value, count in counts)
     second, third, fourth = (
@@ -119,16 +104,16 @@ def moments(values: NDArray[Any]) -> Moments:
         )
         for power in (2, 3, 4)
     )
-    mean, rms = Fraction(total, number), root(second)
-    if not second:
-        return Moments(mean, rms, nan, nan)
-    return Moments(mean, rms, float(third / (second * rms)), float(fourth / second**2))
+    rms = root(second)
+    shapes = (float(fourth / second**2), float(third / (second * rms))) if second else (nan, nan)
+    return float(Fraction(total, number) * unit), float(rms * unit), *shapes
 
 
 def root(square: Fraction) -> Fraction:
-    """Square root to 60 digits or more."""
-    shift = 4 * DIGITS + square.denominator.bit_length()
-    return Fraction(isqrt((square.numerator << (2 * shift)) // square.denominator), 1 << shift)
+    """Return a square root to 60 digits."""
+    with localcontext() as context:
+        context.prec = DIGITS
+        return Fraction((Decimal(square.numerator) / Decimal(square.denominator)).sqrt())
 
 
 def _times(values: NDArray[Any], factor: int) -> NDArray[Any]:
@@ -136,27 +121,16 @@ def _times(values: NDArray[Any], factor: int) -> NDArray[Any]:
     return values if factor == 1 else values.astype(object) * factor
 
 
-def _joined(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
-    return np.concatenate((first.ravel(), second.ravel()))
-
-
-def _times_unit(value: Fraction | float, unit: Fraction) -> float:
-    return float(value * unit) if isinstance(value, Fraction) else nan
-
-
 def _bandwidth(z: NDArray[Any], slopes: NDArray[Any], curvatures: NDArray[Any]) -> float:
     """Nayak's m0 m4 / m2^2 along one axis."""
-    squares = [_sum_of_squares(each) for each in (slopes, curvatures)]
-    if not squares[0] or not curvatures.size:
+    if not curvatures.size or not (m2 := _mean_square(slopes)):
         return nan
-    m2, m4 = Fraction(squares[0], slopes.size), Fraction(squares[1], curvatures.size)
-    total, number = sum(value * count for value, count in _counts(z)), z.size
-    m0 = Fraction(_sum_of_squares(z), number) - Fraction(total, number) ** 2
-    return float(m0 * m4 / m2**2)
+    mean = Fraction(sum(value * count for value, count in _counts(z)), z.size)
+    return float((_mean_square(z) - mean**2) * _mean_square(curvatures) / m2**2)
 
 
-def _sum_of_squares(values: NDArray[Any]) -> int:
-    return sum(value * value * count for value, count in _counts(values))
+def _mean_square(values: NDArray[Any]) -> Fraction:
+    return Fraction(sum(value * value * count for value, count in _counts(values)), values.size)
 
 
 def _counts(values: NDArray[Any]) -> list[tuple[int, int]]:
@@ -167,58 +141,45 @@ def _counts(values: NDArray[Any]) -> list[tuple[int, int]]:
 
 def surface(
     generator: str, nodes: int, hurst: float, sigma0: float, random: np.random.Generator
-) -> list[list[Fraction]]:
-    """A random surface above its lowest node, node by node; parameters as for `gen.surface`."""
-    grid: dict[tuple[int, int], Fraction] = {}
-    last = nodes - 1
-    for corner in ((0, 0), (0, last), (last, 0), (last, last)):
-        grid[corner] = Fraction(0)
-    step, level = last, 0
-    both = generator == "diamond-square"
-    while step > 1:
-        half = step // 2
-        odd, even = range(half, last, step), range(0, nodes, step)
-        squares = [(i, j) for i in odd for j in odd]
-        edges = [(i, j) for i in odd for j in even], [(i, j) for i in even for j in odd]
-        amplitudes = _amplitudes(sigma0, hurst, level, both=both)
-        _displace(grid, squares, half, amplitudes[0], random, diagonal=True)
-        centres = set() if both else set(squares)
-        corners = {at: height for at, height in grid.items() if at not in centres}
-        for each in edges:
-            new = dict(corners)
-            _displace(new, each, half, amplitudes[1], random, diagonal=False)
-            grid.update((at, new[at]) for at in each)
-        step, level = half, level + 1
-    lowest = min(grid.values())
-    return [[grid[i, j] - lowest for j in range(nodes)] for i in range(nodes)]
+) -> NDArray[Any]:
+    """(nodes, nodes) fractions of a random surface above its lowest node, made node by node.
+
+    Parameters are those of `gen.surface.generate`.
+    """
+    both = generator == "diamond-square"  # whose edges see the centres, and decay once more
+    last, level = nodes - 1, Decimal(0)
+    grid = {(i, j): Fraction(0) for i in (0, last) for j in (0, last)}
+    for half in (last >> k for k in range(1, last.bit_length())):
+        odd, even = range(half, last, 2 * half), range(0, nodes, 2 * half)
+        amplitude = _amplitude(sigma0, hurst, level)
+        centres = _displaced(grid, [(i, j) for i in odd for j in odd], half, amplitude, random)
+        known, grid = {**grid, **centres} if both else grid, {**grid, **centres}
+        amplitude = _amplitude(sigma0, hurst, level + Decimal("0.5") * both)
+        for rows, columns in ((odd, even), (even, odd)):
+            places = [(i, j) for i in rows for j in columns]
+            grid |= _displaced(known, places, half, amplitude, random, STRAIGHT)
+        level += 1
+    heights = [[grid[i, j] for j in range(nodes)] for i in range(nodes)]
+    return np.asarray(np.array(heights, dtype=object) - min(grid.values()))
 
 
-def _amplitudes(
-    sigma0: float, hurst: float, level: int, *, both: bool
-) -> tuple[Fraction, Fraction]:
-    """Of centres and of edges of a level; both steps decay with diamond-square."""
+def _amplitude(sigma0: float, hurst: float, level: Decimal) -> Fraction:
     with localcontext() as context:
         context.prec = DIGITS
-        powers = [
-            Fraction(Decimal(2) ** (-Decimal(hurst) * (level + later)))
-            for later in ((Decimal(0), Decimal("0.5")) if both else (Decimal(0), Decimal(0)))
-        ]
-    return Fraction(sigma0) * powers[0], Fraction(sigma0) * powers[1]
+        return Fraction(sigma0) * Fraction(Decimal(2) ** (-Decimal(hurst) * level))
 
 
-def _displace(
-    grid: dict[tuple[int, int], Fraction],
-    nodes: list[tuple[int, int]],
+def _displaced(
+    known: Mapping[Place, Fraction],
+    places: list[Place],
     half: int,
     amplitude: Fraction,
     random: np.random.Generator,
-    *,
-    diagonal: bool,
-) -> None:
-    """Put new nodes at the mean of those around them that are there, plus a normal number."""
-    around = DIAGONAL if diagonal else STRAIGHT
-    draws = random.standard_normal(len(nodes)).tolist()
-    old = dict(grid)
-    for (i, j), draw in zip(nodes, draws, strict=True):
-        found = [old[at] for di, dj in around if (at := (i + di * half, j + dj * half)) in old]
-        grid[i, j] = sum(found, Fraction(0)) / len(found) + amplitude * Fraction(draw)
+    around: Iterable[Place] = DIAGONAL,
+) -> dict[Place, Fraction]:
+    """Put new nodes at the mean of those around them that are known, plus a normal number."""
+    new = {}
+    for (i, j), draw in zip(places, random.standard_normal(len(places)).tolist(), strict=True):
+        near = [known[at] for di, dj in around if (at := (i + di * half, j + dj * half)) in known]
+        new[i, j] = sum(near, Fraction(0)) / len(near) + amplitude * Fraction(draw)
+    return new
