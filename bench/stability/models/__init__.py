@@ -1,6 +1,5 @@
 """Stiff and extreme cases of the nine models, their features, splits and scores.
 
-`samples` holds ordinary rows and what spoils them, `fitted` fits and asks a surrogate the way the
-product does, `optimality` proves a fit from the estimator's own numbers, `*_cases` say what is
-asked and judge it, `sheet` is the table of all.
+`samples` holds ordinary rows and spoils them, `fitted` fits and asks a surrogate as the product
+does, `fit_checks` and `optimality` judge a fit, `fit_cases` and `part_cases` are the table's rows.
 """

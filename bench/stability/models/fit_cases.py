@@ -13,8 +13,7 @@ from bench.stability.models.fit_checks import (
     constant,
     fitted_ordinarily,
     flagged,
-    same_inputs,
-    same_target,
+    same_in_other_units,
     saved,
     single,
     sound,
@@ -22,27 +21,19 @@ from bench.stability.models.fit_checks import (
 from bench.stability.models.fitted import WAYS, Asked, fitted
 from bench.stability.models.optimality import optimal
 from bench.stability.models.samples import (
+    CONSTANT_COLUMN,
+    DOMINANT_COLUMN,
     SEEN,
     Change,
-    ordinary,
-    unchanged,
-    with_inputs,
-    with_target,
-)
-from bench.stability.models.spoiling import (
+    altered,
     collinear,
-    constant_column,
     contradicting,
-    dominant,
     doubled,
-    outlier,
-    spike,
-    times,
-    zero_row,
+    ordinary,
 )
 from learn.models import MODELS
 
-SMALL, LARGE = 2.0**-40, 2.0**40
+UNITS = {"2^-40": 2.0**-40, "2^40": 2.0**40}
 """About 1e-12 and 1e12, as powers of two: changes of units that round nothing."""
 
 
@@ -52,18 +43,25 @@ class Spoilt:
 
     Attributes
     ----------
-    family : what is the matter with them
-    change : makes them from ordinary ones
-    checks : of every model, besides those that every fit has to pass
-    features, target : of the rows
-    settings : of models, on top of both ways' own
-    models : that are asked
-    seen : rows that train
+    family, asked : str
+        What is the matter with them, and the input in words.
+    change : callable or None
+        Makes them from ordinary ones.
+    checks : tuple of Check
+        Checks of every model, besides those that every fit has to pass.
+    features, target : str
+        Features and target of the rows.
+    settings : mapping of str
+        Settings of models, on top of both ways' own.
+    models : tuple of str
+        Models that are asked.
+    seen : int
+        Rows that train.
     """
 
     family: str
     asked: str
-    change: Change = unchanged
+    change: Change | None = None
     checks: tuple[Check, ...] = ()
     features: str = "paper"
     target: str = "area_percent"
@@ -71,122 +69,99 @@ class Spoilt:
     models: tuple[str, ...] = tuple(MODELS)
     seen: int = SEEN
 
+    def fitted(self, name: str, way: str) -> Asked:
+        """Fit a model to such rows, to ordinary ones once for all cases."""
+        if self.change is None and not self.settings:
+            return fitted_ordinarily(name, way, self.features, self.target)
+        rows = ordinary(self.features, self.target)
+        rows = self.change(rows) if self.change else rows
+        return fitted(name, way, rows, self.settings, self.seen)
+
+    def examine(self, name: str) -> Answer:
+        """Fit with the libraries' settings and with tuned ones."""
+        said: list[str] = []
+        findings: list[Finding] = []
+        for way in WAYS:
+            asked = self.fitted(name, way)
+            score, remarks = asked.score(), ", ".join(asked.remarks)[:150]
+            told = "constant target" if np.isnan(score) else f"R2 {100 * score:.4g} % of seen rows"
+            said.append(f"{way}: {told}" + f" ({remarks})" * bool(remarks))
+            for check in (sound, optimal, *self.checks):
+                findings += [each._replace(what=f"{way}: {each.what}") for each in check(asked)]
+        return Answer("; ".join(said), findings)
+
 
 def cases() -> Iterator[Case]:
     """Family after family."""
     for spoilt in KINDS:
         for name in spoilt.models:
-            yield Case(
-                f"models: {spoilt.family}",
-                MODELS[name].title,
-                spoilt.asked,
-                partial(_examine, spoilt, name),
-                slow=False,
+            examine = partial(spoilt.examine, name)
+            yield Case(f"models: {spoilt.family}", MODELS[name].title, spoilt.asked, examine)
+
+
+def _other_units() -> Iterator[Spoilt]:
+    """The force in other units, with and without scaling."""
+    for features, without, asked in (
+        ("paper", "", ""),
+        ("dimensionless", ", without units", "dimensionless features, "),
+    ):
+        for name, factor in UNITS.items():
+            yield Spoilt(
+                f"target in {'large' if factor < 1 else 'small'} units{without}",
+                f"{asked}force times {name}",
+                altered("target", ..., factor=factor),
+                (partial(same_in_other_units, target=factor),),
+                features,
+                "force",
             )
 
 
-def _examine(spoilt: Spoilt, name: str) -> Answer:
-    """Fit with the libraries' settings and with tuned ones."""
-    said: list[str] = []
-    findings: list[Finding] = []
-    for way in WAYS:
-        asked = _fitted(spoilt, name, way)
-        said.append(f"{way}: {_in_words(asked)}")
-        for check in (sound, optimal, *spoilt.checks):
-            findings += [found._replace(what=f"{way}: {found.what}") for found in check(asked)]
-    return Answer("; ".join(said), findings)
-
-
-def _fitted(spoilt: Spoilt, name: str, way: str) -> Asked:
-    if spoilt.change is unchanged and not spoilt.settings:
-        return fitted_ordinarily(name, way, spoilt.features, spoilt.target)
-    rows = spoilt.change(ordinary(spoilt.features, spoilt.target))
-    return fitted(name, way, rows, spoilt.settings, spoilt.seen)
-
-
-def _in_words(asked: Asked) -> str:
-    score = asked.score()
-    said = "constant target" if np.isnan(score) else f"R2 {100 * score:.4g} % of seen rows"
-    remarks = ", ".join(asked.remarks)
-    return f"{said} ({remarks[:150]})" if remarks else said
-
-
+WITHOUT_UNITS = partial(Spoilt, features="dimensionless")
+CONSTANT = altered("target", ..., 3.7)
 KINDS = (
     Spoilt("ordinary rows", "60 rows train", checks=(saved,)),
-    Spoilt(
-        "ordinary rows without units",
-        "dimensionless features",
-        features="dimensionless",
-        checks=(saved,),
-    ),
-    Spoilt(
-        "constant target",
-        "area 3.7 % in all rows",
-        with_target(lambda t: np.full_like(t, 3.7)),
-        (constant,),
-    ),
-    Spoilt(
+    WITHOUT_UNITS("ordinary rows without units", "dimensionless features", checks=(saved,)),
+    Spoilt("constant target", "area 3.7 % in all rows", CONSTANT, (constant,)),
+    WITHOUT_UNITS(
         "constant target without units",
         "dimensionless features, area 3.7 % in all rows",
-        with_target(lambda t: np.full_like(t, 3.7)),
+        CONSTANT,
         (constant,),
-        "dimensionless",
     ),
-    Spoilt("constant column", "an input is 0.25 in all rows", with_inputs(constant_column)),
-    Spoilt(
-        "constant column without units",
-        "dimensionless features",
-        with_inputs(constant_column),
-        features="dimensionless",
-    ),
-    Spoilt(
-        "collinear columns", "an input is twice another, one a sum of two", with_inputs(collinear)
-    ),
+    Spoilt("constant column", "an input is 0.25 in all rows", CONSTANT_COLUMN),
+    WITHOUT_UNITS("constant column without units", "dimensionless features", CONSTANT_COLUMN),
+    Spoilt("collinear columns", "an input is twice another, one a sum of two", collinear),
     Spoilt("duplicated rows", "30 rows, each twice", doubled, (saved,)),
     Spoilt("contradicting rows", "30 rows, each twice, targets 10 % apart", contradicting),
-    Spoilt("a row of zeros", "cannot be scaled to unit length", with_inputs(zero_row)),
     Spoilt(
-        "inputs in small units",
-        "all inputs times 2^-40",
-        with_inputs(times(SMALL)),
-        (same_inputs,),
+        "a row of zeros", "cannot be scaled to unit length", altered("inputs", [3, SEEN + 15], 0.0)
     ),
-    Spoilt(
-        "inputs in large units", "all inputs times 2^40", with_inputs(times(LARGE)), (same_inputs,)
+    *(
+        Spoilt(
+            f"inputs in {'small' if factor < 1 else 'large'} units",
+            f"all inputs times {name}",
+            altered("inputs", ..., factor=factor),
+            (same_in_other_units,),
+        )
+        for name, factor in UNITS.items()
     ),
-    Spoilt("one input in small units", "an input times 1e12", with_inputs(dominant)),
-    Spoilt(
+    Spoilt("one input in small units", "an input times 1e12", DOMINANT_COLUMN),
+    WITHOUT_UNITS(
         "one input in small units, standardised",
         "dimensionless features, an input times 1e12",
-        with_inputs(dominant),
-        features="dimensionless",
+        DOMINANT_COLUMN,
     ),
-    Spoilt("outlier among inputs", "one row times 1e9", with_inputs(outlier)),
-    Spoilt("outlier among targets", "one force of 1e12 uN", with_target(spike), target="force"),
+    Spoilt("outlier among inputs", "one row times 1e9", altered("inputs", 3, factor=1e9)),
+    Spoilt(
+        "outlier among targets",
+        "one force of 1e12 uN",
+        altered("target", 3, 1e12),
+        target="force",
+    ),
     Spoilt(
         "few rows", "6 rows train, 2 calibrate, 2 test", lambda rows: rows.at(np.arange(10)), seen=6
     ),
-    *(
-        Spoilt(
-            f"target in {'large' if factor < 1 else 'small'} units",
-            f"force times {name}",
-            with_target(times(factor)),
-            (same_target(factor),),
-            target="force",
-        )
-        for name, factor in (("2^-40", SMALL), ("2^40", LARGE))
-    ),
-    *(
-        Spoilt(
-            f"target in {'large' if factor < 1 else 'small'} units, without units",
-            f"dimensionless features, force times {name}",
-            with_target(times(factor)),
-            (same_target(factor),),
-            "dimensionless",
-            "force",
-        )
-        for name, factor in (("2^-40", SMALL), ("2^40", LARGE))
-    ),
+    *_other_units(),
     Spoilt(
         "nearly singular",
         "alpha 0, linear kernel or radial functions, 30 rows twice",
@@ -208,11 +183,6 @@ KINDS = (
         models=("gaussian-process",),
     ),
     Spoilt("far outside", "statistics of the test rows times 1e-12 to 1e300", checks=(flagged,)),
-    Spoilt(
-        "far outside, without units",
-        "dimensionless features",
-        checks=(flagged,),
-        features="dimensionless",
-    ),
+    WITHOUT_UNITS("far outside, without units", "dimensionless features", checks=(flagged,)),
     Spoilt("single precision", "float32 rows are asked", checks=(single,)),
 )

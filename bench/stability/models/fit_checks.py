@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from bench.stability.case import Finding
-from bench.stability.models.fitted import Asked, fitted, loaded, rows_of, unlike
-from bench.stability.models.samples import ordinary, scene
+from bench.stability.models.fitted import Asked, fitted, loaded, rows_of
+from bench.stability.models.samples import Values, ordinary, scene
 from gen.runtime.errors import InputError
 from learn.models import MODELS
 
@@ -33,9 +33,8 @@ def fitted_ordinarily(name: str, way: str, features: str, target: str) -> Asked:
 def sound(asked: Asked) -> Iterator[Finding]:
     """Numbers, never worse than the mean without saying so."""
     everything = asked.surrogate.predict_rows(rows_of(asked.test)).values["target"]
-    bad = np.count_nonzero(~np.isfinite(everything))
-    bad += np.count_nonzero(~np.isfinite(asked.predicted(asked.train)))
-    yield Finding("not finite", int(bad), 0)
+    numbers = np.concatenate((everything, asked.predicted(asked.train)))
+    yield Finding("not finite", int(np.count_nonzero(~np.isfinite(numbers))), 0)
     unsaid = int(asked.worse_than_constant() and not asked.remarks)
     yield Finding("worse than a constant, unsaid", unsaid, 0)
 
@@ -43,49 +42,40 @@ def sound(asked: Asked) -> Iterator[Finding]:
 def saved(asked: Asked) -> Iterator[Finding]:
     """The file gives the same bits, intervals too."""
     rows = rows_of(asked.test)
-    before, after = (each.predict_rows(rows) for each in (asked.surrogate, loaded(asked)))
-    differ = sum(
-        unlike(getattr(before, part)["target"], getattr(after, part)["target"])
-        for part in ("values", "low", "high")
+    before, after = (
+        [getattr(each.predict_rows(rows), part)["target"] for part in ("values", "low", "high")]
+        for each in (asked.surrogate, loaded(asked))
     )
+    differ = int(np.count_nonzero(np.not_equal(before, after)))
     yield Finding("numbers unlike after loading", differ, 0)
 
 
 def constant(asked: Asked) -> Iterator[Finding]:
     """A constant target is predicted, by models that can."""
-    if (
-        asked.name in {"kernel-ridge", "gaussian-process", "mlp"}
-        and asked.train.features == "paper"
-    ):
+    unable = {"kernel-ridge", "gaussian-process", "mlp"}
+    if asked.name in unable and asked.train.features == "paper":
         return
     value = float(asked.train.target[0])
-    error = np.abs(asked.predicted(asked.test) - value).max() / abs(value)
     allowed = asked.estimator.epsilon / abs(value) if asked.name == "svm" else 1e-6
+    error = np.abs(asked.predicted(asked.test) - value).max() / abs(value)
     yield Finding("off the constant", float(error), allowed)
 
 
-def same_inputs(asked: Asked) -> Iterator[Finding]:
-    """Predictions are those for inputs in ordinary units."""
-    yield _in_other_units(asked, 1.0)
+def same_in_other_units(asked: Asked, target: float = 1.0) -> Iterator[Finding]:
+    """Predictions are those of ordinary rows, times the factor of the target's unit.
 
-
-def same_target(factor: float) -> Check:
-    """Predictions are those for a target in ordinary units, times a factor."""
-
-    def check(asked: Asked) -> Iterator[Finding]:
-        if asked.train.features != "paper" or (asked.name in SCALE_FREE and asked.way == "default"):
-            yield _in_other_units(asked, factor)
-
-    return check
-
-
-def _in_other_units(asked: Asked, factor: float) -> Finding:
-    other = fitted_ordinarily(asked.name, asked.way, asked.train.features, asked.train.target_name)
-    expected = other.predicted(other.test) * factor
-    size = float(np.abs(expected).max()) or 1.0
-    error = float(np.abs(asked.predicted(asked.test) - expected).max()) / size
+    Other units of the target may change a fit without scaling, or of a model that is not free of
+    scales.
+    """
+    train = asked.train
+    free = asked.name in SCALE_FREE and asked.way == "default"
+    if target != 1.0 and train.features == "paper" and not free:
+        return
+    other = fitted_ordinarily(asked.name, asked.way, train.features, train.target_name)
+    expected = other.predicted(other.test) * target
     allowed = SINGLE_INSIDE if asked.name == "xgboost" else 0.0
-    return Finding("off the same in other units", error, allowed)
+    error = _over_largest(asked.predicted(asked.test), expected)
+    yield Finding("off the same in other units", error, allowed)
 
 
 def flagged(asked: Asked) -> Iterator[Finding]:
@@ -109,6 +99,10 @@ def single(asked: Asked) -> Iterator[Finding]:
     """Rows in single precision are answered as the same rows in double."""
     short: Any = asked.test.inputs.astype(np.float32)
     learnt = asked.fit.learnt
-    found, expected = learnt.raw(short), learnt.raw(short.astype(np.float64))
-    size = float(np.abs(expected).max()) or 1.0
-    yield Finding("off double precision", float(np.abs(found - expected).max()) / size, SINGLE)
+    error = _over_largest(learnt.raw(short), learnt.raw(short.astype(np.float64)))
+    yield Finding("off double precision", error, SINGLE)
+
+
+def _over_largest(found: Values, expected: Values) -> float:
+    """Largest deviation over the largest expected number."""
+    return float(np.abs(found - expected).max()) / (float(np.abs(expected).max()) or 1.0)

@@ -1,6 +1,5 @@
 """Fit a model and ask it, by the ways that the product goes."""
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,7 +7,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.stability.models.samples import CALIBRATING, NODES, SEEN, Values, scene
 from learn.comparison.search.spaces import baseline, untuned
@@ -39,18 +37,29 @@ class Asked:
 
     Attributes
     ----------
-    name, way : model and settings, one of `WAYS`
-    fit : what the product made of the training rows
-    surrogate : with this one model
-    train, test : rows
+    request : Request
+        Request that names the model and its features.
+    way : str
+        Whose settings, one of `WAYS`.
+    fit : Fit
+        What the product made of the training rows.
+    surrogate : Surrogate
+        Surrogate with this one model.
+    train, test : Dataset
+        Rows.
     """
 
-    name: str
+    request: Request
     way: str
     fit: Fit
     surrogate: Surrogate
     train: Dataset
     test: Dataset
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.request.models[0]
 
     @property
     def estimator(self) -> Any:
@@ -105,24 +114,23 @@ def fitted(
 
     Parameters
     ----------
-    name : of a model
-    way : one of `WAYS`
-    rows : all of them
-    settings : on top of these
-    seen : rows that train; of the others a third calibrates
+    name : str
+        Name of a model.
+    way : str
+        One of `WAYS`.
+    rows : Dataset
+        All rows.
+    settings : mapping of str, optional
+        Settings on top of these.
+    seen : int
+        Number of rows that train; of the others a third calibrates.
     """
-    calibrating = min(CALIBRATING, (rows.size - seen) // 2)
-    train, calibration, test = (
-        rows.at(np.arange(rows.size)[part])
-        for part in (
-            slice(seen),
-            slice(seen, seen + calibrating),
-            slice(seen + calibrating, rows.size),
-        )
-    )
+    ends = seen, seen + min(CALIBRATING, (rows.size - seen) // 2)
+    train, calibration, test = map(rows.at, np.split(np.arange(rows.size), ends))
     request = Request(
         Path("rows.h5"),
         Path("out"),
+        targets=(short_name(rows.target_name),),
         models=(name,),
         features=rows.features,
         normalisation=chosen(rows.features).normalisation,
@@ -142,7 +150,7 @@ def fitted(
     }
     low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
     surrogate = Surrogate(known, {"target": fit.learnt}, low, high)
-    return Asked(name, way, fit, surrogate, train, test)
+    return Asked(request, way, fit, surrogate, train, test)
 
 
 def rows_of(rows: Dataset) -> Rows:
@@ -153,31 +161,14 @@ def rows_of(rows: Dataset) -> Rows:
 
 def loaded(asked: Asked) -> Surrogate:
     """The surrogate after it was written, with the card of a whole one, and read."""
-    name, learnt = short_name(asked.train.target_name), asked.fit.learnt
-    request = Request(
-        Path("rows.h5"),
-        Path("out"),
-        targets=(name,),
-        models=(asked.name,),
-        features=asked.train.features,
-        normalisation=chosen(asked.train.features).normalisation,
-    )
+    (name,), learnt = asked.request.targets, asked.fit.learnt
     calibrated = sum(scores.size for scores in learnt.calibration.scores)
     parts = np.arange(asked.train.rows.size), np.arange(calibrated), np.arange(0)
-    judged = card.judge(learnt, asked.test, np.arange(asked.test.rows.size)) | {
-        "settings": {},
-        "settings_from": asked.way,
-        "remarks": list(asked.remarks),
-    }
-    whole = card.make(request, asked.train, parts, {name: judged})
-    own = asked.surrogate
-    with TemporaryDirectory() as folder, warnings.catch_warnings():
+    judged = card.judge(learnt, asked.test, np.arange(asked.test.rows.size))
+    judged |= {"settings": {}, "settings_from": asked.way, "remarks": list(asked.remarks)}
+    whole = card.make(asked.request, asked.train, parts, {name: judged})
+    with TemporaryDirectory() as folder:
         path = Path(folder) / "model.surrogate"
-        Surrogate(whole, {name: learnt}, own.low, own.high).save(path)
+        replace(asked.surrogate, card=whole, learnt={name: learnt}).save(path)
         read = Surrogate.load(path)
     return replace(read, learnt={"target": read.learnt[name]})
-
-
-def unlike(first: NDArray[Any], second: NDArray[Any]) -> int:
-    """How many bits' worth of numbers differ: not one may."""
-    return int(np.count_nonzero(first != second)) + int(np.isnan(first).sum())

@@ -19,8 +19,9 @@ TUBE = 0.01
 
 
 def optimal(asked: Asked) -> Iterator[Finding]:
-    """The conditions that a fit of this model has to fulfil on its training rows."""
-    yield from CONDITIONS[asked.name](asked)
+    """The conditions that a fit of this model has to fulfil on its training rows, if it has any."""
+    if asked.name in CONDITIONS:
+        yield from CONDITIONS[asked.name](asked)
 
 
 def _ridge(asked: Asked) -> Iterator[Finding]:
@@ -96,11 +97,6 @@ def _boosted(asked: Asked) -> Iterator[Finding]:
     yield Finding("mean of what is left", _over(abs(float(rest.mean())), asked.target), 1e-11)
 
 
-def _nothing(_asked: Asked) -> Iterator[Finding]:
-    """No condition that could be checked: what else is asked of it has to do."""
-    return iter(())
-
-
 def _over(error: float, target: NDArray[np.float64]) -> float:
     """Over the largest target."""
     return float(error) / (float(np.abs(target).max()) or 1.0)
@@ -110,10 +106,8 @@ CONDITIONS: dict[str, Callable[[Asked], Iterator[Finding]]] = {
     "decision-tree": _tree,
     "random-forest": _within,
     "adaboost": _within,
-    "xgboost": _nothing,
     "gradient-boost": _boosted,
     "svm": _vectors,
     "gaussian-process": _process,
     "kernel-ridge": _ridge,
-    "mlp": _nothing,
 }

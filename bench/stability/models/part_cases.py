@@ -1,6 +1,6 @@
 """Cases about what stands round the models: features, splits, scores, cleaning."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 
 from bench.stability.case import Answer, Case, Finding, Refusal
-from bench.stability.models.samples import Values, ordinary
+from bench.stability.models.samples import (
+    CONSTANT_COLUMN,
+    DOMINANT_COLUMN,
+    Change,
+    Values,
+    ordinary,
+)
+from bench.stability.surfaces.exact import fractions
 from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn import dataset
@@ -29,7 +36,15 @@ def cases() -> Iterator[Case]:
     """Family after family."""
     yield from _features()
     yield from _features_refused()
-    yield from _splits()
+    for name, groups in (
+        ("90 surfaces", np.arange(90)),
+        ("10 rows", np.arange(10)),
+        ("one surface", np.zeros(90, np.int64)),
+        ("two surfaces", np.arange(90) // 45),
+        ("one surface with half of the rows", np.maximum(np.arange(90) - 44, 0)),
+    ):
+        asked = f"{groups.size} rows, {SEEDS} seeds"
+        yield Case("splits", name, asked, partial(_split, groups))
     yield from _scores()
     yield from _scores_refused()
     yield from _remarks()
@@ -47,21 +62,18 @@ def _features() -> Iterator[Case]:
             ("1e-12", 1e-12, 1e-9),
             ("1e12", 1e12, 1e-9),
         ):
-            yield Case(
-                "features: units",
-                f"all lengths times {what}, {name}",
-                f"65 x 65, Δ = {DELTA:g} um, beside the same in um",
-                partial(_other_unit, name, factor, allowed),
-            )
+            asked = f"65 x 65, Δ = {DELTA:g} um, beside the same in um"
+            examine = partial(_other_unit, name, factor, allowed)
+            yield Case("features: units", f"all lengths times {what}, {name}", asked, examine)
+    case, counted = partial(Case, "features: hybrid"), "shares and means counted node by node"
+    heights = _surface()
     for delta in (1e-12, 1e-3, 12.0, 1e3, 1e12):
-        asked = "65 x 65, shares and means counted node by node"
-        yield Case("features: hybrid", f"Δ = {delta:g} um", asked, partial(_bearing, delta, 0.0))
-    asked = "65 x 65, Δ = 12 um, shares and means counted node by node"
-    yield Case("features: hybrid", "offset of 1e8 um", asked, partial(_bearing, DELTA, 1e8))
-    for shape in ((65, 17), (9, 64), (5, 5)):
-        asked = f"{shape[0]} x {shape[1]}, a corner of 65 x 65"
-        examine = partial(_bearing, DELTA, 0.0, shape)
-        yield Case("features: hybrid", f"{shape[0]} x {shape[1]}", asked, examine)
+        yield case(f"Δ = {delta:g} um", f"65 x 65, {counted}", partial(_bearing, heights, delta))
+    asked = f"65 x 65, Δ = 12 um, {counted}"
+    yield case("offset of 1e8 um", asked, partial(_bearing, heights + 1e8))
+    for rows, columns in ((65, 17), (9, 64), (5, 5)):
+        name, corner = f"{rows} x {columns}", heights[:rows, :columns]
+        yield case(name, f"{name}, a corner of 65 x 65", partial(_bearing, corner))
 
 
 def _other_unit(name: str, factor: float, allowed: float) -> Answer:
@@ -75,22 +87,18 @@ def _other_unit(name: str, factor: float, allowed: float) -> Answer:
     return Answer(out, [Finding("off the same in um", error, allowed)])
 
 
-def _bearing(delta: float, offset: float, shape: tuple[int, int] = (65, 65)) -> Answer:
+def _bearing(heights: Values, delta: float = DELTA) -> Answer:
     """Bearing share and interference, counted in fractions; all features finite and possible."""
-    heights = _surface()[: shape[0], : shape[1]] + offset
     found = SurfaceFeatures(heights, (SIDE, SIDE)).hybrid(delta)
-    level = Fraction(float(heights.max())) - Fraction(delta)
-    above = [over for z in heights.ravel().tolist() if (over := Fraction(z) - level) > 0]
-    share, mean = (
-        len(above) / heights.size,
-        float(sum(above, Fraction(0)) / heights.size / Fraction(delta)),
-    )
+    above = fractions(heights) - (Fraction(float(heights.max())) - Fraction(delta))
+    above = above[above > 0]
+    mean = float(Fraction(above.sum()) / heights.size / Fraction(delta))
     # A displacement of less than the spacing of numbers at the highest node is rounded to it.
     lost = float(np.spacing(float(heights.max()))) / delta
     return Answer(
         f"share {found[0]:.4g}, interference {found[1]:.4g} Δ, coarse area {found[2]:.4g} %",
         [
-            Finding("share off a count", abs(found[0] - share), 0),
+            Finding("share off a count", abs(found[0] - above.size / heights.size), 0),
             Finding("interference off a sum", abs(found[1] - mean), ROUNDING + lost),
             Finding("not finite", int(np.count_nonzero(~np.isfinite(found))), 0),
             Finding("area beyond 100 %", max(found[2] - 100, 0.0), 0),
@@ -115,18 +123,6 @@ def _features_refused() -> Iterator[Case]:
         yield Case("features: refused", name, "", call, Refusal(InputError, (words,)))
 
 
-def _splits() -> Iterator[Case]:
-    for name, groups in (
-        ("90 surfaces", np.arange(90)),
-        ("10 rows", np.arange(10)),
-        ("one surface", np.zeros(90, np.int64)),
-        ("two surfaces", np.arange(90) // 45),
-        ("one surface with half of the rows", np.maximum(np.arange(90) - 44, 0)),
-    ):
-        asked = f"{groups.size} rows, {SEEDS} seeds"
-        yield Case("splits", name, asked, partial(_split, groups))
-
-
 def _split(groups: Any) -> Answer:
     """Every row once, no surface on both sides, none in two folds."""
     rows = replace(ordinary().at(np.arange(groups.size)), groups=groups)
@@ -146,9 +142,8 @@ def _split(groups: Any) -> Answer:
             shared += np.intersect1d(inside, groups[split.test]).size
             torn += len(set(zip(inside, split.folds.tolist(), strict=True))) - len(set(inside))
     out = f"{tested / max(SEEDS - refusals, 1):.3g} of {groups.size} rows test"
-    out += f", {refusals} seeds refused" * bool(refusals)
     return Answer(
-        out,
+        out + f", {refusals} seeds refused" * bool(refusals),
         [
             Finding("rows lost or twice", lost, 0),
             Finding("surfaces on both sides", shared, 0),
@@ -179,28 +174,21 @@ def _scores() -> Iterator[Case]:
 
 
 def _score(truth: Values, guessed: Values, allowed: float) -> Answer:
-    found = scores(truth, guessed)
-    known, said = ([Fraction(each) for each in values.tolist()] for values in (truth, guessed))
-    rest = [a - b for a, b in zip(known, said, strict=True)]
-    mean = sum(known, Fraction(0)) / len(known)
-    squares = sum((each * each for each in rest), Fraction(0))
-    expected = {
-        "nmse": squares / len(rest) / mean,
-        "nmae": sum(abs(each) for each in rest) / len(rest) / mean,
-        "nmaxe": max(abs(each) for each in rest) / max(abs(each) for each in known),
-        "r2": 1 - squares / sum((each - mean) ** 2 for each in known),
+    found, known, number = scores(truth, guessed), fractions(truth), truth.size
+    rest, mean = known - fractions(guessed), known.sum() / number
+    expected: dict[str, Fraction] = {
+        "nmse": (rest**2).sum() / number / mean,
+        "nmae": abs(rest).sum() / number / mean,
+        "nmaxe": abs(rest).max() / abs(known).max(),
+        "r2": 1 - (rest**2).sum() / ((known - mean) ** 2).sum(),
     }
     errors = {
-        name: _relative(getattr(found, name), 100 * value) for name, value in expected.items()
+        name: float(abs(Fraction(getattr(found, name)) / 100 - value) / (abs(value) or 1))
+        for name, value in expected.items()
     }
     worst = max(errors, key=lambda name: errors[name])
     out = f"R2 {found.r2:.6g} %, nMAE {found.nmae:.4g} %"
     return Answer(out, [Finding(f"off fractions: {worst}", errors[worst], allowed)])
-
-
-def _relative(value: float, expected: Fraction | float) -> float:
-    off = abs(Fraction(value) - Fraction(expected))
-    return float(off / abs(Fraction(expected))) if expected else float(off)
 
 
 def _scores_refused() -> Iterator[Case]:
@@ -218,21 +206,16 @@ def _scores_refused() -> Iterator[Case]:
 
 
 def _remarks() -> Iterator[Case]:
-    rows = ordinary()
     for name, change, words in (
-        ("a constant input", lambda x: np.where(np.arange(23) == 5, 0.25, x), "constant over all"),
-        ("rows twice", lambda x: x, "repeat others exactly"),
-        ("one input dominant", lambda x: np.where(np.arange(23) == 20, x * 1e12, x), "say nothing"),
+        ("a constant input", CONSTANT_COLUMN, "constant over all"),
+        ("rows twice", lambda rows: rows.at(np.r_[:90, :45]), "repeat others exactly"),
+        ("one input dominant", DOMINANT_COLUMN, "say nothing"),
     ):
-        yield Case("remarks", name, f"{rows.size} rows", partial(_remarked, name, change, words))
+        yield Case("remarks", name, "90 rows", partial(_remarked, change, words))
 
 
-def _remarked(name: str, change: Callable[[Values], Values], words: str) -> Answer:
+def _remarked(change: Change, words: str) -> Answer:
     """What is odd about inputs is said before a fit."""
-    rows = ordinary()
-    if name == "rows twice":
-        rows = rows.at(np.concatenate([np.arange(90), np.arange(45)]))
-    said = dataset.remarks(replace(rows, inputs=change(rows.inputs)), "l2")
-    return Answer(
-        "; ".join(said), [Finding("unsaid", int(not any(words in line for line in said)), 0)]
-    )
+    said = dataset.remarks(change(ordinary()), "l2")
+    unsaid = not any(words in line for line in said)
+    return Answer("; ".join(said), [Finding("unsaid", int(unsaid), 0)])

@@ -3,15 +3,16 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import bem
-from gen.generation.plan import parameters, surface_random
+from gen.generation.plan import parameters
+from gen.generation.sample import surface_of
 from gen.scene import Scene, load
 from gen.statistics import describe
-from gen.surface import generate
 from learn.dataset import Dataset
 from learn.features import chosen
 from learn.features.sets import build, target_scale
@@ -36,18 +37,10 @@ def scene() -> Scene:
 @lru_cache(maxsize=1)
 def solved() -> tuple[Values, Values]:
     """Delta and the 22 statistics (n, 23), and force and area (n, 2) [uN, %]."""
-    wanted = scene()
-    rows = parameters(load("paper"), 0, ROWS)
+    wanted, plan = scene(), parameters(load("paper"), 0, ROWS)
     inputs, targets = [], []
-    for row in range(ROWS):
-        heights = generate(
-            wanted.surface.generator,
-            NODES,
-            float(rows.hurst[row]),
-            float(rows.sigma0[row]),
-            surface_random(wanted, row),
-        )
-        delta = float(rows.delta[row])
+    for row, delta in enumerate(plan.delta.tolist()):
+        heights = surface_of(wanted, plan, row)
         inputs.append([delta, *describe(heights, wanted.spacing).values.values()])
         contact = bem.solve(heights, wanted.surface.side, delta)
         targets.append([contact.force, contact.area_percent])
@@ -56,13 +49,7 @@ def solved() -> tuple[Values, Values]:
 
 @lru_cache(maxsize=8)
 def ordinary(features: str = "paper", target: str = "area_percent") -> Dataset:
-    """The rows as a dataset.
-
-    Parameters
-    ----------
-    features : paper or dimensionless
-    target : area_percent or force
-    """
+    """The rows as a dataset of paper or dimensionless features; the target is area or force."""
     described, targets = solved()
     wanted, side = chosen(features), scene().surface.side
     statistics, delta = described[:, 1:], described[:, 0]
@@ -76,27 +63,44 @@ def ordinary(features: str = "paper", target: str = "area_percent") -> Dataset:
         target_name=target,
         unit="%" if target == "area_percent" else "uN",
         dropped={},
-        source={
-            "database": "the cases' rows",
-            "database_sha256": "",
-            "scene": scene().text(),
-        },
+        source={"database": "the cases' rows", "database_sha256": "", "scene": scene().text()},
         described=described,
         scale=scale,
         features=features,
     )
 
 
-def with_inputs(change: Callable[[Values], Values]) -> Change:
-    """Other inputs for all rows."""
-    return lambda rows: replace(rows, inputs=change(rows.inputs.copy()))
+def altered(part: str, where: Any, to: float | None = None, factor: float = 1.0) -> Change:
+    """Set some of the rows' `inputs` or `target` to a number, or multiply them.
+
+    `where` is any index of the array.
+    """
+
+    def change(rows: Dataset) -> Dataset:
+        values = getattr(rows, part).copy()
+        values[where] = values[where] * factor if to is None else to
+        return replace(rows, **{part: values})
+
+    return change
 
 
-def with_target(change: Callable[[Values], Values]) -> Change:
-    """Another target for all rows."""
-    return lambda rows: replace(rows, target=change(rows.target.copy()))
+def collinear(rows: Dataset) -> Dataset:
+    """One input is twice another, one the sum of two."""
+    inputs = rows.inputs.copy()
+    inputs[:, 1], inputs[:, 2] = 2 * inputs[:, 3], inputs[:, 3] + inputs[:, 0]
+    return replace(rows, inputs=inputs)
 
 
-def unchanged(rows: Dataset) -> Dataset:
-    """The rows as they are."""
-    return rows
+def doubled(rows: Dataset) -> Dataset:
+    """The first half of the training rows twice."""
+    return rows.at(np.r_[: SEEN // 2, : SEEN // 2, SEEN : rows.size])
+
+
+def contradicting(rows: Dataset) -> Dataset:
+    """The first half twice, with targets that are 10 % apart."""
+    return altered("target", slice(SEEN // 2), factor=1.1)(doubled(rows))
+
+
+CONSTANT_COLUMN = altered("inputs", np.s_[:, 5], 0.25)
+DOMINANT_COLUMN = altered("inputs", np.s_[:, 20], factor=1e12)
+"""That a row's length is made of."""
