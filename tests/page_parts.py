@@ -42,8 +42,5 @@ def record(part: Part, folder: Path) -> Record:
     return found
 
 
-def makes(
-    folder: Path, parts: list[Part], *, full: bool = False, said: list[str] | None = None
-) -> Outcome:
-    remark = (said if said is not None else []).append
-    return make(parts, inputs(folder, full=full), remark, lambda: None)
+def makes(folder: Path, parts: list[Part], *, full: bool = False) -> Outcome:
+    return make(parts, inputs(folder, full=full), lambda: None)

@@ -70,7 +70,7 @@ ROOMS = {
     },
     "bench.references": set(),
     "bench.solvers": {"bench.references"},
-    "bench.page": {"bench.circumstances", "bench.databases", "bench.files", "bench.table"},
+    "bench.page": REPORTS - {"bench.page", "bench.picture", "bench.report", "bench.style"},
     "bench.scale": REPORTS,
     "bench.stability": {*REPORTS, "bench.references"},
     "bench.surrogates": REPORTS,

@@ -30,17 +30,16 @@ def run(
     command goes on. A short run leaves alone what a full one has made. Exit code 1 if a check
     failed or a part could not be made.
     """
+    from bench.page.inputs import Inputs
     from bench.page.report import run as make
 
-    path, outcome = make(
-        output, remark, full=full, database=database, comparison=comparison, only=only or ()
-    )
+    path, outcome = make(Inputs(output, database, comparison, full), only or ())
     typer.echo(path)
     if outcome.signal:
-        typer.echo("bench: interrupted; the same command goes on", err=True)
+        remark("bench: interrupted; the same command goes on")
         return 128 + outcome.signal
     for name in outcome.failed:
-        typer.echo(f"bench: {name} failed, see {path} or {output / name}", err=True)
+        remark(f"bench: {name} failed, see {path} or {output / name}")
     return 1 if outcome.failed else 0
 
 
@@ -52,9 +51,10 @@ def page(
     ] = None,
 ) -> None:
     """Write the page of what a folder holds anew, and make nothing."""
+    from bench.page.inputs import Inputs
     from bench.page.report import page as write
 
-    typer.echo(write(folder, full=full, comparison=comparison))
+    typer.echo(write(Inputs(folder, None, comparison, full)))
 
 
 def paper(

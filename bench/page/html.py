@@ -86,18 +86,19 @@ def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
 def _shown(part: Part, inputs: Inputs) -> Shown:
     """Return what a part holds; what cannot be shown does not hide the other parts."""
     found = read(inputs.making(part).path)
-    given = inputs.folder(part) == inputs.comparison and inputs.comparison.is_dir()
-    if found is None and not given:
+    folder = inputs.folder(part)
+    compared = folder == inputs.files["comparison"] and folder.is_dir()
+    if found is None and not compared:
         return Shown(part, None, absent=f"Not here. It is made by: {_how(part, inputs)}")
     if found is not None and not found.finished:
         told = found.told[-1] if found.told else "it said nothing"
         return Shown(part, found, absent=f"{found.command}: code {found.code}, {told}")
     try:
-        contents = [_prepared(each) for each in part.show(inputs.folder(part))]
+        contents = [_prepared(each) for each in part.show(folder)]
     except (InputError, ModuleNotFoundError) as error:
         return Shown(part, found, absent=str(error))
     if not contents:
-        return Shown(part, None, absent=f"{inputs.folder(part)} holds nothing to show")
+        return Shown(part, None, absent=f"{folder} holds nothing to show")
     return Shown(part, found, contents)
 
 

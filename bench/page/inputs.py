@@ -9,8 +9,6 @@ from pathlib import Path
 from bench.page.part import Part
 from bench.page.record import Making
 
-COMPARISON = "comparison"
-
 
 @dataclass(frozen=True)
 class Inputs:
@@ -20,52 +18,53 @@ class Inputs:
     ----------
     output : Path
         Folder of the page.
-    database : Path
-        Database of the paper preset.
-    comparison : Path
-        Folder of `learn compare` and `learn tune`.
+    database, comparison : Path or None
+        Database of the paper preset, and folder of `learn compare` and `learn tune`; those in the
+        page's folder if None.
     full : bool
         True for everything, False for what fits into ten minutes.
     """
 
     output: Path
-    database: Path
-    comparison: Path
+    database: Path | None
+    comparison: Path | None
     full: bool
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """What a part may read, by the names in commands."""
+        return {
+            "database": self.database or self.output / "databases" / "paper.h5",
+            "comparison": self.comparison or self.output / "comparison",
+            "cost": self.output / "cost",
+            "fine": self.output / "generalisation" / "databases" / "fine.h5",
+        }
 
     def folder(self, part: Part) -> Path:
         """Return the folder of a part's files."""
         name = part.folder or part.name
-        return self.comparison if name == COMPARISON else self.output / name
+        return self.files["comparison"] if name == "comparison" else self.output / name
+
+    def template(self, part: Part) -> str:
+        """Return the arguments of a part's command in this run, to be filled in."""
+        return part.full if self.full else part.quick
 
     def arguments(self, part: Part) -> list[str]:
         """Return the arguments of the interpreter; none if the part is not in this run."""
-        files = self._files()
         given = re.sub(
             r"\[([^]]*\{(\w+)\})\]",
-            lambda found: found[1] if _is_there(files[found[2]]) else "",
-            self._template(part),
+            lambda found: found[1] if _is_there(self.files[found[2]]) else "",
+            self.template(part),
         )
-        values = {"folder": self.folder(part), **files}
+        values = {"folder": self.folder(part), **self.files}
         return [word.format_map(values) for word in given.split()]
 
     def making(self, part: Part) -> Making:
         """Return what decides whether a part stays: its record, its command and its inputs."""
-        folder, files = self.folder(part), self._files()
-        named = re.findall(r"\{(\w+)\}", self._template(part))
-        sources = {name: files[name] for name in named if files.get(name, folder) != folder}
+        folder, named = self.folder(part), re.findall(r"\{(\w+)\}", self.template(part))
+        sources = {name: path for name, path in self.files.items() if name in named}
+        sources = {name: path for name, path in sources.items() if path != folder}
         return Making(folder / f"{part.name}.part.json", typed(self.arguments(part)), sources)
-
-    def _template(self, part: Part) -> str:
-        return part.full if self.full else part.quick
-
-    def _files(self) -> dict[str, Path]:
-        return {
-            "database": self.database,
-            "comparison": self.comparison,
-            "cost": self.output / "cost",
-            "fine": self.output / "generalisation" / "databases" / "fine.h5",
-        }
 
 
 def typed(arguments: Sequence[str]) -> str:

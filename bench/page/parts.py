@@ -12,7 +12,6 @@ BENCHMARKS = "Benchmarks"
 ROWS = 1500
 """Rows of the paper preset that a short run generates; a full one generates all 15,878."""
 
-DATABASE = "databases/paper.h5"
 PARTS = (
     Part(
         "solver",

@@ -14,13 +14,12 @@ from typing import TextIO
 from bench.page.inputs import Inputs
 from bench.page.part import Part
 from bench.page.record import Record, read
+from bench.remarks import remark
 from gen.runtime.errors import InputError
 from gen.runtime.interruption import Interruption
 
 PATIENCE = 60.0
 """Seconds that a part has to end after a signal, before it is killed."""
-
-Remark = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -31,24 +30,12 @@ class Outcome:
     signal: int = 0
 
 
-def make(
-    parts: Iterable[Part], inputs: Inputs, remark: Remark, after: Callable[[], object]
-) -> Outcome:
+def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> Outcome:
     """Make the parts that are not there yet.
 
     A part stays as it is if the same command made it from the same inputs, with the same commit
-    and packages on the same machine.
-
-    Parameters
-    ----------
-    parts : iterable of Part
-        The parts in their order.
-    inputs : Inputs
-        What their commands are filled in with.
-    remark : callable
-        Told how far it is, and what the commands print to standard error.
-    after : callable
-        Called after each part that was made.
+    and packages on the same machine. What the commands print to standard error is passed on;
+    `after` is called after each part that was made.
     """
     wanted = [part for part in parts if inputs.arguments(part)]
     failed: list[str] = []
@@ -63,7 +50,7 @@ def make(
                 code = kept.code
             else:
                 remark(f"{heading}: {inputs.making(part).command}")
-                code = _run(part, inputs, remark, interruption)
+                code = _run(part, inputs, interruption)
                 if interruption.requested():
                     break
                 after()
@@ -85,23 +72,18 @@ def _kept(part: Part, inputs: Inputs) -> Record | None:
     return found if longer or making.stays() else None
 
 
-def _run(part: Part, inputs: Inputs, remark: Remark, interruption: Interruption) -> int:
+def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
     """Run one command to its end or a signal; write down how it ended, return its exit code."""
     making, arguments = inputs.making(part), inputs.arguments(part)
     path = making.path
     told: list[str] = []
-
-    def tell(line: str) -> None:
-        told.append(line)
-        remark(f"    {line}")
-
     printed = path.with_name(f"{part.name}.printed.txt")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.unlink(missing_ok=True)
         began = time.monotonic()
         with printed.open("w", encoding="utf-8") as file:
-            code = _call(arguments, file, tell, interruption)
+            code = _call(arguments, file, told, interruption)
     except OSError as error:
         raise InputError(f"{path.parent} cannot be written to: {error.strerror or error}") from None
     if not interruption.requested():
@@ -116,7 +98,7 @@ def _run(part: Part, inputs: Inputs, remark: Remark, interruption: Interruption)
 
 
 def _call(
-    arguments: Sequence[str], printed: TextIO, tell: Remark, interruption: Interruption
+    arguments: Sequence[str], printed: TextIO, told: list[str], interruption: Interruption
 ) -> int:
     """Run one command in a session of its own; return its exit code.
 
@@ -130,7 +112,7 @@ def _call(
         errors="replace",
         start_new_session=True,
     ) as process:
-        listener = threading.Thread(target=_listen, args=(process, tell), daemon=True)
+        listener = threading.Thread(target=_listen, args=(process, told), daemon=True)
         listener.start()
         try:
             code = _wait(process, interruption)
@@ -141,11 +123,12 @@ def _call(
         return code
 
 
-def _listen(process: "subprocess.Popen[str]", tell: Remark) -> None:
-    """Pass on what a command tells."""
+def _listen(process: "subprocess.Popen[str]", told: list[str]) -> None:
+    """Pass on and collect what a command tells."""
     for line in process.stderr or ():
         if line.strip():
-            tell(line.rstrip())
+            told.append(line.rstrip())
+            remark(f"    {told[-1]}")
 
 
 def _wait(process: "subprocess.Popen[str]", interruption: Interruption) -> int:

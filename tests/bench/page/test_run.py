@@ -16,25 +16,27 @@ from bench.page.part import Part
 from bench.page.run import Outcome
 
 
-def test_parts_are_made_once(tmp_path: Path) -> None:
+def test_parts_are_made_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     parts = [part("one", WRITE), part("two", WRITE)]
     assert makes(tmp_path, parts) == Outcome()
-    said: list[str] = []
-    assert makes(tmp_path, parts, said=said) == Outcome()
+    capsys.readouterr()
+    assert makes(tmp_path, parts) == Outcome()
     assert (tmp_path / "one" / "made.txt").read_text() == "x"
+    said = capsys.readouterr().err.splitlines()
     assert said == ["[1/2] one: is there", "[2/2] two: is there"]
 
 
-def test_a_part_that_fails_is_named_and_does_not_stop_the_others(tmp_path: Path) -> None:
-    said: list[str] = []
+def test_a_part_that_fails_is_named_and_does_not_stop_the_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     failing = part("one", "-m bench hertz")  # no folder: code 2 and one line
-    outcome = makes(tmp_path, [failing, part("two", WRITE)], said=said)
+    outcome = makes(tmp_path, [failing, part("two", WRITE)])
     assert outcome == Outcome(failed=("one",))
     assert (tmp_path / "two" / "made.txt").exists()
     found = record(failing, tmp_path)
     assert found.code == 2
     assert "Missing option" in found.told[-1]
-    assert any("Missing option" in line for line in said)
+    assert "Missing option" in capsys.readouterr().err
     page = write_page([failing], inputs(tmp_path)).read_text(encoding="utf-8")
     assert "Missing option" in page
     assert makes(tmp_path, [failing]).failed == ("one",)  # tried again, not taken as made
@@ -90,7 +92,7 @@ def test_a_signal_ends_the_part_and_the_same_call_goes_on(tmp_path: Path) -> Non
         "from bench.page.run import make\n"
         f"here = pathlib.Path({str(tmp_path)!r})\n"
         f"slow = Part('slow', '', '', {str(tmp_path / 'slow.py')!r}, '', lambda folder: [])\n"
-        "outcome = make([slow], Inputs(here, here, here, False), print, lambda: None)\n"
+        "outcome = make([slow], Inputs(here, here, here, False), lambda: None)\n"
         "sys.exit(128 + outcome.signal)\n"
     )
     process = subprocess.Popen([sys.executable, "-c", code])
