@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bem.arrays import Field, Mask
-from bem.convolution import displacement_filter
+from bem.convolution import FieldFilter, displacement_filter
 from bem.displacement_control import on_compliant_far_field, on_rigid_far_field
+from bem.edgeless import without_edges
 from bem.equilibrium import Equilibrium, Start
 from bem.influence import Kernel
 from bem.load_control import under_given_force
@@ -20,6 +21,8 @@ from bem.problem import (
     checked_start,
     pose,
 )
+from bem.spacing import Boundary
+from bem.spectrum import spectral_filter
 
 # Relative distance below which a pressure is the hardness: a few roundings.
 ULPS = 1e-15
@@ -70,7 +73,7 @@ class Contact:
     def displacement(self) -> Field:
         """Normal displacement of the half-space's surface, (nx, ny), by one convolution [um]."""
         problem = self.problem
-        operator = displacement_filter(self.pressure.shape, problem.kernel, problem.aspect)
+        operator = _displacement_filter(problem)
         displacement: Field = operator(self.pressure) * (problem.spacing[0] / problem.modulus)
         displacement.setflags(write=False)
         return displacement
@@ -132,11 +135,21 @@ class Contact:
 
     @property
     def perimeter(self) -> float:
-        """Length of the cell edges between contact and gap, without the patch's border [um]."""
+        """Length of the cell edges between contact and gap, without the patch's border [um].
+
+        A patch that repeats itself has no border: edges between its opposite sides count too.
+        """
         touching = self.pressure > 0
-        along = np.count_nonzero(touching[1:] != touching[:-1]) * self.problem.spacing[1]
-        across = np.count_nonzero(touching[:, 1:] != touching[:, :-1]) * self.problem.spacing[0]
-        return float(along + across)
+        if self.problem.boundary == "periodic":
+            touching = np.pad(touching, ((0, 1), (0, 1)), mode="wrap")
+            along, across = touching[:, :-1], touching[:-1]
+        else:
+            along = across = touching
+        edges = (
+            np.count_nonzero(along[1:] != along[:-1]) * self.problem.spacing[1],
+            np.count_nonzero(across[:, 1:] != across[:, :-1]) * self.problem.spacing[0],
+        )
+        return float(sum(edges))
 
 
 class NotConverged(ArithmeticError):
@@ -180,6 +193,7 @@ def solve(
     poisson: float = 0.0,
     kernel: Kernel = "uniform-pressure",
     far_field: FarField = "rigid",
+    boundary: Boundary = "free",
     hardness: float | None = None,
     rtol: float = RTOL,
     max_iterations: int = MAX_ITERATIONS,
@@ -206,8 +220,8 @@ def solve(
     pressure : float, optional
         Mean pressure over the cells of all nodes, in contact or not [MPa].
     spacing : float or tuple of float, optional
-        Distance of the nodes, one or one for each axis; side / (nodes - 1) by default. MIRCO uses
-        side / nodes [um].
+        Distance of the nodes, one or one for each axis. By default side / (nodes - 1) with free
+        boundaries (MIRCO uses side / nodes there), and side / nodes with the others [um].
     modulus : float
         Young's modulus E [MPa].
     poisson : float
@@ -218,6 +232,13 @@ def solve(
     far_field : str
         "rigid": Delta as it is given. "compliant": Delta + F / K with the stiffness K of a flat
         punch that fills the patch (MIRCO).
+    boundary : str
+        "free": the patch is all that there is, as in the paper. "periodic": the patch repeats
+        itself along both axes without end. "mirror": its mirror images continue it, which leaves
+        no step at its borders whatever the surface is. The last two stand for a piece of a larger
+        interface: waves of pressure p(q) displace the half-space by 2 p(q) / (E* |q|) (Johnson
+        1985, section 13.2), with zero mean, from which Delta is counted. They have no kernel to
+        choose, and a rigid far field only.
     hardness : float, optional
         Largest contact pressure P, the hardness of the softer body [MPa]; on a rigid far field
         only. Without it the bodies are elastic.
@@ -242,8 +263,9 @@ def solve(
         For input that no contact problem can have; the message names what was given and what is
         allowed. OutOfRange, a ValueError, where double precision could not hold the results.
     NoSolution
-        For a compliant far field with Delta at or beyond Delta*, and for a mean pressure that is
-        not below the hardness.
+        For a compliant far field with Delta at or beyond Delta*, for a patch without edges with
+        Delta at or beyond that of full contact, and for a mean pressure that is not below the
+        hardness.
     NotConverged
         If `max_iterations` did not suffice, or `rtol` is below what rounding allows. It carries
         the numbers that were reached.
@@ -259,6 +281,7 @@ def solve(
         poisson=poisson,
         kernel=kernel,
         far_field=far_field,
+        boundary=boundary,
         hardness=hardness,
         rtol=rtol,
         max_iterations=max_iterations,
@@ -286,10 +309,12 @@ def equilibrium_of(
     Equilibrium or None
         None if the bodies are apart or just touch.
     """
-    if problem.delta is None:
-        return under_given_force(problem, near) if problem.force else None
-    if problem.delta <= 0:
+    if not (problem.force if problem.delta is None else problem.delta > 0):
         return None
+    if problem.boundary != "free":
+        return without_edges(problem, near, keep_displacement=keep_displacement)
+    if problem.delta is None:
+        return under_given_force(problem, near)
     if problem.far_field == "compliant":
         return on_compliant_far_field(problem, problem.delta)
     return on_rigid_far_field(problem, problem.delta, near, keep_displacement=keep_displacement)
@@ -338,6 +363,14 @@ def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:
     if exceeded or not contact.residual <= problem.rtol:  # a residual that is nan is refused too
         raise NotConverged(contact, equilibrium.iterate.stalled)
     return contact
+
+
+def _displacement_filter(problem: Problem) -> FieldFilter:
+    """Return the influence matrix of the whole grid in double precision."""
+    shape = problem.heights.shape
+    if problem.boundary == "free":
+        return displacement_filter(shape, problem.kernel, problem.aspect)
+    return spectral_filter(shape, problem.boundary, problem.aspect)
 
 
 def _violation(contact: Contact) -> float:

@@ -8,7 +8,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol, TypeVar
 from weakref import WeakSet
 
 import numpy as np
@@ -31,8 +31,28 @@ PLAN_BYTES = 5 * 2**10
 # Memory of the columns that are filtered at a time: they stay in the processor's cache.
 BATCH_BYTES = 256 * 2**10
 
+Kind = TypeVar("Kind", bound="FieldFilter")
+
 # Entries left unused after a column, so that columns do not lie a power of two apart.
 COLUMN_GAP = 8
+
+
+class FieldFilter(Protocol):
+    """A linear map of (nx, ny) fields, whose attributes `Filter` describes."""
+
+    shape: tuple[int, int]
+    field: Real
+    bytes: int
+    largest: float
+
+    def transform(self) -> None:
+        """Filter the field in place."""
+
+    def __call__(self, field: Real) -> Real:
+        """Filter a whole (nx, ny) field."""
+
+    def places(self, nodes: Nodes) -> Nodes:
+        """Return the indices in the flat `field` of nodes given as flat indices of (nx, ny)."""
 
 
 class Filter:
@@ -50,11 +70,13 @@ class Filter:
     shape : tuple of int
         Shape (nx, ny) of the fields that it is applied to.
     spectrum : ndarray, shape (px, qy)
-        Real transform, qy = py//2 + 1, of a kernel with even periods (px, py) that is even in both
+        Real transform, qy = py//2 + 1, of a kernel with periods (px, py) that is even in both
         directions.
     dtype : str
         Precision: "float64", or "float32", which takes less time (`pytest bench -k convolution`)
         and rounds to 1e-7.
+    across : int, optional
+        Second period py; even by default.
 
     Attributes
     ----------
@@ -66,9 +88,15 @@ class Filter:
         Largest value of the spectrum, which no eigenvalue exceeds.
     """
 
-    def __init__(self, shape: tuple[int, int], spectrum: Field, dtype: str = "float64") -> None:
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        spectrum: Field,
+        dtype: str = "float64",
+        across: int | None = None,
+    ) -> None:
         period, columns = spectrum.shape[0], spectrum.shape[1]
-        across = 2 * (columns - 1)
+        across = 2 * (columns - 1) if across is None else across
         # Coefficients are repeated, so that a real product serves real and imaginary parts.
         self._factors = np.repeat(spectrum.T / (period * across), 2, axis=1).astype(dtype)
         self.shape = shape
@@ -135,7 +163,7 @@ class Filter:
 
     def places(self, nodes: Nodes) -> Nodes:
         """Return the indices in the flat `field` of nodes given as flat indices of (nx, ny)."""
-        return _places(self.shape, self.field.shape[1])[nodes]
+        return node_places(self.shape, self.field.shape[1])[nodes]
 
 
 class Selection:
@@ -145,35 +173,39 @@ class Selection:
     ----------
     operator : Filter
         The filter of the whole field.
-    nodes : ndarray, shape (m,)
-        Flat indices into its (nx, ny).
+    nodes : ndarray, shape (m,), or None
+        Flat indices into its (nx, ny); None for all nodes of an unpadded filter.
     """
 
-    def __init__(self, operator: Filter, nodes: Nodes) -> None:
+    def __init__(self, operator: FieldFilter, nodes: Nodes | None) -> None:
         self._operator = operator
-        self._places = operator.places(nodes)
+        self._places = None if nodes is None else operator.places(nodes)
         self._field = operator.field.reshape(-1)
 
     def __call__(self, values: Real) -> Real:
         """Filter (m,) values on the nodes, and return (m,) values on the same nodes."""
+        if self._places is None:
+            return self._apply(slice(None), values).copy()
         return self._apply(self._places, values)[self._places]
 
     def everywhere(self, values: Real) -> Real:
         """Filter (m,) values on the nodes into a new (nx, ny) field on all nodes of the grid."""
-        self._apply(self._places, values)
+        self._apply(slice(None) if self._places is None else self._places, values)
         field: Real = self._operator.field[:, : self._operator.shape[1]].copy()
         return field
 
     def spread(self, some: Nodes, values: Real) -> Real:
         """Filter (a,) values on nodes[some], and return (m,) values on all the nodes."""
+        if self._places is None:
+            return self._apply(some, values).copy()
         return self._apply(self._places[some], values)[self._places]
 
     def within(self, some: Nodes, values: Real) -> Real:
         """Filter (a,) values on nodes[some], and return (a,) values on the same nodes."""
-        places = self._places[some]
+        places = some if self._places is None else self._places[some]
         return self._apply(places, values)[places]
 
-    def _apply(self, places: Nodes, values: Real) -> Real:
+    def _apply(self, places: Nodes | slice, values: Real) -> Real:
         """Filter values at some places; the result is the filter's own buffer."""
         self._field.fill(0)  # the filter is shared: clear the last input
         self._field[places] = values
@@ -183,7 +215,7 @@ class Selection:
 
 
 @lru_cache(maxsize=4)
-def _places(shape: tuple[int, int], across: int) -> Nodes:
+def node_places(shape: tuple[int, int], across: int) -> Nodes:
     """Return the index of every node of (nx, ny) in a flat field with `across` columns."""
     return np.arange(shape[0] * across).reshape(shape[0], across)[:, : shape[1]].reshape(-1)
 
@@ -222,7 +254,7 @@ def displacement_filter(
     return kept_filter(_make_displacement_filter, shape, kernel, aspect, dtype)
 
 
-def kept_filter(make: Callable[..., Filter], *arguments: Any) -> Filter:
+def kept_filter(make: Callable[..., Kind], *arguments: Any) -> Kind:
     """Return the filter that `make` makes from the arguments; this thread keeps it for later."""
     return _FILTERS.get(make, arguments)
 
@@ -257,7 +289,7 @@ class _Kept:
     """The filters of one thread in the order of their last use, and their memory."""
 
     def __init__(self) -> None:
-        self.filters: OrderedDict[tuple[Any, ...], Filter] = OrderedDict()
+        self.filters: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
         self.bytes = 0
 
 
@@ -275,13 +307,14 @@ class _Filters(threading.local):
         with unforked(), self._changing:
             self._threads.add(self._kept)
 
-    def get(self, make: Callable[..., Filter], arguments: tuple[Any, ...]) -> Filter:
+    def get(self, make: Callable[..., Kind], arguments: tuple[Any, ...]) -> Kind:
         """Return a kept filter, or make one and keep it."""
         filters, key = self._kept.filters, (make, *arguments)
         kept = filters.get(key)
         if kept is not None:
             filters.move_to_end(key)
-            return kept
+            found: Kind = kept
+            return found
         with unforked():  # plans and transforms are made under locks
             made = filters[key] = make(*arguments)
             self._kept.bytes += made.bytes

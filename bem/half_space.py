@@ -10,7 +10,7 @@ from bem.arrays import Field, Nodes, Values
 from bem.convolution import Selection, displacement_filter
 from bem.factor import ContactFactor
 from bem.influence import InfluenceMatrix, Kernel
-from bem.preconditioner import Preconditioner
+from bem.preconditioner import half_space_preconditioner
 
 # Largest contact set worth factorising, over the third root of the grid's nodes: the cost of a
 # factor grows with the cube of the set, that of a convolution with the grid
@@ -82,7 +82,7 @@ class HalfSpace:
         self.norm = displacement_filter(shape, kernel, aspect).largest
         self._double = Selection(displacement_filter(shape, kernel, aspect), nodes)
         self._working = Selection(displacement_filter(shape, kernel, aspect, working), nodes)
-        self._preconditioner = Preconditioner(shape, kernel, aspect, nodes, working)
+        self._preconditioner = half_space_preconditioner(shape, kernel, aspect, nodes, working)
 
     def through(self, softening: float) -> Self:
         """Return a view of the same nodes and tables with a compliant far field.

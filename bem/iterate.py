@@ -39,6 +39,9 @@ class Operators(Protocol):
     def among(self, some: Nodes) -> "Operators":
         """Return the operators of some of the nodes alone, on a rigid far field."""
 
+    def under(self, load: float) -> "Operators":
+        """Return the operators under a given load, above 0."""
+
     def displace(self, pressure: Values) -> Values:
         """Compute the (m,) displacement in double precision; it decides on convergence."""
 
@@ -174,7 +177,12 @@ def rescale(operators: Operators, interference: Values, iterate: Iterate) -> Non
             iterate.pressure *= factor
             iterate.residual = interference - factor * image
         return
-    factor = operators.load / float(iterate.pressure.sum())
+    carried = float(iterate.pressure.sum())
+    if not carried > 0:
+        iterate.pressure[:] = operators.load / iterate.pressure.size
+        iterate.renew(operators, interference)
+        return
+    factor = operators.load / carried
     iterate.pressure *= factor
     iterate.residual = interference - factor * (image + iterate.shift)
     iterate.shift = 0.0

@@ -14,9 +14,10 @@ from functools import lru_cache
 import numpy as np
 from scipy import fft
 
-from bem.arrays import Nodes, Real, Values
-from bem.convolution import Filter, kept_filter
+from bem.arrays import Field, Nodes, Real, Values
+from bem.convolution import FieldFilter, Filter, kept_filter, node_places
 from bem.influence import Kernel, influence_coefficients
+from bem.iterate import inner
 
 # The following four were chosen by the iterations of conjugate gradients on the paper's surfaces,
 # k = 7 to 9, at 1, 10 and 50 % contact; none of them matters much.
@@ -42,49 +43,46 @@ class Preconditioner:
     ----------
     shape : tuple of int
         Nodes (nx, ny) of the grid.
-    kernel : str
-        Influence coefficients, see `bem.influence.influence_coefficients`.
-    aspect : float
-        Second side of a cell over its first [1].
     nodes : ndarray, shape (m,)
         Flat indices of the nodes in the list.
-    dtype : str
-        Precision, "float32", or "float64" to measure the difference.
+    inverse : FieldFilter
+        Inverse of the circulant, on whole blocks that hold the grid.
+    means : FieldFilter
+        Weighted means over its blocks.
     """
 
     def __init__(
-        self,
-        shape: tuple[int, int],
-        kernel: Kernel,
-        aspect: float,
-        nodes: Nodes,
-        dtype: str = "float32",
+        self, shape: tuple[int, int], nodes: Nodes, inverse: FieldFilter, means: FieldFilter
     ) -> None:
-        widened = -(-shape[0] // BLOCK) * BLOCK, shape[1]
-        self._inverse = circulant_inverse(widened, kernel, aspect, dtype)
-        self._means = kept_filter(_make_block_means, widened, aspect, dtype)
-        self._places = self._inverse.places(nodes)
-        self._blocks = _block_of_places(self._inverse.field.shape)[self._places]
+        self._inverse, self._means = inverse, means
+        self._places = node_places(shape, inverse.field.shape[1])[nodes]
+        self._blocks = _block_of_places(inverse.field.shape)[self._places]
 
     def restricted_to(self, some: Nodes) -> Callable[[Values], Values]:
         """Return the approximate inverse on nodes[some], which is symmetric positive definite."""
         places, blocks = self._places[some], self._blocks[some]
         weights = 1 / (self._mean(blocks, np.ones(len(blocks))) + VACANT)
-        inverse, means = self._inverse, self._means
+        inverse = self._inverse
         field = inverse.field.reshape(-1)
 
         def precondition(residual: Values) -> Values:
             _fill_blocks(inverse.field, weights * self._mean(blocks, residual))
             field[places] = residual
             inverse.transform()
-            correction: Values = field[places].astype(np.float64)
-            field[places] = 0
-            np.multiply(weights, _block_sums(inverse.field), out=means.field)
-            means.transform()
-            correction += means.field.reshape(-1)[blocks]
-            return correction
+            return self._gather(places, blocks, weights)
 
         return precondition
+
+    def _gather(self, places: Nodes, blocks: Nodes, weights: Real) -> Values:
+        """Apply the transpose of the extension to the field of the inverse, which it spoils."""
+        inverse, means = self._inverse, self._means
+        field = inverse.field.reshape(-1)
+        gathered: Values = field[places].astype(np.float64)
+        field[places] = 0
+        np.multiply(weights, _block_sums(inverse.field), out=means.field)
+        means.transform()
+        gathered += means.field.reshape(-1)[blocks]
+        return gathered
 
     def _mean(self, blocks: Nodes, values: Values) -> Real:
         """Compute the weighted means at all blocks of values that lie in some blocks."""
@@ -94,6 +92,77 @@ class Preconditioner:
         means.transform()
         weighted: Real = means.field
         return weighted
+
+
+class LevelPreconditioner(Preconditioner):
+    """The approximate inverse of an H whose displacements have no mean, on any subset of nodes.
+
+    The inverse gives a mean infinite energy, so that the extension E must have none: off the set,
+    a constant is added that brings the sum over the patch to zero. With the indicator 1 of the set,
+    k nodes outside, e = E^T 1, h = E^T C^-1 1 and g = 1^T C^-1 1, this adds
+    (h e^T + e h^T) / k + g e e^T / k^2 to E^T C^-1 E. All eigenvalues of M H then lie between 1
+    and 2 on rough surfaces, whatever the share in contact; without it one of them goes to zero as
+    the contact fills the patch.
+    """
+
+    def restricted_to(self, some: Nodes) -> Callable[[Values], Values]:
+        """Return the approximate inverse on nodes[some], which is symmetric positive definite."""
+        plain = super().restricted_to(some)
+        outside = self._inverse.field.size - len(some)
+        if not len(some) or not outside:
+            return lambda residual: plain(residual) + float(residual.mean() if len(some) else 0)
+        places, blocks = self._places[some], self._blocks[some]
+        weights = 1 / (self._mean(blocks, np.ones(len(blocks))) + VACANT)
+        field = self._inverse.field.reshape(-1)
+        field.fill(1)
+        summed = self._gather(places, blocks, weights)
+        field.fill(0)
+        field[places] = 1
+        self._inverse.transform()
+        stiffness = float(field[places].sum(dtype=np.float64))
+        pressed = self._gather(places, blocks, weights)
+        pressed += 0.5 * stiffness / outside * summed
+
+        def precondition(residual: Values) -> Values:
+            correction = plain(residual)
+            correction += inner(summed, residual) / outside * pressed
+            correction += inner(pressed, residual) / outside * summed
+            return correction
+
+        return precondition
+
+
+def half_space_preconditioner(
+    shape: tuple[int, int],
+    kernel: Kernel,
+    aspect: float,
+    nodes: Nodes,
+    dtype: str = "float32",
+) -> Preconditioner:
+    """Return the approximate inverse of H of a free patch on any subset of a list of nodes.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Nodes (nx, ny) of the grid.
+    kernel : str
+        Influence coefficients, see `bem.influence.influence_coefficients`.
+    aspect : float
+        Second side of a cell over its first [1].
+    nodes : ndarray, shape (m,)
+        Flat indices of the nodes in the list.
+    dtype : str
+        Precision, "float32", or "float64" to measure the difference.
+    """
+    widened = whole_blocks(shape[0]), shape[1]
+    inverse = circulant_inverse(widened, kernel, aspect, dtype)
+    means = kept_filter(_make_block_means, widened, aspect, dtype)
+    return Preconditioner(shape, nodes, inverse, means)
+
+
+def whole_blocks(nodes: int) -> int:
+    """Return the nodes of whole blocks that hold some nodes along an axis."""
+    return -(-nodes // BLOCK) * BLOCK
 
 
 def circulant_inverse(
@@ -176,13 +245,29 @@ def _make_circulant_inverse(
 def _make_block_means(shape: tuple[int, int], aspect: float, dtype: str) -> Filter:
     """Tabulate the spectrum of weighted means over blocks, with the circulant's periods."""
     rows, columns = (period // BLOCK for period in _periods(shape))
-    steps = (
-        np.minimum(np.arange(blocks), -np.arange(blocks) % blocks) for blocks in (rows, columns)
-    )
-    along, across = next(steps), next(steps)
+    return Filter((shape[0] // BLOCK, columns), block_means((rows, columns), aspect), dtype)
+
+
+def block_means(blocks: tuple[int, int], aspect: float) -> Field:
+    """Compute the spectrum of weighted means over blocks that repeat themselves.
+
+    Parameters
+    ----------
+    blocks : tuple of int
+        Blocks along both axes.
+    aspect : float
+        Second side of a cell over its first [1].
+
+    Returns
+    -------
+    ndarray, shape (rows, columns // 2 + 1)
+        The spectrum of the weights, which add up to one for a mean.
+    """
+    along, across = (np.minimum(np.arange(many), -np.arange(many) % many) for many in blocks)
     distance = np.hypot(along[:, np.newaxis], aspect * across)
     distance[0, 0] = 1
     weights = distance**-DECAY
     weights[0, 0] = OWN_BLOCK * min(aspect, 1.0) ** -DECAY
     weights /= weights.sum() * BLOCK**2
-    return Filter((shape[0] // BLOCK, columns), fft.rfft2(weights).real, dtype)
+    spectrum: Field = fft.rfft2(weights).real
+    return spectrum

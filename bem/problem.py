@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from bem.arrays import Field
 from bem.influence import KERNELS, Kernel
+from bem.spacing import BOUNDARIES, Boundary, node_spacing
 
 FarField = Literal["rigid", "compliant"]
 FAR_FIELDS: tuple[FarField, ...] = get_args(FarField)
@@ -64,6 +65,8 @@ class Problem:
         Largest violation of complementarity accepted [Delta].
     max_iterations : int
         Bound on the steps of conjugate gradients and contact sets of dense algebra.
+    boundary : str
+        "free", "periodic" or "mirror", see `bem.solve`.
     """
 
     heights: Field = field(repr=False)
@@ -76,6 +79,7 @@ class Problem:
     hardness: float | None
     rtol: float
     max_iterations: int
+    boundary: Boundary = "free"
 
     @property
     def aspect(self) -> float:
@@ -115,6 +119,7 @@ def pose(
     poisson: float = 0.0,
     kernel: Kernel = "uniform-pressure",
     far_field: FarField = "rigid",
+    boundary: Boundary = "free",
     hardness: float | None = None,
     rtol: float = RTOL,
     max_iterations: int = MAX_ITERATIONS,
@@ -129,7 +134,8 @@ def pose(
         If the load is more than the hardness on all nodes carries.
     """
     surface = _checked_heights(heights)
-    cells = _checked_spacing(surface.shape, side, spacing)
+    boundary = _checked_choice("boundary", boundary, BOUNDARIES)
+    cells = _checked_spacing(surface.shape, side, spacing, boundary)
     patch = surface.size * cells[0] * cells[1]
     delta, force = _checked_load(delta, force, pressure, patch)
     problem = Problem(
@@ -144,8 +150,11 @@ def pose(
         hardness=_checked_hardness(hardness),
         rtol=_checked("rtol", rtol, 1e-15, 1, "between 1e-15 and 1, both excluded"),
         max_iterations=_checked_count("max_iterations", max_iterations),
+        boundary=boundary,
     )
     _check_range(problem)
+    if boundary != "free":
+        _check_edgeless(problem)
     if problem.kernel == "concentrated-force" and problem.aspect != 1:
         raise ValueError(
             f"kernel = 'concentrated-force' needs square cells, spacing is {problem.spacing} um:"
@@ -161,6 +170,20 @@ def _checked_hardness(hardness: Any) -> float | None:
     if hardness is None:
         return None
     return _checked("hardness", hardness, 0, math.inf, "above 0 MPa, and finite")
+
+
+def _check_edgeless(problem: Problem) -> None:
+    """Refuse what only a free patch has: point forces, and a body that moves under its force."""
+    if problem.kernel == "concentrated-force":
+        raise ValueError(
+            f"kernel = 'concentrated-force' is not solved with boundary = {problem.boundary!r}:"
+            " use kernel = 'uniform-pressure'"
+        )
+    if problem.far_field == "compliant":
+        raise ValueError(
+            f"far_field = 'compliant' is not solved with boundary = {problem.boundary!r}:"
+            " use far_field = 'rigid'"
+        )
 
 
 def _check_yielding(problem: Problem, hardness: float, pressure: float | None) -> None:
@@ -291,23 +314,28 @@ def _is_nullable_table(heights: Any) -> bool:
     return bool(kinds) and all(kind in "fiu" for kind in kinds)
 
 
-def _checked_spacing(shape: tuple[int, int], side: Any, spacing: Any) -> tuple[float, float]:
+def _checked_spacing(
+    shape: tuple[int, int], side: Any, spacing: Any, boundary: Boundary
+) -> tuple[float, float]:
     """Return the spacing along both axes, from the sides unless it is given."""
     sides = _checked_pair("side", side)
     if spacing is not None:
         return _checked_pair("spacing", spacing)
-    if min(shape) < 2:
+    if min(shape) < 2 and boundary == "free":
         raise ValueError(
             f"a grid of {shape[0]} x {shape[1]} nodes has no side / (nodes - 1): give the spacing"
         )
+    cells = tuple(
+        node_spacing(nodes, length, boundary) for nodes, length in zip(shape, sides, strict=True)
+    )
     if np.ndim(side) == 0 and shape[0] != shape[1]:
-        other = sides[0] / (shape[0] - 1) * (shape[1] - 1)
+        other = sides[1] * cells[0] / cells[1]
         raise ValueError(
             f"side = {side!r} for {shape[0]} x {shape[1]} nodes: give two,"
             f" ({sides[0]:g}, {other:g}) for square cells or ({sides[0]:g}, {sides[0]:g}) for a"
             " square patch"
         )
-    return sides[0] / (shape[0] - 1), sides[1] / (shape[1] - 1)
+    return cells[0], cells[1]
 
 
 def _checked_pair(name: str, given: Any) -> tuple[float, float]:

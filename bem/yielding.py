@@ -31,6 +31,7 @@ from bem.iterate import (
     Operators,
     YieldingIterate,
     inner,
+    rescale,
     scaled_to_carry,
 )
 from bem.sections import on_one_blas_thread
@@ -103,6 +104,7 @@ def solve_within(
     max_iterations: int,
     start: Iterate | None = None,
     pace: Pace = FROM_SCRATCH,
+    grow_under_load: bool = False,
 ) -> tuple[Iterate, bool]:
     """Find 0 <= p <= P with w >= 0 where p = 0, w = 0 between, and w <= 0 where p = P.
 
@@ -116,6 +118,9 @@ def solve_within(
         Largest pressure P, inf for an elastic body [reduced].
     rtol, max_iterations, start, pace
         As in `bem.active_set.solve_complementarity`.
+    grow_under_load : bool
+        Whether the yielded set grows under a given load too where both sets cycle; by default the
+        solve ends there.
 
     Returns
     -------
@@ -144,7 +149,8 @@ def solve_within(
         _take_capped_steps(operators, interference, capped)
     _cap(operators, capped)
     converged = _exchange_sets(operators, interference, capped, rtol, max_iterations)
-    if not converged and operators.load is None and not capped.stalled:
+    grow = operators.load is None or grow_under_load
+    if not converged and grow and not capped.stalled:
         converged = _grow_yielded(operators, interference, capped, rtol, max_iterations)
     if not converged or capped.depth() > rtol:
         return capped, converged
@@ -180,7 +186,7 @@ def _copied(start: Iterate) -> Iterate:
     return replace(start, pressure=start.pressure.copy(), residual=start.residual.copy())
 
 
-def _excess_share(pressure: Values, hardness: float) -> float:
+def excess_share(pressure: Values, hardness: float) -> float:
     """Return the share of the load that exceeds the hardness [1]."""
     load = float(pressure.sum())
     return float((pressure[pressure > hardness] - hardness).sum()) / load if load > 0 else 0.0
@@ -199,12 +205,12 @@ def _solve_elastically(
     if start is None:
         contact = iterate.contact()
         first = operators.approximate_inverse(contact)(interference[contact])
-        if _excess_share(np.maximum(first, 0), hardness) > MOSTLY_ELASTIC:
+        if excess_share(np.maximum(first, 0), hardness) > MOSTLY_ELASTIC:
             return iterate, False
         take_first_steps(operators, interference, iterate, range(pace.first_steps))
     elif iterate.pressure.max(initial=0.0) > hardness * (1 - AT_HARDNESS):
         return iterate, False
-    if _excess_share(iterate.pressure, hardness) > MOSTLY_ELASTIC:
+    if excess_share(iterate.pressure, hardness) > MOSTLY_ELASTIC:
         return iterate, False
     begun = start is not None or iterate.effort.convolutions > 0
     return solve_complementarity(
@@ -446,12 +452,15 @@ def _grow_yielded(
 ) -> bool:
     """Let the yielded set grow from one-sided solution to one-sided solution.
 
-    It begins with the nodes that penetrate under the hardness on all nodes: these yield for
-    certain. Loose solves may add a node wrongly, which is released when its gap opens.
+    At a given displacement it begins with the nodes that penetrate under the hardness on all nodes:
+    these yield for certain. Loose solves may add a node wrongly, which is released when its gap
+    opens.
     """
-    everywhere = np.full(interference.size, iterate.hardness)
-    iterate.yielded = interference > operators.displace(everywhere)
-    iterate.effort += CONVOLUTION
+    iterate.yielded = np.zeros(interference.size, dtype=bool)
+    if operators.load is None:
+        everywhere = np.full(interference.size, iterate.hardness)
+        iterate.yielded = interference > operators.displace(everywhere)
+        iterate.effort += CONVOLUTION
     goal, releases = LOOSEST, RELEASES
     while iterate.effort.iterations < max_iterations:
         wanted = max(goal, rtol / 2)
@@ -492,8 +501,11 @@ def _solve_rest(
         return
     among = operators.among(rest)
     start = Iterate(near, left - among.displace(near), iterate.effort + CONVOLUTION)
+    if operators.load is not None:
+        among = among.under(max(operators.load - float(loads.sum()), ROUNDING * operators.load))
+        rescale(among, left, start)
     solved, _ = solve_complementarity(
         among, left, rtol=rtol, max_iterations=max_iterations, start=start, pace=FROM_NEAR
     )
     iterate.pressure[rest] = solved.pressure
-    iterate.effort = solved.effort
+    iterate.effort, iterate.shift = solved.effort, solved.shift

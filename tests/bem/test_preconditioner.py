@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import bem
 from bem.convolution import Filter
 from bem.influence import KERNELS, Kernel
-from bem.preconditioner import Preconditioner, circulant_inverse
+from bem.preconditioner import circulant_inverse, half_space_preconditioner
 from bench.references import dense
 from gen.surface import generate
 
@@ -63,7 +63,9 @@ def restricted_matrix(
 ) -> np.ndarray:
     """The approximate inverse on some nodes, column by column."""
     everywhere = np.arange(shape[0] * shape[1])
-    precondition = Preconditioner(shape, kernel, aspect, everywhere, dtype).restricted_to(nodes)
+    precondition = half_space_preconditioner(
+        shape, kernel, aspect, everywhere, dtype
+    ).restricted_to(nodes)
     return np.array([precondition(unit) for unit in np.eye(len(nodes))]).T
 
 

@@ -1,0 +1,435 @@
+"""Equilibrium of a patch without edges: one that repeats itself or is mirrored without end.
+
+All nodes may touch, because the displacement has no mean: where the contact presses, the surface
+beside it rises. A given load is the natural problem here. Its start is the pressure of full
+contact, which a transform yields. A given displacement is solved at once if the first steps come
+near, as they do while the contact is small; otherwise loads are tried until the displacement
+follows.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from bem.active_set import FROM_NEAR, FROM_SCRATCH, Pace, solve_complementarity
+from bem.arrays import Values
+from bem.equilibrium import Equilibrium, Start
+from bem.first_contact import take_first_steps
+from bem.interface import Interface
+from bem.iterate import CONVOLUTION, Iterate, rescale
+from bem.problem import NoSolution, Problem
+from bem.spectrum import inverse_filter
+from bem.yielding import excess_share, solve_within
+
+# Projected steps from no pressure at a given displacement.
+FIRST_STEPS = range(4)
+
+# Largest violation [Delta] after these steps from which a given displacement is solved at once.
+NEAR = 0.15
+
+# Iterations of that solve, far more than it needs unless contact sets cycle.
+NEAR_ITERATIONS = 40
+
+# Share of nodes under pressure after the first projected step under a load from which a second one
+# gains nothing.
+LARGE_CONTACT = 0.35
+
+# Pace under a load: the preconditioner's eigenvalues are good enough for nearly whole steps.
+LOADED = Pace(first_steps=0, inner_reduction=0.2, advance=0.7)
+
+# Tolerance, over the depth, of the elastic solution from which bodies begin to yield under a load.
+ELASTIC_RTOL = 1e-2
+
+# Share of a trial load above the hardness up to which the next one begins without the hardness.
+MOSTLY_ELASTIC = 0.1
+
+# Times that the tolerance follows the displacement that a load turns out to need.
+TIGHTENINGS = 8
+
+# Tolerance [Delta] of solves under trial loads, and the distance [Delta] from the displacement from
+# which it is solved for.
+TRIAL_RTOL = 2e-2
+CLOSE = 2e-2
+
+# Trial loads at most, and the longest step of the logarithm of the load between two of them.
+TRIALS = 60
+LONGEST_STEP = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Patch:
+    """A problem in reduced units.
+
+    Attributes
+    ----------
+    problem : Problem
+        The problem.
+    length : float
+        Unit of displacements [um].
+    below : ndarray, shape (m,)
+        Heights less the highest [length].
+    operators : Interface
+        The influence matrix of all nodes.
+    hardness : float
+        Largest pressure [reduced].
+    """
+
+    problem: Problem
+    length: float
+    below: Values
+    operators: Interface
+    hardness: float
+
+    @classmethod
+    def of(cls, problem: Problem, length: float, operators: Interface) -> "_Patch":
+        """Return a problem in units of a length [um]."""
+        return cls(
+            problem=problem,
+            length=length,
+            below=((problem.heights - problem.heights.max()) / length).reshape(-1),
+            operators=operators,
+            hardness=problem.reduced_hardness(length),
+        )
+
+    @property
+    def depth(self) -> float:
+        """Displacement at which the contact is full, if the bodies stay elastic [length]."""
+        return -float(self.below.mean())
+
+
+def without_edges(
+    problem: Problem, near: Start | None = None, *, keep_displacement: bool = False
+) -> Equilibrium:
+    """Solve a problem whose boundary is "periodic" or "mirror" and whose load is above 0.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    near : Start, optional
+        A pressure to start from.
+    keep_displacement : bool
+        Whether the result has the displacement of the half-space.
+
+    Raises
+    ------
+    NoSolution
+        If a given displacement is that of full contact or more, and the bodies do not yield.
+    """
+    depth = float(problem.heights.max() - problem.heights.mean())
+    if problem.delta is not None and problem.hardness is None and problem.delta >= depth:
+        raise NoSolution(
+            f"delta = {problem.delta:g} um has no equilibrium on a patch without edges: the contact"
+            f" is full at {depth:.10g} um, where the force is given instead"
+        )
+    length = problem.delta or depth or problem.spacing[0]
+    operators = Interface(
+        problem.heights.shape, problem.boundary, problem.aspect, keep_field=keep_displacement
+    )
+    patch = _Patch.of(problem, length, operators)
+    if problem.delta is None:
+        iterate, converged = _under_load(patch, _load(problem) / length, near)
+    else:
+        iterate, converged = _at_displacement(patch, near)
+    return _on_grid(patch, iterate, converged)
+
+
+def _load(problem: Problem) -> float:
+    """Return the force over E* and the second side of a cell [um]."""
+    assert problem.force is not None
+    return problem.force / problem.modulus / problem.spacing[1]
+
+
+def _on_grid(patch: _Patch, iterate: Iterate, converged: bool) -> Equilibrium:
+    """Put the pressure on the grid; make a displacement that followed from a load the unit."""
+    problem, length = patch.problem, patch.length
+    delta = problem.delta
+    displacement = patch.operators.field
+    if delta is None:
+        delta = iterate.shift * length
+        unit = iterate.shift if iterate.shift > 0 else 1.0
+        iterate.residual /= unit
+        iterate.pressure /= unit
+        length *= unit
+        displacement = None if displacement is None else displacement / unit
+    return Equilibrium(
+        pressure=iterate.pressure.reshape(problem.heights.shape),
+        length=length,
+        delta=delta,
+        approach=delta,
+        iterate=iterate,
+        converged=converged,
+        displacement=displacement,
+    )
+
+
+def _under_load(patch: _Patch, load: float, near: Start | None) -> tuple[Iterate, bool]:
+    """Solve for a pressure that adds up to a load; its displacement is the iterate's shift."""
+    start = _start_of(patch, near) if near is not None else None
+    if start is None:
+        start = _full_contact(patch, load)
+        if start.pressure.min() >= 0 and start.pressure.max() <= patch.hardness:
+            return start, True
+    iterate, converged = _settle_under(patch, load, start, patch.problem.rtol)
+    left = iterate.effort.iterations < patch.problem.max_iterations
+    if not converged and patch.problem.hardness is not None and left:
+        return _through_displacements(patch, load, iterate)
+    return iterate, converged
+
+
+def _settle_under(patch: _Patch, load: float, start: Iterate, rtol: float) -> tuple[Iterate, bool]:
+    """Solve under a load from a start, to a tolerance relative to the displacement."""
+    operators, bound = patch.operators.under(load), patch.problem.max_iterations
+    start = Iterate(start.pressure, start.residual, start.effort, shift=start.shift)
+    iterate = start
+    if (start.pressure < 0).any():
+        _take_loaded_steps(operators, patch.below, start)
+        most = 1.0
+    else:
+        rescale(operators, patch.below, start)
+        most = MOSTLY_ELASTIC
+    if 0 < excess_share(start.pressure, patch.hardness) <= most:
+        iterate = _nearly_elastic(patch, operators, start)
+    for _ in range(TIGHTENINGS):
+        tolerance = rtol * max(iterate.shift, 1e-3 * patch.depth) / 2
+        iterate, converged = solve_within(
+            operators,
+            patch.below,
+            patch.hardness,
+            rtol=tolerance,
+            max_iterations=bound,
+            start=iterate,
+            pace=LOADED,
+            grow_under_load=True,
+        )
+        settled = iterate.violation() <= rtol * iterate.shift
+        if settled or not converged:
+            return iterate, settled
+    return iterate, False
+
+
+def _nearly_elastic(patch: _Patch, operators: Interface, start: Iterate) -> Iterate:
+    """Solve loosely without the hardness: the sets of bodies that yield cycle from farther away."""
+    iterate, _ = solve_complementarity(
+        operators,
+        patch.below,
+        rtol=ELASTIC_RTOL * patch.depth,
+        max_iterations=patch.problem.max_iterations,
+        start=start,
+        pace=LOADED,
+    )
+    return iterate
+
+
+def _full_contact(patch: _Patch, load: float) -> Iterate:
+    """Return the pressure that closes all gaps under a load, with tension where it needs some."""
+    shape, boundary = patch.problem.heights.shape, patch.problem.boundary
+    closing = inverse_filter(shape, boundary, patch.problem.aspect)
+    pressure = closing(patch.below.reshape(shape)).reshape(-1)
+    pressure += (load - float(pressure.sum())) / pressure.size
+    residual = np.zeros_like(pressure)
+    return Iterate(pressure, residual, CONVOLUTION, exact=True, shift=patch.depth)
+
+
+def _take_loaded_steps(operators: Interface, below: Values, iterate: Iterate) -> None:
+    """Take projected steps under a load from the pressure of full contact.
+
+    The projection subtracts a constant before it cuts off tension, so that the rest carries the
+    load: under a small load only the highest pressures stay.
+    """
+    assert operators.load is not None
+    for step in range(2):
+        if step:
+            contact = iterate.contact()
+            correct = operators.approximate_inverse(contact)
+            iterate.pressure[contact] += correct(iterate.residual[contact])
+        iterate.pressure = _cut_to_load(iterate.pressure, operators.load)
+        loaded = np.flatnonzero(iterate.pressure)
+        iterate.residual = below - operators.displace_some(loaded, iterate.pressure[loaded])
+        iterate.shift, iterate.exact = 0.0, False
+        iterate.effort += CONVOLUTION
+        iterate.level(iterate.pressure, iterate.residual)
+        if len(loaded) > LARGE_CONTACT * len(below):
+            return
+
+
+def _cut_to_load(pressure: Values, load: float) -> Values:
+    """Return max(p - c, 0) with the constant c that leaves a load."""
+    constant = (float(pressure.sum()) - load) / pressure.size
+    above = pressure
+    for _ in range(50):  # each time from fewer nodes, so that the constant only rises
+        left = above[above > constant]
+        if len(left) == len(above):
+            break
+        above = left
+        constant = (float(above.sum()) - load) / len(above)
+    cut: Values = np.maximum(pressure - constant, 0)
+    cut *= load / float(cut.sum())
+    return cut
+
+
+def _start_of(patch: _Patch, near: Start) -> Iterate | None:
+    """Return a start with its residual; None if it carries no load."""
+    pressure = near.pressure.reshape(-1) * (patch.problem.spacing[0] / patch.length)
+    if not pressure.any():
+        return None
+    known = near.displacement
+    if known is not None and np.isfinite(known).all():
+        return Iterate(pressure, patch.below - known.reshape(-1) / patch.length)
+    everywhere = np.arange(len(pressure))
+    with np.errstate(over="ignore", invalid="ignore"):
+        residual = patch.below - patch.operators.displace_some(everywhere, pressure)
+    return Iterate(pressure, residual, CONVOLUTION)
+
+
+def _at_displacement(patch: _Patch, near: Start | None) -> tuple[Iterate, bool]:
+    """Solve at a displacement of one, directly if the first steps come near, else through loads."""
+    start = None if near is None else _start_of(patch, near)
+    if start is not None:
+        start.residual += 1
+    if start is None or not start.violation() <= NEAR:
+        interference = patch.below + 1
+        start = Iterate.from_zero(interference)
+        take_first_steps(patch.operators, interference, start, FIRST_STEPS)
+    yielding = start.pressure.max(initial=0.0) > patch.hardness
+    if yielding or start.violation() <= NEAR:
+        iterate, converged = _solve_at(patch, None if yielding else start, NEAR_ITERATIONS)
+        if converged or iterate.effort.iterations >= patch.problem.max_iterations:
+            return iterate, converged
+        start = iterate
+    return _through_loads(patch, start)
+
+
+def _solve_at(patch: _Patch, start: Iterate | None, most: int) -> tuple[Iterate, bool]:
+    """Solve at a displacement of one, from a start near it or none, in some iterations more."""
+    spent = 0 if start is None else start.effort.iterations
+    return solve_within(
+        patch.operators,
+        patch.below + 1,
+        patch.hardness,
+        rtol=patch.problem.rtol,
+        max_iterations=min(spent + most, patch.problem.max_iterations),
+        start=start,
+        pace=FROM_SCRATCH if start is None else FROM_NEAR,
+    )
+
+
+def _through_loads(patch: _Patch, start: Iterate) -> tuple[Iterate, bool]:
+    """Find the load whose displacement is one by secants, with the load on a logarithmic scale.
+
+    The displacement rises with the load. Once a load comes close, the rest is solved for at the
+    displacement itself, unless contact sets cycle there.
+    """
+    loads = _Loads(patch, float(start.pressure.sum()))
+    spent, rtol, close = start.effort, TRIAL_RTOL, CLOSE
+    iterate = _full_contact(patch, loads.load)
+    iterate.effort += spent
+    for _ in range(TRIALS):
+        iterate, _ = _settle_under(patch, loads.load, iterate, rtol)
+        excess = iterate.shift - 1
+        if abs(excess) <= close:
+            at = replace(iterate, residual=iterate.residual - excess, shift=0.0, exact=False)
+            at.pressure = at.pressure.copy()
+            solved, converged = _solve_at(patch, at, NEAR_ITERATIONS)
+            if converged:
+                return solved, True
+            iterate.effort, close = solved.effort, close / 100
+        rtol = min(rtol, max(abs(excess) / 10, patch.problem.rtol / 4))
+        if iterate.effort.iterations >= patch.problem.max_iterations or not loads.follow(excess):
+            break
+    return _solve_at(patch, _at_one(iterate), patch.problem.max_iterations)
+
+
+def _through_displacements(patch: _Patch, load: float, failed: Iterate) -> tuple[Iterate, bool]:
+    """Find the displacement at which bodies that yield carry a load, by Brent's method.
+
+    Under the load itself the contact set and the yielded set may cycle from afar. From a loose root
+    they arrive.
+    """
+    from scipy.optimize import brentq  # most runs never need it
+
+    last = failed
+
+    @cache
+    def excess(delta: float) -> float:
+        nonlocal last
+        problem = replace(patch.problem, rtol=TRIAL_RTOL / 10)
+        there = _Patch.of(problem, delta * patch.length, patch.operators)
+        effort = last.effort
+        last, _ = _solve_at(there, None, patch.problem.max_iterations - effort.iterations)
+        last.effort += effort
+        last.pressure, last.residual = last.pressure * delta, last.residual * delta
+        last.shift = delta
+        return float(last.pressure.sum()) / load - 1
+
+    low = high = max(failed.shift, patch.depth / 2)
+    while excess(low) > 0 and low > 1e-9 * patch.depth:
+        low /= 1.5
+    while excess(high) < 0 and last.effort.iterations < patch.problem.max_iterations:
+        high *= 1.2
+    if excess(low) <= 0 <= excess(high):
+        root = brentq(excess, low, high, rtol=TRIAL_RTOL)
+        excess.cache_clear()
+        excess(root)
+    iterate = Iterate(last.pressure, last.residual, last.effort, shift=last.shift)
+    return _settle_under(patch, load, iterate, patch.problem.rtol)
+
+
+def _at_one(iterate: Iterate) -> Iterate:
+    """Move the far field of an iterate under a load to a displacement of one."""
+    residual = iterate.residual - (iterate.shift - 1)
+    return Iterate(iterate.pressure, residual, iterate.effort)
+
+
+class _Loads:
+    """Trial loads, each from the displacements of those before.
+
+    Attributes
+    ----------
+    load : float
+        The load to try next [reduced].
+    """
+
+    def __init__(self, patch: _Patch, load: float) -> None:
+        self._elastic_depth = patch.depth if patch.problem.hardness is None else math.inf
+        self._low, self._high = 0.0, patch.hardness * len(patch.below)
+        self._slope = self._scaled(float(patch.below.std()) / 2)
+        self._last: tuple[float, float] | None = None
+        self.load = load if 0 < load < self._high else min(self._high, 1.0) / 2
+
+    def _scaled(self, excess: float) -> float:
+        """Return an excess on a scale on which it rises nearly as the logarithm of the load.
+
+        The mean gap of elastic bodies falls exponentially with the load (Persson 2007).
+        """
+        if self._elastic_depth == math.inf:
+            return excess
+        share = 1 - excess / (self._elastic_depth - 1)
+        return -math.log(share) if share > 0 else math.inf
+
+    def follow(self, excess: float) -> bool:
+        """Choose the next load; return False if no other is left.
+
+        Parameters
+        ----------
+        excess : float
+            Displacement under the last load less the one wanted [the one wanted].
+        """
+        here, value = self.load, self._scaled(excess)
+        if excess > 0:
+            self._high = min(self._high, here)
+        else:
+            self._low = max(self._low, here)
+        if self._last is not None and math.isfinite(value) and math.log(here) != self._last[0]:
+            slope = (value - self._last[1]) / (math.log(here) - self._last[0])
+            self._slope = slope if slope > 0 else self._slope
+        if math.isfinite(value):
+            self._last = math.log(here), value
+        step = value / self._slope if self._slope > 0 else math.copysign(math.inf, value)
+        self.load = here * math.exp(-min(max(step, -LONGEST_STEP), LONGEST_STEP))
+        if not self._low < self.load < self._high:
+            middle = math.sqrt(self._low * self._high) if self._low else self._high / 2
+            self.load = middle if self._high < math.inf else 2 * self._low
+        return self.load != here and self._low < self.load < self._high

@@ -1,0 +1,148 @@
+"""Patches without edges: one that repeats itself, and one that its mirror images continue."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import bem
+from bem.spacing import BOUNDARIES, Boundary
+
+EDGELESS = [boundary for boundary in BOUNDARIES if boundary != "free"]
+
+# Loads over E* times the rms slope, from first touch to full contact.
+LOADS = (1e-6, 1e-3, 0.02, 0.1, 0.4, 1.2, 6.0)
+
+
+def rough(shape: tuple[int, int], seed: int, power: float = 2.0) -> NDArray[np.float64]:
+    """Return a random surface whose spectrum falls with a power of the wave number."""
+    random = np.random.default_rng(seed)
+    along, across = np.fft.fftfreq(shape[0]), np.fft.rfftfreq(shape[1])
+    length = np.hypot(along[:, np.newaxis], across)
+    length[0, 0] = np.inf
+    waves = np.fft.rfft2(random.normal(size=shape)) * length**-power
+    heights: NDArray[np.float64] = np.fft.irfft2(waves, s=shape)
+    return heights / heights.std()
+
+
+def slope(heights: NDArray[np.float64]) -> float:
+    """Return the rms difference of neighbours, as a slope of cells of side one."""
+    neighbours = (np.roll(heights, 1, axis) for axis in (0, 1))
+    along, across = (np.square(heights - neighbour).mean() for neighbour in neighbours)
+    return float(np.sqrt(along + across))
+
+
+def mirrored(field: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Continue a field by its mirror images along both axes."""
+    rows = np.concatenate([field, field[::-1]])
+    return np.concatenate([rows, rows[:, ::-1]], axis=1)
+
+
+def press(
+    heights: NDArray[np.float64], boundary: Boundary, load: float, **settings: Any
+) -> bem.Contact:
+    """Press a surface of cells of side one with a mean pressure over E* times its slope."""
+    pressure = load * slope(heights)
+    return bem.solve(heights, heights.shape, pressure=pressure, boundary=boundary, **settings)
+
+
+@pytest.mark.parametrize("load", LOADS)
+@pytest.mark.parametrize("boundary", EDGELESS)
+def test_force_and_displacement_give_the_same_contact(boundary: Boundary, load: float) -> None:
+    heights = rough((40, 33), seed=1)
+    by_force = press(heights, boundary, load, rtol=1e-10)
+    assert by_force.force == pytest.approx(load * slope(heights) * heights.size, rel=1e-12)
+    assert by_force.displacement.mean() == pytest.approx(0, abs=1e-12)
+    depth = heights.max() - heights.mean()
+    assert by_force.mean_gap == pytest.approx(depth - by_force.delta, abs=1e-9 * depth)
+    if by_force.area_percent == 100:
+        assert by_force.delta == pytest.approx(depth, rel=1e-12)
+        with pytest.raises(bem.NoSolution, match="the contact is full at"):
+            bem.solve(heights, heights.shape, by_force.delta * (1 + 1e-9), boundary=boundary)
+    else:
+        by_delta = bem.solve(heights, heights.shape, by_force.delta, boundary=boundary, rtol=1e-10)
+        largest = by_force.largest_pressure
+        np.testing.assert_allclose(by_delta.pressure, by_force.pressure, atol=2e-6 * largest)
+
+
+@pytest.mark.parametrize("load", LOADS[1:])
+@pytest.mark.parametrize("shape", [(16, 12), (15, 11), (7, 30), (1, 17), (12, 1)])
+def test_mirror_is_periodic_on_the_mirrored_surface(shape: tuple[int, int], load: float) -> None:
+    heights = rough(shape, seed=2, power=1.5)
+    one = press(heights, "mirror", load, rtol=1e-11)
+    pressure = load * slope(heights)
+    four = bem.solve(
+        mirrored(heights),
+        tuple(2 * side for side in shape),
+        pressure=pressure,
+        boundary="periodic",
+        rtol=1e-11,
+    )
+    assert four.delta == pytest.approx(one.delta, rel=1e-8)
+    tolerance = 1e-8 * one.largest_pressure
+    np.testing.assert_allclose(four.pressure, mirrored(one.pressure), atol=tolerance)
+
+
+@pytest.mark.parametrize("boundary", EDGELESS)
+def test_flat_surfaces_touch_everywhere_without_a_displacement(boundary: Boundary) -> None:
+    contact = bem.solve(np.full((4, 5), 3.0), (4.0, 5.0), pressure=2.0, boundary=boundary)
+    assert contact.delta == 0
+    assert contact.area_percent == 100
+    np.testing.assert_allclose(contact.pressure, 2.0, rtol=1e-14)
+
+
+def test_shifting_a_periodic_surface_shifts_the_pressure() -> None:
+    heights = rough((24, 20), seed=3)
+    here = press(heights, "periodic", 0.1, rtol=1e-12)
+    there = press(np.roll(heights, (5, -7), axis=(0, 1)), "periodic", 0.1, rtol=1e-12)
+    shifted = np.roll(here.pressure, (5, -7), axis=(0, 1))
+    np.testing.assert_allclose(there.pressure, shifted, atol=1e-10 * here.largest_pressure)
+
+
+@pytest.mark.parametrize("boundary", EDGELESS)
+@pytest.mark.parametrize("hardness", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize("load", [0.005, 0.1, 0.25])
+def test_bodies_that_yield(boundary: Boundary, hardness: float, load: float) -> None:
+    heights = rough((32, 28), seed=4)
+    cap = hardness * slope(heights)
+    contact = press(heights, boundary, load, hardness=cap, rtol=1e-9)
+    gap = contact.displacement - (heights - heights.max() + contact.delta)
+    tolerance = 1e-8 * contact.delta
+    assert contact.largest_pressure <= cap
+    assert gap[contact.pressure == 0].min(initial=0) >= -tolerance
+    assert (
+        np.abs(gap[(contact.pressure > 0) & (contact.pressure < cap)]).max(initial=0) <= tolerance
+    )
+    assert gap[contact.pressure == cap].max(initial=0) <= tolerance
+    again = bem.solve(
+        heights, heights.shape, contact.delta, boundary=boundary, hardness=cap, rtol=1e-9
+    )
+    assert again.force == pytest.approx(contact.force, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"boundary": "round"}, "boundary = 'round': must be one of free, periodic, mirror"),
+        ({"boundary": "mirror", "far_field": "compliant"}, "use far_field = 'rigid'"),
+        (
+            {"boundary": "periodic", "kernel": "concentrated-force"},
+            "use kernel = 'uniform-pressure'",
+        ),
+    ],
+)
+def test_refuses_what_only_a_free_patch_has(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        bem.solve(rough((8, 8), seed=5), 8.0, 0.5, **settings)
+
+
+@pytest.mark.parametrize("boundary", EDGELESS)
+def test_a_ladder_gives_the_contacts_of_single_solves(boundary: Boundary) -> None:
+    heights = rough((32, 32), seed=6)
+    loads = [load * slope(heights) for load in (0.01, 0.012, 0.015, 0.02, 0.03, 0.04)]
+    rungs = bem.ladder(heights, 32.0, pressures=loads, boundary=boundary, rtol=1e-10)
+    for load, rung in zip(loads, rungs, strict=True):
+        single = bem.solve(heights, 32.0, pressure=load, boundary=boundary, rtol=1e-10)
+        assert rung.delta == pytest.approx(single.delta, rel=1e-8)
+        assert rung.contact_nodes == single.contact_nodes
