@@ -39,6 +39,7 @@ def draw_curves(
     *,
     by: str,
     label: Callable[[Any], str] = str,
+    **look: Any,
 ) -> None:
     """Draw one column of a table over another: a curve for each value of a third one.
 
@@ -52,12 +53,14 @@ def draw_curves(
         Columns of the abscissa, of the ordinate, and of what tells the curves apart.
     label : callable
         Names a curve by its value of `by`.
+    look : dict
+        Properties of all curves, instead of those of `bench.style`.
     """
     values = dict.fromkeys(row[by] for row in rows)
     for value, style in zip(values, itertools.cycle(STYLES), strict=False):
         own = [row for row in rows if row[by] == value]
         places, heights = [row[x] for row in own], [row[y] for row in own]
-        panel.plot(places, heights, label=label(value), **style)
+        panel.plot(places, heights, label=label(value), **{**style, **look})
 
 
 def save(figure: Any, path: Path) -> Path:

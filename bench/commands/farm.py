@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from bench.commands.options import Folder, numbers, require_place, tell
-from bench.remarks import remark
 from gen.runtime.errors import InputError
 
 
@@ -68,7 +67,7 @@ def scale(
     from bench.scale.report import report
 
     require_place(output, "costs.json", "scale.csv", "scale.png", "validation.csv")
-    tell(output, report(costs, remark, validate=validate))
+    tell(output, report(costs, validate=validate))
 
 
 def speedup(
@@ -83,4 +82,4 @@ def speedup(
     """
     from bench.scale.speedup import measure, summary
 
-    typer.echo(summary(measure(rows, rounds, remark)))
+    typer.echo(summary(measure(rows, rounds)))

@@ -15,7 +15,6 @@ from bench.commands.options import (
     require_place,
     tell,
 )
-from bench.remarks import remark
 from gen.runtime.output import check_folder
 
 
@@ -56,7 +55,7 @@ def tolerance(
 
     require_place(output, "tolerance.csv", "tolerance.txt", "tolerance.png")
     asked = numbers("tolerances", tolerances, float) if tolerances else TOLERANCES
-    found = measure(output, rows, tolerances=asked, area_max=area_max, remark=remark)
+    found = measure(output, rows, tolerances=asked, area_max=area_max)
     tell(output, report(found))
 
 
@@ -80,15 +79,8 @@ def generalisation(
     from bench.surrogates.generalisation_report import report
 
     require_place(output, "generalisation.csv", "generalisation-kernel-ridge.png")
-    found = measure(
-        output,
-        rows,
-        models=model or ["kernel-ridge"],
-        given=database,
-        area_max=area_max,
-        remark=remark,
-    )
-    tell(output, report(found))
+    names = model or ["kernel-ridge"]
+    tell(output, report(measure(output, rows, models=names, given=database, area_max=area_max)))
 
 
 def cost(
@@ -121,7 +113,6 @@ def cost(
         comparison=comparison,
         area_max=area_max,
         surfaces=surfaces,
-        remark=remark,
     )
     tell(output, report(found))
 
@@ -147,8 +138,8 @@ def throughput(
 
     if output is not None:
         require_place(output, "throughput.csv")
-    asked = calls.loaded(surrogate) if surrogate else calls.fitted(database, rows, remark)
-    tell(output, calls.report(calls.throughput(asked, surfaces, remark)))
+    asked = calls.loaded(surrogate) if surrogate else calls.fitted(database, rows)
+    tell(output, calls.report(calls.throughput(asked, surfaces)))
 
 
 def memory(

@@ -10,7 +10,7 @@ import tempfile
 import time
 import tracemalloc
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.remarks import remark
 from bench.scale.launch import launch
 from bench.scale.probe import empty_rows, scene_of
 from gen import database
@@ -54,35 +55,20 @@ class Line:
 
 @dataclass(frozen=True)
 class Costs:
-    """Inputs of the simulation.
-
-    Attributes
-    ----------
-    rows : by nodes a side, processor time of single rows of the paper's scene [s]
-    message : master's time to receive a block of some rows and to send the next [s]
-    write : master's time to write a block of some rows, flushes included [s]
-    bookkeeping : master's time for one block in the farm with some workers, apart from messages [s]
-    gap : a worker's time between two tasks of one row when the master has nothing else to do [s]
-    memory : resident size of a process that has imported what a master needs [bytes]
-    task_memory : what a task in flight takes on the master [bytes]
-    """
+    """Inputs of the simulation; times of the master are for one block [s]."""
 
     rows: dict[int, tuple[float, ...]]
-    message: Line
-    write: Line
-    bookkeeping: Line
-    gap: float
-    memory: int
-    task_memory: int
+    """By nodes a side, processor time of single rows of the paper's scene [s]."""
+    message: Line  # to receive a block of some rows and to send the next
+    write: Line  # to write a block of some rows, flushes included
+    bookkeeping: Line  # in the farm with some workers, apart from messages
+    gap: float  # of a worker between two tasks of one row when the master has nothing else to do
+    memory: int  # resident size of a process that has imported what a master needs [bytes]
+    task_memory: int  # what a task in flight takes on the master [bytes]
 
 
-def measure(remark: Callable[[str], None] = lambda line: None) -> Costs:
-    """Measure all inputs on this machine, in a minute or two.
-
-    Parameters
-    ----------
-    remark : told what is being measured
-    """
+def measure() -> Costs:
+    """Measure all inputs on this machine, in a minute or two."""
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024  # before there are fields
     remark("rows of 129 x 129 and 1025 x 1025 nodes")
     rows = {nodes: _row_seconds(nodes, count) for nodes, count in NODES.items()}
@@ -111,40 +97,35 @@ def read_costs(path: Path) -> Costs:
 
 
 def scene_with(nodes: int) -> Scene:
-    """The paper's scene on another grid."""
+    """Return the paper's scene on another grid."""
     paper = load("paper")
     surface = paper.surface.model_copy(update={"nodes": nodes})
     return paper.model_copy(update={"surface": surface})
 
 
 def measure_write(count: int) -> float:
-    """Processor time to write a block of some rows, flushes included [s]."""
+    """Measure the processor time to write a block of some rows, flushes included [s]."""
     scene = scene_of(count * WRITES)
     rows = empty_rows(scene, count)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "written.h5"
         database.create(path, scene)
         with database.Writer(path, scene) as writer:
-            return _least(
-                partial(writer.write_block, start, start + count, rows)
-                for start in range(0, count * WRITES, count)
-            )
+            starts = range(0, count * WRITES, count)
+            writes = (partial(writer.write_block, each, each + count, rows) for each in starts)
+            return float(np.quantile(_seconds(writes), 0.1))  # the least disturbed
 
 
 def bookkeeping_seconds(workers: int) -> float:
-    """Time of the farm's own loop for one block, with an executor that needs none [s].
+    """Measure the farm's own loop for one block, with an executor that needs no time [s].
 
-    Parameters
-    ----------
-    workers : how many the farm believes to have
+    The farm believes to have some workers.
     """
-    in_flight = farm.IN_FLIGHT * workers
-    blocks = max(30, min(400, 40_000 // workers))
-    rounds = [_bookkeeping_round(in_flight, blocks, workers) for _ in range(3)]
-    return min(rounds)
+    return min(_bookkeeping_round(workers) for _ in range(3))
 
 
-def _bookkeeping_round(in_flight: int, blocks: int, workers: int) -> float:
+def _bookkeeping_round(workers: int) -> float:
+    in_flight, blocks = farm.IN_FLIGHT * workers, max(30, min(400, 40_000 // workers))
     arrivals: list[float] = []
 
     def take(task: int, result: None) -> None:
@@ -153,7 +134,7 @@ def _bookkeeping_round(in_flight: int, blocks: int, workers: int) -> float:
     tasks = in_flight + blocks
     farm._supervise(
         _Instant(in_flight, tasks),
-        _nothing,
+        lambda task: None,
         iter(range(tasks)),
         take,
         farm.World(0, workers + 1),
@@ -182,7 +163,7 @@ class _Instant:
 
 
 def _task_memory(tasks: int = 1000) -> int:
-    """Memory that a task in flight takes: its future, its range of rows, their places [bytes]."""
+    """Measure what a task in flight takes: its future, its range of rows, their places [bytes]."""
     tracemalloc.start()
     kept = {Future[None](): (number, number + 64) for number in range(10**6, 10**6 + tasks)}
     size, _ = tracemalloc.get_traced_memory()
@@ -190,40 +171,32 @@ def _task_memory(tasks: int = 1000) -> int:
     return size // len(kept)
 
 
-def _nothing(task: Any) -> None:
-    """Do nothing."""
-
-
 def _row_seconds(nodes: int, count: int) -> tuple[float, ...]:
-    """Processor time of rows of the paper's scene [s]; a first one makes plans and tables."""
+    """Measure the processor time of rows of the paper's scene [s]."""
     scene = scene_with(nodes)
-    compute_rows(scene, 0, 1)
-    seconds = []
-    for row in range(count):
-        began = time.process_time()
-        compute_rows(scene, row, row + 1)
-        seconds.append(time.process_time() - began)
-    return tuple(seconds)
+    compute_rows(scene, 0, 1)  # makes plans and tables
+    return tuple(_seconds(partial(compute_rows, scene, row, row + 1) for row in range(count)))
 
 
-def _least(calls: Iterator[Callable[[], None]]) -> float:
-    """Tenth percentile of the processor time of calls [s]: the least disturbed."""
+def _seconds(calls: Iterable[Callable[[], object]]) -> list[float]:
+    """Return the processor times of calls [s]."""
     seconds = []
     for call in calls:
         began = time.process_time()
         call()
         seconds.append(time.process_time() - began)
-    return float(np.quantile(seconds, 0.1))
+    return seconds
 
 
 def _message_seconds(rows: int) -> float:
-    """Master's processor time for one block that nobody computes or writes [s]."""
+    """Measure the master's processor time for one block that nobody computes or writes [s]."""
     return min(timing["master"] for timing in _probed(workers=2, rows=rows)) / MESSAGES
 
 
 def _probed(workers: int, rows: int) -> list[dict[str, float]]:
-    blocks = [(number * rows, (number + 1) * rows) for number in range(MESSAGES)]
-    arguments = {"blocks": blocks, "seconds": [0.0] * MESSAGES, "repeats": REPEATS}
+    """Send blocks of some rows to workers that do nothing, repeatedly."""
+    tasks = [((number * rows, (number + 1) * rows), 0.0) for number in range(MESSAGES)]
+    arguments = {"tasks": tasks, "repeats": REPEATS}
     with tempfile.TemporaryDirectory() as folder:
         timings: list[dict[str, float]] = launch(
             workers + 1, "bench.scale.probe", arguments, Path(folder)
@@ -232,7 +205,7 @@ def _probed(workers: int, rows: int) -> list[dict[str, float]]:
 
 
 def _fitted(seconds: dict[int, float]) -> Line:
-    """The line through measured costs, with equal relative errors and no negative part."""
+    """Fit a line to measured costs, with equal relative errors and no negative part."""
     from scipy.optimize import nnls
 
     numbers, values = np.array(list(seconds), dtype=float), np.array(list(seconds.values()))

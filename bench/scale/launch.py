@@ -28,14 +28,9 @@ ENVIRONMENT = {
 
 
 def launch(ranks: int, module: str, arguments: dict[str, Any], folder: Path) -> Any:
-    """Run a module and return what it prints in its last line, in JSON.
+    """Run a module in a folder and return what it prints in its last line, in JSON.
 
-    Parameters
-    ----------
-    ranks : processes under mpiexec; 0 runs alone, without MPI
-    module : what Python runs
-    arguments : written down for it in JSON
-    folder : where it works
+    Its arguments are written down for it in JSON. 0 ranks run alone, without MPI.
 
     Raises
     ------
@@ -66,10 +61,7 @@ def launch(ranks: int, module: str, arguments: dict[str, Any], folder: Path) -> 
 def answer(work: Callable[[dict[str, Any], farm.World], Any]) -> None:
     """Run this program's work, started by `launch`, and print the master's result as JSON.
 
-    Parameters
-    ----------
-    work : callable
-        Takes the arguments that were written down, and the world; every process calls it.
+    Every process calls it with the arguments that were written down, and the world.
     """
     world = farm.this_world()
     result = work(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")), world)
@@ -79,7 +71,7 @@ def answer(work: Callable[[dict[str, Any], farm.World], Any]) -> None:
 
 
 def _mpiexec() -> str:
-    """The launcher that belongs to this environment's MPI."""
+    """Find the launcher that belongs to this environment's MPI."""
     beside = Path(sys.executable).with_name("mpiexec")
     found = str(beside) if beside.exists() else shutil.which("mpiexec")
     if found is None:

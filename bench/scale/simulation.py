@@ -28,24 +28,14 @@ Writer = Literal["master", "workers", "nobody"]
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a simulated run went.
+    """How a simulated run went."""
 
-    Attributes
-    ----------
-    makespan : from the first task handed out to the last row written [s]
-    efficiency : the rows' own time over that of all workers [1]
-    tail : mean time of a worker between its last block and the end, over the makespan [1]
-    busy : share of the makespan in which the master works [1]
-    blocks : number of blocks
-    waiting_rows : largest number of rows that the master held, received but not written
-    """
-
-    makespan: float
-    efficiency: float
-    tail: float
-    busy: float
+    makespan: float  # from the first task handed out to the last row written [s]
+    efficiency: float  # the rows' own time over that of all workers [1]
+    tail: float  # mean time of a worker between its last block and the end, over the makespan [1]
+    busy: float  # share of the makespan in which the master works [1]
     blocks: int
-    waiting_rows: int
+    waiting_rows: int  # most rows that the master held, received but not written
 
 
 def simulate(
@@ -60,13 +50,18 @@ def simulate(
 
     Parameters
     ----------
-    blocks : ranges of rows, in the order in which they are handed out
-    seconds : (rows,) time of each row [s]
-    workers : number of workers
-    costs : of the master
-    write : who writes: "master", "workers" (at the same cost), or "nobody"
+    blocks : iterable of (int, int)
+        Ranges of rows, in the order in which they are handed out.
+    seconds : ndarray, shape (rows,)
+        Time of each row [s].
+    workers : int
+        Number of workers.
+    costs : Costs
+        Costs of the master.
+    write : str
+        Who writes: "master", "workers" (at the same cost), or "nobody".
     """
-    return _Farm(blocks, seconds, workers, costs, write=write).run()
+    return _Farm(iter(blocks), seconds, workers, costs, write).run()
 
 
 class _Farm:
@@ -74,14 +69,13 @@ class _Farm:
 
     def __init__(
         self,
-        blocks: Iterable[Block],
+        blocks: Iterator[Block],
         seconds: NDArray[np.float64],
         workers: int,
         costs: Costs,
-        *,
         write: Writer,
     ) -> None:
-        self._tasks: Iterator[Block] = iter(blocks)
+        self._tasks = blocks
         self._until = np.concatenate([[0.0], np.cumsum(seconds)])
         self._workers, self._costs, self._write = workers, costs, write
         self._now = self._work = 0.0
@@ -110,10 +104,9 @@ class _Farm:
             else:
                 self._now = self._arrivals[0][0]
         span = self._now
-        own = float(self._until[-1])
         return Outcome(
             makespan=span,
-            efficiency=own / (span * self._workers),
+            efficiency=float(self._until[-1]) / (span * self._workers),
             tail=float(np.mean(span - self._last)) / span,
             busy=self._work / span,
             blocks=self._blocks,

@@ -3,93 +3,70 @@
 Two processors that share a clock, a cache or a memory bus are not twice as fast as one. So every
 round also runs two copies side by side that know nothing of each other: together they do twice the
 rows, and what they gain over one alone bounds what any farm could gain.
+
+`python -m bench.scale.speedup SPEC`, alone or under mpiexec, is one generation, and prints its
+seconds in JSON. Start-up is not in the time: all ranks are there and have solved a problem of the
+same size. `busy` says how much of the machine others used meanwhile.
 """
 
+import os
 import tempfile
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from statistics import median
+from statistics import mean, median
+from typing import Any
 
-from bench.scale.launch import launch
+from bench.remarks import remark
+from bench.scale.launch import answer, launch
+from gen.generation.run import Request, generate_database
+from gen.generation.sample import compute_rows
+from gen.runtime import farm
+from gen.scene import load
 
 RANKS = {"alone": 0, "1 worker": 2, "2 workers": 3}
 """Runs of a round, and their ranks: 0 is without MPI; rank 0 of the others is the master."""
 
 COPIES = "2 copies"
-"""The run of two processes alone, side by side."""
+"""The run of two processes alone, side by side; its times are the means of both."""
+
+Turn = dict[str, float]
+"""Generation times of one round by the name of the run, without start-up [s]."""
+
+GAINS: dict[str, Callable[[Turn], float]] = {
+    "2 workers over 1 worker": lambda turn: turn["1 worker"] / turn["2 workers"],
+    "2 workers over a run alone": lambda turn: turn["alone"] / turn["2 workers"],
+    "2 copies over one: the machine's bound": lambda turn: 2 * turn["alone"] / turn[COPIES],
+    "2 workers over a run alone, of that bound": lambda turn: turn[COPIES] / turn["2 workers"] / 2,
+}
 
 
-@dataclass(frozen=True)
-class Turn:
-    """Generation times of one round, and how busy the machine was meanwhile.
-
-    Attributes
-    ----------
-    wall : by run, time of the generation, without start-up [s]; of the copies, the mean of both
-    busy : by run, share of all processors in use, by this run and by others [1]
-    """
-
-    wall: dict[str, float]
-    busy: dict[str, float]
-
-    @property
-    def speedup(self) -> float:
-        """Two workers over one [1]."""
-        return self.wall["1 worker"] / self.wall["2 workers"]
-
-    @property
-    def over_alone(self) -> float:
-        """Two workers over a run without MPI [1]."""
-        return self.wall["alone"] / self.wall["2 workers"]
-
-    @property
-    def ceiling(self) -> float:
-        """Two copies side by side over one: what two processors of this machine can do [1]."""
-        return 2 * self.wall["alone"] / self.wall[COPIES]
-
-
-def measure(
-    rows: int = 1000, rounds: int = 5, remark: Callable[[str], None] = lambda line: None
-) -> list[Turn]:
-    """Generate the first rows of `paper` alone, with workers and in two copies, in turn.
-
-    Parameters
-    ----------
-    rows : of the database
-    rounds : repetitions; each second one goes backwards
-    remark : told of each round
-    """
+def measure(rows: int = 1000, rounds: int = 5) -> list[Turn]:
+    """Generate the first rows of `paper` alone, with workers and in two copies, in turn."""
     runs: dict[str, Callable[[], tuple[float, float]]] = {
-        name: partial(_generate, ranks, rows) for name, ranks in RANKS.items()
+        name: partial(generate, ranks, rows) for name, ranks in RANKS.items()
     }
     runs[COPIES] = partial(_side_by_side, rows)
     turns = []
     for number in range(rounds):
-        wall, busy = {}, {}
-        for name in runs if number % 2 == 0 else reversed(runs):
-            wall[name], busy[name] = runs[name]()
-        turn = Turn(wall, busy)
-        times = ", ".join(f"{name} {wall[name]:.2f} s ({busy[name]:.0%} busy)" for name in runs)
+        found = {name: runs[name]() for name in list(runs)[:: (-1) ** number]}
+        times = (f"{name} {found[name][0]:.2f} s ({found[name][1]:.0%} busy)" for name in runs)
+        turns.append({name: wall for name, (wall, _) in found.items()})
+        over_worker, over_alone, bound, _ = (gain(turns[-1]) for gain in GAINS.values())
         remark(
-            f"{times}: speed-up {turn.speedup:.2f} over 1 worker, {turn.over_alone:.2f} over alone,"
-            f" of {turn.ceiling:.2f}"
+            f"{', '.join(times)}: speed-up {over_worker:.2f} over 1 worker, {over_alone:.2f} over"
+            f" alone, of {bound:.2f}"
         )
-        turns.append(turn)
     return turns
 
 
 def summary(turns: list[Turn]) -> str:
-    """Medians and extremes in one line each."""
+    """Return medians and extremes in one line each."""
     lines = []
-    for what, ratios in (
-        ("2 workers over 1 worker", [turn.speedup for turn in turns]),
-        ("2 workers over a run alone", [turn.over_alone for turn in turns]),
-        ("2 copies over one: the machine's bound", [turn.ceiling for turn in turns]),
-        ("2 workers over a run alone, of that bound", [t.over_alone / t.ceiling for t in turns]),
-    ):
+    for what, gain in GAINS.items():
+        ratios = [gain(turn) for turn in turns]
         lines.append(
             f"{what}: {median(ratios):.2f} (median of {len(ratios)} rounds,"
             f" {min(ratios):.2f} to {max(ratios):.2f})"
@@ -97,23 +74,47 @@ def summary(turns: list[Turn]) -> str:
     return "\n".join(lines)
 
 
-def _generate(ranks: int, rows: int, meeting: str = "", peers: int = 1) -> tuple[float, float]:
+def generate(
+    ranks: int, rows: int, meeting: str = "", folder: Path | None = None
+) -> tuple[float, float]:
+    """Generate rows on some ranks; return the wall time [s], and how busy the machine was [1]."""
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "scene.toml").write_text(f"samples = {rows}\n")
-        arguments = {
-            "scene": "scene.toml",
-            "output": "rows.h5",
-            "meeting": meeting,
-            "peers": peers,
-        }
-        answer = launch(ranks, "bench.scale.generation", arguments, folder)
-    return float(answer["wall"]), float(answer["busy"])
+        home = folder or Path(name)
+        (home / "scene.toml").write_text(f"samples = {rows}\n")
+        found = launch(ranks, "bench.scale.speedup", {"meeting": meeting}, home)
+    return float(found["wall"]), float(found["busy"])
 
 
 def _side_by_side(rows: int) -> tuple[float, float]:
-    """Two runs without MPI that begin together; mean time, and how busy the machine was."""
+    """Generate twice without MPI, beginning together; return the means."""
     with tempfile.TemporaryDirectory() as meeting, ThreadPoolExecutor(2) as pool:
-        both = list(pool.map(lambda _: _generate(0, rows, meeting, 2), range(2)))
-    (first, first_busy), (second, second_busy) = both
-    return (first + second) / 2, (first_busy + second_busy) / 2
+        both = list(pool.map(lambda _: generate(0, rows, meeting), range(2)))
+    wall, busy = zip(*both, strict=True)
+    return mean(wall), mean(busy)
+
+
+def _generation(arguments: dict[str, Any], world: farm.World) -> dict[str, float]:
+    """Generate the scene of this folder, once both copies have met where they are to meet."""
+    compute_rows(load("scene.toml"), 0, 1)
+    world.broadcast(None)
+    if arguments["meeting"]:
+        folder = Path(arguments["meeting"])
+        (folder / str(os.getpid())).touch()
+        while len(list(folder.iterdir())) < 2:  # whoever started them bounds the wait
+            time.sleep(0.001)
+    before, began = _jiffies(), time.perf_counter()
+    generate_database(Request("scene.toml", Path("rows.h5")), world)
+    wall = time.perf_counter() - began
+    busy = (_jiffies() - before) / os.sysconf("SC_CLK_TCK") / wall / (os.cpu_count() or 1)
+    return {"wall": wall, "busy": busy}
+
+
+def _jiffies() -> int:
+    """Read how long all processors have been busy, or were taken away, since the start."""
+    fields = Path("/proc/stat").read_text().splitlines()[0].split()[1:]
+    user, nice, system, _, _, interrupts, soft, steal = (int(field) for field in fields[:8])
+    return user + nice + system + interrupts + soft + steal
+
+
+if __name__ == "__main__":
+    answer(_generation)

@@ -1,14 +1,16 @@
 """What is simulated: ranks, rows, grids, writers and block sizes."""
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.remarks import remark
 from bench.scale.costs import Costs, scene_with
-from bench.scale.simulation import Outcome, Writer, simulate
+from bench.scale.simulation import Writer, simulate
 from gen.generation import plan
 from gen.generation.delivery import Block
 from gen.generation.run import blocks_of
@@ -32,61 +34,32 @@ GOAL_RANKS, GOAL_ROWS = 500, {129: 10**6, 1025: 10**5}
 WANTED = 0.9
 """Efficiency that they have to reach."""
 
+WRITERS: dict[str, Writer] = {"single": "master", "parallel": "workers"}
+"""Who writes, by the name of the writer."""
+
 SEED = 1
 
 
-@dataclass(frozen=True)
-class Point:
-    """One simulated run.
-
-    Attributes
-    ----------
-    nodes : of the grid, a side
-    ranks : processes; rank 0 is the master
-    rows : of the database
-    largest, smallest : rows that a block may and should have; 0 for the program's own rule
-    writer : "single", or "parallel": every worker its own rows
-    seconds : makespan [s]
-    efficiency : of the workers [1]
-    tail : mean idle time at the end over the makespan [1]
-    busy : share of the time in which the master works [1]
-    blocks : number of blocks
-    memory : of the master [bytes]
-    """
-
-    nodes: int
-    ranks: int
-    rows: int
-    largest: int
-    smallest: int
-    writer: str
-    seconds: float
-    efficiency: float
-    tail: float
-    busy: float
-    blocks: int
-    memory: int
+Point = dict[str, Any]
+"""One simulated run, by the names of its columns."""
 
 
-def sweep(costs: Costs, remark: Callable[[str], None] = lambda line: None) -> Iterator[Point]:
+def sweep(costs: Costs) -> Iterator[Point]:
     """Simulate all ranks and rows with the program's own blocks, and other blocks at the goal."""
     for nodes, numbers in ROWS.items():
         for rows in numbers:
             remark(f"{nodes} x {nodes} nodes, {rows} rows")
             seconds = row_seconds(costs, nodes, rows)
-            for writer in ("single", "parallel"):
-                for ranks in RANKS:
-                    yield simulated(costs, nodes, ranks, seconds, writer)
-        ranks = GOAL_RANKS
+            for writer, ranks in product(WRITERS, RANKS):
+                yield simulated(costs, nodes, ranks, seconds, writer)
         remark(f"{nodes} x {nodes} nodes, blocks of other sizes")
         seconds = row_seconds(costs, nodes, GOAL_ROWS[nodes])
-        for writer in ("single", "parallel"):
-            for largest, smallest in BLOCKS[nodes]:
-                yield simulated(costs, nodes, ranks, seconds, writer, largest, smallest)
+        for writer, (largest, smallest) in product(WRITERS, BLOCKS[nodes]):
+            yield simulated(costs, nodes, GOAL_RANKS, seconds, writer, largest, smallest)
 
 
 def row_seconds(costs: Costs, nodes: int, rows: int) -> NDArray[np.float64]:
-    """(rows,) times drawn from those that were measured [s]."""
+    """Draw the times of rows from those that were measured [s]."""
     return np.random.default_rng(SEED).choice(np.array(costs.rows[nodes]), rows)
 
 
@@ -103,37 +76,48 @@ def simulated(
 
     Parameters
     ----------
-    costs : of the master and of writing
-    nodes : of the grid, a side
-    ranks : processes, master included
-    seconds : (rows,) time of each row [s]
-    writer : "single" or "parallel"; the latter is taken to cost a worker what it costs the master
-    largest, smallest : rows that a block may and should have; 0 for the program's own rule
+    costs : Costs
+        Costs of the master and of writing.
+    nodes, ranks : int
+        Nodes a side of the grid, and processes, of which rank 0 is the master.
+    seconds : ndarray, shape (rows,)
+        Time of each row [s].
+    writer : str
+        "single", or "parallel": every worker its own rows, which is taken to cost the same.
+    largest, smallest : int
+        Rows that a block may and should have; 0 for the program's own rule.
+
+    Returns
+    -------
+    dict
+        The run and how it went: the makespan in seconds, the workers' efficiency, their mean idle
+        tail over the makespan, the busy share of the master, blocks, the master's memory in bytes.
     """
     rows, workers = len(seconds), ranks - 1
     cut = blocks(nodes, rows, workers, largest, smallest)
-    write: Writer = "master" if writer == "single" else "workers"
-    outcome = simulate(cut, seconds, workers, costs, write=write)
-    return Point(
-        nodes=nodes,
-        ranks=ranks,
-        rows=rows,
-        largest=largest,
-        smallest=smallest if largest else 0,
-        writer=writer,
-        seconds=outcome.makespan,
-        efficiency=outcome.efficiency,
-        tail=outcome.tail,
-        busy=outcome.busy,
-        blocks=outcome.blocks,
-        memory=master_memory(costs, nodes, workers, outcome),
-    )
+    outcome = simulate(cut, seconds, workers, costs, write=WRITERS[writer])
+    in_flight = IN_FLIGHT * workers * costs.task_memory
+    waiting = outcome.waiting_rows * row_bytes(scene_with(nodes))
+    return {
+        "nodes": nodes,
+        "ranks": ranks,
+        "rows": rows,
+        "largest": largest,
+        "smallest": smallest if largest else 0,
+        "writer": writer,
+        "seconds": outcome.makespan,
+        "efficiency": outcome.efficiency,
+        "tail": outcome.tail,
+        "busy": outcome.busy,
+        "blocks": outcome.blocks,
+        "memory": costs.memory + in_flight + waiting,
+    }
 
 
 def blocks(
     nodes: int, rows: int, workers: int, largest: int = 0, smallest: int = 1
 ) -> Iterator[Block]:
-    """The blocks of a run of the paper's scene on a grid: the program's own, or of another size."""
+    """Cut a run of the paper's scene on a grid into the program's blocks, or of another size."""
     scene = scene_with(nodes).model_copy(update={"samples": rows})
     if not largest:
         return blocks_of(scene, [(0, rows)], workers)
@@ -147,15 +131,8 @@ def blocks(
     )
 
 
-def master_memory(costs: Costs, nodes: int, workers: int, outcome: Outcome) -> int:
-    """Memory of the master: the program, tasks in flight, rows received but not written [bytes]."""
-    row = row_bytes(scene_with(nodes))
-    in_flight = IN_FLIGHT * workers * costs.task_memory
-    return costs.memory + in_flight + outcome.waiting_rows * row
-
-
 def saturation(costs: Costs, nodes: int, block: int, *, write: bool) -> int:
-    """Number of workers that keep the master busy all the time with blocks of some rows.
+    """Return how many workers keep the master busy all the time with blocks of some rows.
 
     The smallest w with w blocks in the time of one block: each needs a message, a turn of the
     farm's loop, which grows with w, and a write where the master writes.

@@ -18,10 +18,8 @@ from gen.arrays import Heights
 from gen.generation.plan import Parameters, parameters
 from gen.generation.sample import compute_rows, solve_contact, surface_of
 from gen.scene import Scene, load
-from learn.features import FeatureSet, SurfaceFeatures
+from learn.features import SurfaceFeatures, chosen
 from learn.metrics import scores
-
-Values = NDArray[np.float64]
 
 BATCH = 2000
 """Rows predicted together, as in section 4.4."""
@@ -38,17 +36,11 @@ LOOSE = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class NewSurfaces:
-    """Surfaces and loads of the paper preset's distribution that nothing was trained on.
+    """Surfaces and loads of the paper preset's distribution that nothing was trained on."""
 
-    Attributes
-    ----------
-    scene, plan : of the preset with another seed, and its first rows
-    heights : of each row [um]
-    """
-
-    scene: Scene
-    plan: Parameters
-    heights: list[Heights]
+    scene: Scene  # the preset with another seed
+    plan: Parameters  # its first rows
+    heights: list[Heights]  # of each row [um]
 
     @property
     def side(self) -> float:
@@ -63,42 +55,24 @@ class NewSurfaces:
 
 @dataclass(frozen=True)
 class SolverTimes:
-    """Mean times without any surrogate [s].
+    """Mean times without any surrogate [s]."""
 
-    Attributes
-    ----------
-    row : of a database's row: surface, statistics, solve
-    surface : of generating a surface
-    solve : of a contact on a new surface
-    ladder : of a contact among `LOADS` on one surface
-    loose : of a contact on a new surface, to a residual of `LOOSE`
-    loose_nmae : error of its area [%]
-    """
-
-    row: float
-    surface: float
-    solve: float
-    ladder: float
-    loose: float
-    loose_nmae: float
+    row: float  # of a database: surface, statistics, solve
+    surface: float  # of generating it
+    solve: float  # of a contact on a new surface
+    ladder: float  # of a contact among `LOADS` on one surface
+    loose: float  # of a contact on a new surface, to a residual of `LOOSE`
+    loose_nmae: float  # error of its area [%]
 
 
 @dataclass(frozen=True)
 class SurrogateTimes:
-    """Times of a surrogate's answers [s].
+    """Times of a surrogate's answers [s]."""
 
-    Attributes
-    ----------
-    surface : features of a new surface at one displacement
-    load : features of one more displacement on it
-    single : prediction of a single row
-    batched : prediction of a row among `BATCH`
-    """
-
-    surface: float
-    load: float
-    single: float
-    batched: float
+    surface: float  # features of a new surface at one displacement
+    load: float  # features of one more displacement on it
+    single: float  # prediction of a single row
+    batched: float  # prediction of a row among `BATCH`
 
     @property
     def new(self) -> float:
@@ -116,50 +90,43 @@ def new_surfaces(count: int) -> NewSurfaces:
 def measure_solver(new: NewSurfaces) -> SolverTimes:
     """Time the solver on surfaces and loads of the paper preset's distribution."""
     scene, rows = new.scene, range(len(new.heights))
-    loose = partial(bem.solve, side=new.side, rtol=LOOSE)
-    exact_areas = [solve_contact(scene, *each).area_percent for each in new.contacts]
-    loose_areas = [loose(heights, delta=delta).area_percent for heights, delta in new.contacts]
+    loose = [partial(bem.solve, each, new.side, delta, rtol=LOOSE) for each, delta in new.contacts]
+    exact = [partial(solve_contact, scene, *each) for each in new.contacts]
+    areas = ([solve().area_percent for solve in solves] for solves in (exact, loose))
     return SolverTimes(
         row=mean_seconds(partial(compute_rows, scene, row, row + 1) for row in rows),
         surface=mean_seconds(partial(surface_of, scene, new.plan, row) for row in rows),
-        solve=mean_seconds(partial(solve_contact, scene, *each) for each in new.contacts),
-        ladder=ladder_seconds(new, LOADS),
-        loose=mean_seconds(partial(loose, heights, delta=delta) for heights, delta in new.contacts),
-        loose_nmae=scores(exact_areas, loose_areas).nmae,
+        solve=mean_seconds(exact),
+        ladder=ladder_seconds(new),
+        loose=mean_seconds(loose),
+        loose_nmae=scores(*areas).nmae,
     )
 
 
-def ladder_seconds(new: NewSurfaces, loads: int) -> float:
-    """Time a contact among several loads on one surface [s]."""
-    deltas = np.linspace(*DELTAS, loads)
+def ladder_seconds(new: NewSurfaces) -> float:
+    """Time a contact among `LOADS` on one surface [s]."""
+    deltas = np.linspace(*DELTAS, LOADS)
 
     def climb(heights: Heights) -> None:
         for _ in bem.ladder(heights, new.side, deltas):
             pass
 
-    return mean_seconds(partial(climb, heights) for heights in new.heights) / loads
+    return mean_seconds(partial(climb, heights) for heights in new.heights) / LOADS
 
 
-def measure_surrogate(fitted: Fitted, features: FeatureSet, new: NewSurfaces) -> SurrogateTimes:
-    """Time a surrogate's answers.
+def measure_surrogate(fitted: Fitted, features: str, new: NewSurfaces) -> SurrogateTimes:
+    """Time the answers of a surrogate with a feature set, on surfaces that it has not seen."""
+    sides, wanted = (new.side, new.side), chosen(features)
 
-    Parameters
-    ----------
-    fitted : the surrogate
-    features : its feature set
-    new : surfaces that it was not trained on
-    """
-    sides = new.side, new.side
-
-    def unknown(heights: Heights, delta: float) -> Values:
-        return SurfaceFeatures(heights, sides).features(features, np.array([delta]))
+    def unknown(heights: Heights, delta: float) -> NDArray[np.float64]:
+        return SurfaceFeatures(heights, sides).features(wanted, np.array([delta]))
 
     surface = mean_seconds(partial(unknown, *each) for each in new.contacts)
     # What does not depend on Delta is computed once: these have it.
     known = [SurfaceFeatures(heights, sides) for heights in new.heights]
     deltas = np.linspace(*DELTAS, LOADS)
-    rows = np.concatenate([each.features(features, deltas) for each in known])
-    load = mean_seconds(partial(each.features, features, deltas) for each in known) / LOADS
+    rows = np.concatenate([each.features(wanted, deltas) for each in known])
+    load = mean_seconds(partial(each.features, wanted, deltas) for each in known) / LOADS
     many = np.resize(rows, (BATCH, rows.shape[1]))
     return SurrogateTimes(
         surface=surface,

@@ -1,19 +1,19 @@
 """What surrogates of the paper preset are tested on: more of the same, and what they never saw."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bench.databases import OTHER_SEED, generated
-from bench.surrogates.fitting import Parts, read, request_for
+from bench.surrogates.fitting import Parts, read
 from gen.database import Reader
-from gen.scene import Piece, load
+from gen.scene import load
 from learn.arrays import Indices
 from learn.dataset import Dataset
+from learn.request import Request
 
 HURST_BORDER = 0.7
 """Surfaces below it train, surfaces above it test."""
@@ -30,13 +30,9 @@ FINE = "fine grid (257)"
 
 @dataclass(frozen=True)
 class Case:
-    """A database to test on.
+    """A database to test on: its name in tables, its file, and its scene.
 
-    Attributes
-    ----------
-    name : in tables
-    file : name of database and scene
-    scene : what differs from the paper preset, but for samples and seed (TOML)
+    The scene (TOML) holds what differs from the paper preset, but for samples and seed.
     """
 
     name: str
@@ -46,40 +42,28 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """Rows of a case with one feature set.
+    """Rows of a case with one feature set."""
 
-    Attributes
-    ----------
-    name : of the case
-    parts : what the surrogate on trial is trained on
-    judged : (n) rows that judge it
-    mending : rows of the same kind that it is mended with, None where there is nothing to mend
-    resampled : rows that judge it, with the features of every second node; None for other grids
-    coarse_areas : (resampled rows,) areas solved at every second node [%]; None for other grids
-    """
-
-    name: str
-    parts: Parts
-    judged: Dataset
-    mending: Dataset | None
-    resampled: Dataset | None = None
-    coarse_areas: NDArray[np.float64] | None = None
+    name: str  # of the case
+    parts: Parts  # what the surrogate on trial is trained on
+    judged: Dataset  # rows that judge it
+    mending: Dataset | None  # rows of the same kind that it is mended with
+    resampled: tuple[Dataset, NDArray[np.float64]] | None = None
+    """Rows that judge it with the features of every second node, and the areas solved there [%]."""
 
 
 def scan_length(side: float, heights: float) -> str:
-    """Scene of another scan length [um], heights and displacements times a factor."""
+    """Return the scene of another scan length [um], heights and displacements times a factor."""
     preset = load("paper")
-    low, high = preset.surface.sigma0
-    pieces = ", ".join(_piece(piece, heights) for piece in preset.delta.pieces)
+    pieces = ", ".join(
+        f"{{ share = {piece.share!r}, range = {[each * heights for each in piece.range]} }}"
+        for piece in preset.delta.pieces
+    )
     return (
-        f"[surface]\nside = {side!r}\nsigma0 = [{low * heights!r}, {high * heights!r}]\n"
+        f"[surface]\nside = {side!r}\n"
+        f"sigma0 = {[each * heights for each in preset.surface.sigma0]}\n"
         f"[delta]\npieces = [{pieces}]\n"
     )
-
-
-def _piece(piece: Piece, heights: float) -> str:
-    low, high = piece.range
-    return f"{{ share = {piece.share!r}, range = [{low * heights!r}, {high * heights!r}] }}"
 
 
 CASES = (
@@ -95,52 +79,31 @@ RESAMPLED = Case("every second node", "every-second-node", "")
 """The surfaces of the fine grid at its coarse nodes: surfaces of one seed are nested."""
 
 
-def databases(folder: Path, rows: int, remark: Callable[[str], None]) -> dict[str, Path]:
-    """Generate the databases to test on, by the name of their case.
-
-    Parameters
-    ----------
-    folder : where to
-    rows : of each
-    remark : told about each
-    """
+def databases(folder: Path, rows: int) -> dict[str, Path]:
+    """Generate the databases to test on, of some rows each, by the name of their case."""
     head = f"samples = {rows}\nseed = {OTHER_SEED}\n"
     return {
         case.name: generated(folder, case.file, head + case.scene) for case in (*CASES, RESAMPLED)
     }
 
 
-def trials(
-    parts: Parts, tested: dict[str, Path], model: str, features: str, area_max: float
-) -> Iterator[Trial]:
-    """Yield every case with one feature set; the one at home first.
-
-    Parameters
-    ----------
-    parts : the paper preset's rows
-    tested : databases by the name of their case
-    model, features : what is tested
-    area_max : largest area that counts [%]
-    """
-
-    def rows_of(name: str, area_max: float) -> Dataset:
-        return read(request_for(tested[name], model, features, area_max))
-
-    def coarser(case: Case, judged: Dataset) -> tuple[Any, ...]:
-        return resampled(judged, rows_of(RESAMPLED.name, 100.0)) if case.name == FINE else ()
-
+def trials(request: Request, parts: Parts, tested: dict[str, Path]) -> Iterator[Trial]:
+    """Yield every case of a request, the one at home first; databases are by their case's name."""
     yield Trial(HOME, parts, parts.test, None)
     yield unseen_hurst(parts)
     for case in CASES:
-        rows = rows_of(case.name, area_max)
+        rows = read(replace(request, database=tested[case.name]))
         order = np.random.default_rng(0).permutation(rows.size)
         cut = int(MENDING_SHARE * rows.size)
-        judged = rows.at(np.sort(order[cut:]))
-        yield Trial(case.name, parts, judged, rows.at(order[:cut]), *coarser(case, judged))
+        judged, coarse = rows.at(np.sort(order[cut:])), None
+        if case.name == FINE:
+            every = replace(request, database=tested[RESAMPLED.name], area_max=100.0)
+            coarse = resampled(judged, read(every))
+        yield Trial(case.name, parts, judged, rows.at(order[:cut]), coarse)
 
 
 def resampled(fine: Dataset, coarse: Dataset) -> tuple[Dataset, NDArray[np.float64]]:
-    """Rows of the fine grid with the features of the coarse one, and the areas solved there."""
+    """Return rows of the fine grid with the coarse one's features, and the areas solved there."""
     _, here, there = np.intersect1d(fine.rows, coarse.rows, return_indices=True)
     return replace(fine.at(here), inputs=coarse.inputs[there]), coarse.target[there]
 
@@ -155,15 +118,7 @@ def unseen_hurst(parts: Parts) -> Trial:
         return np.flatnonzero(low), np.flatnonzero(~low)
 
     (seen, unseen), (calibrating, _) = split(parts.train), split(parts.calibration)
+    train, calibration = parts.train.at(seen), parts.calibration.at(calibrating)
     judged = parts.test.at(split(parts.test)[1])
-    return Trial(
-        HURST,
-        Parts(
-            parts.train.at(seen),
-            parts.calibration.at(calibrating),
-            parts.test,
-            parts.folds[seen],
-        ),
-        judged,
-        parts.train.at(unseen[: judged.size // 2]),
-    )
+    mending = parts.train.at(unseen[: judged.size // 2])
+    return Trial(HURST, Parts(train, calibration, parts.test, parts.folds[seen]), judged, mending)

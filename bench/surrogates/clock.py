@@ -1,7 +1,7 @@
 """Times of calls that take micro- to milliseconds: of the processor, whoever else uses it."""
 
 from collections.abc import Callable, Iterable
-from statistics import median
+from statistics import fmean, median
 from time import process_time
 
 ENOUGH = 0.3
@@ -17,9 +17,7 @@ def median_seconds(call: Callable[[], object]) -> float:
     taken: list[float] = []
     fewest, most = ROUNDS
     while len(taken) < fewest or (sum(taken) < ENOUGH and len(taken) < most):
-        began = process_time()
-        call()
-        taken.append(process_time() - began)
+        taken.append(_seconds(call))
     return median(taken)
 
 
@@ -29,10 +27,14 @@ def mean_seconds(calls: Iterable[Callable[[], object]]) -> float:
     for call in calls:
         if not taken:
             call()
-        began = process_time()
-        call()
-        taken.append(process_time() - began)
-    return sum(taken) / len(taken)
+        taken.append(_seconds(call))
+    return fmean(taken)
+
+
+def _seconds(call: Callable[[], object]) -> float:
+    began = process_time()
+    call()
+    return process_time() - began
 
 
 def time_of(seconds: float) -> str:

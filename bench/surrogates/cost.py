@@ -1,12 +1,15 @@
 """When a surrogate pays: solver and surrogate against the number of queries (section 4.4)."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from bench import databases
+from bench.remarks import remark
 from bench.surrogates.answer_times import (
-    NewSurfaces,
     SolverTimes,
     SurrogateTimes,
     measure_solver,
@@ -14,15 +17,15 @@ from bench.surrogates.answer_times import (
     new_surfaces,
 )
 from bench.surrogates.break_even import (
+    PAPER_ROWS,
     PAPER_SOLVE,
+    PAPER_TESTS,
     BuildTimes,
     break_even,
-    build_times,
-    of_the_paper,
 )
-from bench.surrogates.fitting import fit, parted, read, request_for
-from bench.surrogates.learning import Point, curve
+from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_for
 from gen.runtime.errors import InputError
+from learn.comparison import paper
 from learn.comparison.folder import Folder
 from learn.features import SETS, chosen
 from learn.request import Request
@@ -34,29 +37,24 @@ NEW, LADDER, KNOWN = "new surfaces", "loads on one surface", "statistics at hand
 """What is asked: a contact on a surface that nobody has seen, one more load on a surface, a contact
 of which the features are known already."""
 
+FEWEST = 100
+"""Training rows of a learning curve's first point."""
+
+DRAWS = 3
+"""Fits of a point, each to other rows, as long as the rows suffice; the median error counts."""
+
 
 @dataclass(frozen=True)
 class Question:
-    """Solver against surrogate in one situation.
-
-    Attributes
-    ----------
-    asked : what is asked
-    solver : whose
-    features : of the surrogate; "paper, as published" for the paper's own numbers
-    rows : of its database
-    build : time before the first answer [s]
-    solve : a query by the solver [s]
-    query : t_p of a query, with the features that it needs [s]
-    """
+    """Solver against surrogate in one situation."""
 
     asked: str
-    solver: str
-    features: str
-    rows: int
+    solver: str  # whose
+    features: str  # of the surrogate; "paper, as published" for the paper's own numbers
+    rows: int  # of its database
     build: BuildTimes
-    solve: float
-    query: float
+    solve: float  # a query by the solver [s]
+    query: float  # t_p of a query, with the features that it needs [s]
 
     @property
     def break_even(self) -> float:
@@ -66,20 +64,12 @@ class Question:
 
 @dataclass(frozen=True)
 class Costs:
-    """All that was measured.
-
-    Attributes
-    ----------
-    solver : times without a surrogate
-    answers : times of a surrogate's answers by feature set
-    questions : break-even points
-    points : learning curves
-    """
+    """Times of answers, by feature set those of surrogates; break-even points; learning curves."""
 
     solver: SolverTimes
     answers: dict[str, SurrogateTimes]
     questions: list[Question]
-    points: list[Point]
+    points: list[dict[str, Any]]
 
 
 def cost(
@@ -90,20 +80,11 @@ def cost(
     comparison: Path | None = None,
     area_max: float = 16.56,
     surfaces: int = 32,
-    remark: Callable[[str], None] = lambda line: None,
 ) -> Costs:
     """Measure what a kernel ridge surrogate of the paper preset costs and saves.
 
-    Parameters
-    ----------
-    folder : its `databases` holds what is generated
-    rows : of the paper preset that are used
-    given : database of the preset, None to generate one
-    comparison : folder in which `learn tune` has searched kernel ridge's grid on the paper's
-        features: its time is their t_h, which is 0 otherwise, for the paper's optimum
-    area_max : largest area [%]
-    surfaces : number of surfaces that are timed
-    remark : told how far it is
+    The arguments are those of the command. A search in a comparison is one on the paper's features:
+    its time is their t_h, which is 0 otherwise, for the paper's optimum.
 
     Raises
     ------
@@ -116,32 +97,20 @@ def cost(
     path = databases.of_the_paper(given, folder / "databases", rows)
     remark(f"the solver on {surfaces} surfaces")
     new = new_surfaces(surfaces)
-    costs = Costs(measure_solver(new), {}, [_published()], [])
+    costs = Costs(measure_solver(new), {}, [of_the_paper()], [])
     for features in SETS:
         request = request_for(path, "kernel-ridge", features, area_max)
-        _add(costs, request, rows, new, searched if features == "paper" else 0.0, remark)
+        parts = parted(read(request, rows))
+        remark(f"{features} features: {parts.train.size} rows train")
+        full = fit(request, parts.train, parts.calibration, parts.folds)
+        answer = measure_surrogate(full, features, new)
+        build = build_times(rows, costs.solver, answer, full, features)
+        if features == "paper":
+            build = replace(build, tuning=build.tuning + searched)
+        costs.answers[features] = answer
+        costs.questions.extend(_questions(features, rows, costs.solver, answer, build))
+        costs.points.extend(_curve(request, parts, rows, costs.solver, answer, full))
     return costs
-
-
-def _add(
-    costs: Costs,
-    request: Request,
-    rows: int,
-    new: NewSurfaces,
-    searched: float,
-    remark: Callable[[str], None],
-) -> None:
-    """Add one feature set to what was measured."""
-    name, features = request.features, chosen(request.features)
-    parts = parted(read(request, rows))
-    remark(f"{name} features: {parts.train.size} rows train")
-    full = fit(request, parts.train, parts.calibration, parts.folds)
-    answer = measure_surrogate(full, features, new)
-    build = build_times(rows, costs.solver, answer, full, features)
-    build = replace(build, tuning=build.tuning + searched)
-    costs.answers[name] = answer
-    costs.questions.extend(_questions(name, rows, costs.solver, answer, build))
-    costs.points.extend(curve(request, parts, rows, costs.solver, answer, full))
 
 
 def tuning_seconds(comparison: Path) -> float:
@@ -162,11 +131,20 @@ def tuning_seconds(comparison: Path) -> float:
         ) from None
 
 
-def _published() -> Question:
+def of_the_paper() -> Question:
     """Return the paper's own break-even, from its own times."""
-    build, query = of_the_paper()
-    rows = round(build.database / PAPER_SOLVE)
-    return Question(KNOWN, PAPER, "paper, as published", rows, build, PAPER_SOLVE, query)
+    fit, tests = paper.TIMES["tuned"]["kernel-ridge"]
+    build = BuildTimes(PAPER_ROWS * PAPER_SOLVE, paper.TUNING_SECONDS["kernel-ridge"], fit)
+    who = KNOWN, PAPER, "paper, as published"
+    return Question(*who, PAPER_ROWS, build, PAPER_SOLVE, tests / PAPER_TESTS)
+
+
+def build_times(
+    rows: float, solver: SolverTimes, answer: SurrogateTimes, fitted: Fitted, features: str
+) -> BuildTimes:
+    """Add up a surrogate's time before its first answer; some features need surfaces again."""
+    again = solver.surface + answer.surface if chosen(features).needs_surface else 0.0
+    return BuildTimes(rows * (solver.row + again), fitted.choosing, fitted.fitting)
 
 
 def _questions(
@@ -180,3 +158,46 @@ def _questions(
     yield Question(LADDER, OURS, features, rows, build, solver.ladder, more)
     if not chosen(features).needs_surface:
         yield Question(KNOWN, OURS, features, rows, build, solver.solve, answer.batched)
+
+
+def sizes(most: int) -> list[int]:
+    """Return the training rows of a curve's points: doubled up to all of them."""
+    doubled = [FEWEST * 2**power for power in range(30) if FEWEST * 2**power < 0.75 * most]
+    return [*doubled, most]
+
+
+def _curve(
+    request: Request,
+    parts: Parts,
+    rows: int,
+    solver: SolverTimes,
+    answer: SurrogateTimes,
+    full: Fitted,
+) -> Iterator[dict[str, Any]]:
+    """Yield a feature set's learning curve, judged on the same rows; its last point is `full`.
+
+    The times of a point count the rows that had to be solved for it, with those left out.
+    """
+    most = parts.train.size
+    for size in sizes(most):
+        fits = [full] if size == most else _fits(request, parts, size)
+        solved = size * rows / most
+        judged = [asdict(each.scores(parts.test)) for each in fits]
+        builds = [build_times(solved, solver, answer, each, request.features) for each in fits]
+        build = float(np.median([each.total for each in builds]))
+        yield {
+            "features": request.features,
+            "trained": size,
+            "rows": round(solved),
+            **{name: float(np.median([each[name] for each in judged])) for name in judged[0]},
+            "build": build,
+            "break_even": break_even(build, solver.solve, answer.new),
+        }
+
+
+def _fits(request: Request, parts: Parts, size: int) -> list[Fitted]:
+    """Fit different rows, as often as there are rows for."""
+    folds = (np.arange(size) % 5).astype(np.int8)
+    draws = range(min(DRAWS, parts.train.size // size))
+    drawn = (parts.train.at(np.arange(draw * size, (draw + 1) * size)) for draw in draws)
+    return [fit(request, rows, parts.calibration, folds) for rows in drawn]

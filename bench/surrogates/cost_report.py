@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from bench.files import content_of
 from bench.page.content import Content, Figure, Table, Words
-from bench.picture import new_figure
+from bench.picture import draw_curves, new_figure
 from bench.report import Report
 from bench.surrogates.answer_times import LOADS, LOOSE
 from bench.surrogates.break_even import PAPER_BREAK_EVEN, TAKEN, break_even
@@ -21,6 +22,9 @@ GOALS = (10.0, 5.0, 3.0, 2.0, 1.0)
 
 NOT_SEARCHED = "none (the paper's optimum)"
 
+LINE = "{:21} {:12} {:20} {:>10} {:>8} {:>8} {:>13}"
+"""Form of the printed table's lines."""
+
 
 def report(costs: Costs) -> Report:
     """Make a report of what was measured."""
@@ -28,14 +32,13 @@ def report(costs: Costs) -> Report:
     return Report(
         {"cost": questions, "learning": costs.points},
         pictures={"cost": _picture(costs)},
-        text="\n".join(lines(costs)),
+        text="\n".join([*_times(costs), "", *_table(costs.questions), "", *_advice(costs)]),
         text_name="cost",
     )
 
 
 def contents(folder: Path) -> list[Content]:
-    """List what a folder of this report holds, with what to see in it."""
-    words = folder / "cost.txt"
+    """List what a page shows of a folder that holds this report."""
     return [
         Figure(
             folder / "cost.png",
@@ -48,12 +51,12 @@ def contents(folder: Path) -> list[Content]:
             folder / "cost.csv",
             "Database, tuning, fit, a solve and an answer [s]; break-even in queries.",
         ),
-        *([Words(words.read_text(encoding="utf-8"), typed=True)] if words.exists() else []),
+        Words(content_of(folder / "cost.txt").decode(), typed=True),
     ]
 
 
-def lines(costs: Costs) -> Iterator[str]:
-    """What was measured and what follows from it."""
+def _times(costs: Costs) -> Iterator[str]:
+    """Yield what was measured of the solver and of each feature set."""
     solver = costs.solver
     yield (
         f"Solver, mean processor times: {time_of(solver.solve)} a contact on a new surface,"
@@ -66,59 +69,63 @@ def lines(costs: Costs) -> Iterator[str]:
             f" {time_of(answer.load)} for a further load; prediction"
             f" {time_of(answer.single)} alone, {time_of(answer.batched)} in a batch"
         )
-    for each in costs.questions:
-        if (each.asked, each.solver) == (NEW, OURS):
-            yield (
-                f"{each.features} features, {each.rows:,} rows: t_d"
-                f" {time_of(each.build.database)}, t_h"
-                f" {time_of(each.build.tuning) if each.build.tuning > TAKEN else NOT_SEARCHED}, t_f"
-                f" {time_of(each.build.fit)}"
-            )
-    yield ""
-    yield (
-        f"{'asked':21} {'solver':12} {'features':20} {'built in':>10} {'solve':>8} {'answer':>8}"
-        f" {'break-even':>13}"
-    )
-    for each in costs.questions:
-        build = time_of(each.build.total)
+    for each in _new(costs, OURS):
+        build = each.build
         yield (
-            f"{each.asked:21} {each.solver:12} {each.features:20} {build:>10}"
-            f" {time_of(each.solve):>8} {time_of(each.query):>8} {_count(each.break_even):>13}"
+            f"{each.features} features, {each.rows:,} rows: t_d {time_of(build.database)}, t_h"
+            f" {time_of(build.tuning) if build.tuning > TAKEN else NOT_SEARCHED}, t_f"
+            f" {time_of(build.fit)}"
         )
+
+
+def _table(questions: Sequence[Question]) -> Iterator[str]:
+    """Yield the lines of the table of all situations."""
+    yield LINE.format("asked", "solver", "features", "built in", "solve", "answer", "break-even")
+    for each in questions:
+        times = map(time_of, (each.build.total, each.solve, each.query))
+        who = each.asked, each.solver, each.features
+        yield LINE.format(*who, *times, _count(each.break_even))
     yield f"(the paper itself says about {PAPER_BREAK_EVEN:,})"
-    yield ""
-    yield from _advice(costs)
+
+
+def _new(costs: Costs, solver: str) -> list[Question]:
+    """Return what new surfaces cost, beside a solver."""
+    return [each for each in costs.questions if (each.asked, each.solver) == (NEW, solver)]
 
 
 def _advice(costs: Costs) -> Iterator[str]:
-    """When to use a surrogate, and when not."""
-    solver = costs.solver
+    """Yield when to use a surrogate, and when not."""
+    solver, points = costs.solver, costs.points
     yield "Cheapest surrogate for an error, on new surfaces, beside our solver:"
     for goal in GOALS:
-        good = [point for point in costs.points if point.nmae <= goal]
-        best = min(good, key=lambda point: point.break_even, default=None)
+        good = [point for point in points if point["nmae"] <= goal]
+        best = min(good, key=lambda point: point["break_even"], default=None)
         if best is None:
             yield f"  nMAE {goal:g} %: none of those fitted; solve"
-        elif math.isinf(best.break_even):
+        elif math.isinf(best["break_even"]):
             yield f"  nMAE {goal:g} %: never, its answer takes as long as a solve"
         else:
             yield (
-                f"  nMAE {goal:g} %: {best.features} features, {best.trained:,} training rows,"
-                f" built in {time_of(best.build)}; pays from {_count(best.break_even)} queries on"
+                f"  nMAE {goal:g} %: {best['features']} features, {best['trained']:,} training"
+                f" rows, built in {time_of(best['build'])}; pays from"
+                f" {_count(best['break_even'])} queries on"
             )
-    finite = [point.break_even for point in costs.points if math.isfinite(point.break_even)]
-    least = min(finite, default=math.inf)
-    best = min(costs.points, key=lambda point: point.nmae)
+    least = min(point["break_even"] for point in points)
     yield (
         f"Do not use a surrogate for fewer than {_count(least)} contacts (the smallest one fitted"
-        f" here pays no earlier), nor where an error of {best.nmae:.2g} % in the mean"
-        f" (nMAE, the best of them) is too much."
+        f" here pays no earlier), nor where an error of {min(p['nmae'] for p in points):.2g} % in"
+        " the mean (nMAE, the best of them) is too much."
     )
-    yield from _competitors(costs)
+    for each in costs.questions:
+        if each.solver == OURS and each.asked in {NEW, LADDER}:
+            where = f"{each.asked}, {each.features} features"
+            if math.isinf(each.break_even):
+                yield f"Never with {where}: an answer costs {each.query / each.solve:.2g} solves."
+            else:
+                yield f"With {where}: an answer is {each.solve / each.query:.3g} times cheaper."
     beside = ", ".join(
         f"{each.features} from {_count(break_even(each.build.total, solver.loose, each.query))}"
-        for each in costs.questions
-        if (each.asked, each.solver) == (NEW, OURS)
+        for each in _new(costs, OURS)
     )
     yield (
         f"A loose solve (residual {LOOSE:g}) takes {time_of(solver.loose)} and is off by"
@@ -127,35 +134,20 @@ def _advice(costs: Costs) -> Iterator[str]:
     )
 
 
-def _competitors(costs: Costs) -> Iterator[str]:
-    """Situations in which a surrogate is never cheaper, or hardly."""
-    for each in costs.questions:
-        if each.solver != OURS or each.asked not in {NEW, LADDER}:
-            continue
-        where = f"{each.asked}, {each.features} features"
-        if math.isinf(each.break_even):
-            yield f"Never with {where}: an answer costs {each.query / each.solve:.2g} solves."
-        else:
-            yield f"With {where}: an answer is {each.solve / each.query:.3g} times cheaper."
-
-
 def _picture(costs: Costs) -> Any:
-    """Costs over queries for both solvers, and errors over samples and over costs."""
+    """Draw costs over queries for both solvers, and errors over samples and over costs."""
     figure = new_figure(11, 8)
     (theirs, ours), (samples, seconds) = figure.subplots(2, 2)
     for axis, solver, title in ((theirs, PAPER, "the paper's solver"), (ours, OURS, "our solver")):
-        _draw_costs(axis, [q for q in costs.questions if (q.solver, q.asked) == (solver, NEW)])
+        _draw_costs(axis, _new(costs, solver))
         axis.set(title=f"New surfaces, {title}", xlabel="queries", ylabel="total cost [s]")
-    for features in costs.answers:
-        points = [point for point in costs.points if point.features == features]
-        errors = [point.nmae for point in points]
-        samples.loglog([point.trained for point in points], errors, "o-", label=features)
-        seconds.loglog([point.build for point in points], errors, "o-", label=features)
-    samples.set(title="Learning curves", xlabel="training samples", ylabel="nMAE [%]")
-    seconds.set(title="... against what they cost", xlabel="t_d + t_h + t_f [s]", ylabel="nMAE [%]")
-    for axis in (samples.yaxis, seconds.yaxis):
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter("{x:g}")
+    for axis, column in ((samples, "trained"), (seconds, "build")):
+        axis.set(xscale="log", yscale="log", ylabel="nMAE [%]")
+        draw_curves(axis, costs.points, column, "nmae", by="features", marker="o")
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.yaxis.set_minor_formatter("{x:g}")
+    samples.set(title="Learning curves", xlabel="training samples")
+    seconds.set(title="... against what they cost", xlabel="t_d + t_h + t_f [s]")
     for axis in (theirs, ours, samples, seconds):
         axis.grid(visible=True, which="major", color="0.9")
         axis.legend()
@@ -163,19 +155,17 @@ def _picture(costs: Costs) -> Any:
 
 
 def _draw_costs(axis: Any, questions: Sequence[Question]) -> None:
-    """A line for the solver, one for each surrogate, and dots where they cross."""
+    """Draw a line for the solver, one for each surrogate, and dots where they cross."""
     finite = [q.break_even for q in questions if math.isfinite(q.break_even)]
     queries = np.geomspace(1, 30 * max(finite, default=1e5), 200)
     axis.loglog(queries, queries * questions[0].solve, color="0.3", label="solver")
     for number, each in enumerate(questions):
-        label = f"{each.features} ({_count(each.break_even)})"
-        axis.loglog(
-            queries, each.build.total + queries * each.query, color=f"C{number}", label=label
-        )
+        style = {"color": f"C{number}", "label": f"{each.features} ({_count(each.break_even)})"}
+        axis.loglog(queries, each.build.total + queries * each.query, **style)
         if math.isfinite(each.break_even):
-            axis.plot(each.break_even, each.break_even * each.solve, "o", color=f"C{number}")
+            axis.plot(each.break_even, each.break_even * each.solve, "o", color=style["color"])
 
 
 def _count(number: float) -> str:
-    """A number of queries, or never."""
+    """Write a number of queries, or never."""
     return "never" if math.isinf(number) else f"{number:,.0f}"

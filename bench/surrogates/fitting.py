@@ -10,9 +10,9 @@ from learn import dataset, split
 from learn.dataset import Dataset
 from learn.executor import Executor
 from learn.features import chosen
+from learn.metrics import Scores, scores
 from learn.request import Request, hybrid_for
-from learn.surrogate.fitting import fit_target
-from learn.surrogate.learnt import Learnt
+from learn.surrogate.fitting import Fit, fit_target
 from learn.surrogate.settings import Settings
 from learn.surrogate.training import without_calibration
 
@@ -21,13 +21,7 @@ Values = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Rows of one database, drawn once for all feature sets.
-
-    Attributes
-    ----------
-    train, calibration, test : rows of the database that fit, calibrate and judge, in random order
-    folds : (training rows,) folds of the search for settings
-    """
+    """Rows of one database that fit, calibrate and judge, with the folds of those that fit."""
 
     train: Dataset
     calibration: Dataset
@@ -36,42 +30,34 @@ class Parts:
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
-    """A model of the contact area with what its judgement needs.
+class Fitted(Fit):
+    """A fitted model of the contact area, with its training ranges low and high, shape (d,)."""
 
-    Attributes
-    ----------
-    learnt : model and intervals
-    low, high : (d,) training ranges
-    settings : of the model
-    choosing, fitting : processor times of the search for settings and of the fit [s]
-    """
-
-    learnt: Learnt
     low: Values
     high: Values
-    settings: Settings
-    choosing: float
-    fitting: float
 
     def predict(self, rows: Dataset) -> Values:
-        """(n,) areas [%]."""
+        """Predict the areas of n rows [%]."""
         return np.clip(self.learnt.raw(rows.inputs), 0.0, 100.0)
 
-    def covered(self, rows: Dataset, level: float) -> NDArray[np.bool_]:
-        """(n,) whether the interval of a level holds the truth."""
+    def scores(self, rows: Dataset) -> Scores:
+        """Judge the predictions of some rows."""
+        return scores(rows.target, self.predict(rows))
+
+    def covered(self, rows: Dataset, level: float) -> float:
+        """Return the share of rows whose interval of a level holds the truth [1]."""
         raw = self.learnt.raw(rows.inputs)
         half = self.learnt.calibration.half_width(raw, level)
-        return np.asarray(np.abs(rows.target - raw) <= half)
+        return float(np.mean(np.abs(rows.target - raw) <= half))
 
-    def flagged(self, rows: Dataset) -> NDArray[np.bool_]:
-        """(n,) whether an input lies outside the training ranges."""
+    def flagged(self, rows: Dataset) -> float:
+        """Return the share of rows with an input outside the training ranges [1]."""
         outside = (rows.inputs < self.low) | (rows.inputs > self.high)
-        return np.asarray(outside.any(axis=1))
+        return float(outside.any(axis=1).mean())
 
 
-def request_for(path: Path, model: str, features: str, area_max: float) -> Request:
-    """What to learn: the contact area of a database's rows."""
+def request_for(path: Path, model: str, features: str, area_max: float | None) -> Request:
+    """Ask for the contact area of a database's rows."""
     return Request(
         database=path,
         output=Path(),
@@ -83,7 +69,7 @@ def request_for(path: Path, model: str, features: str, area_max: float) -> Reque
 
 
 def read(request: Request, rows: int | None = None) -> Dataset:
-    """Rows of a database with a request's features, of its first `rows` rows only if given.
+    """Read a database with a request's features: all of it, or its first rows.
 
     Raises
     ------
@@ -94,9 +80,7 @@ def read(request: Request, rows: int | None = None) -> Dataset:
     """
     hybrid = hybrid_for(request, Executor())
     found = dataset.read(request.database, "area", request.area_max, request.features, hybrid)
-    if rows is None:
-        return found
-    return found.at(np.flatnonzero(found.rows < rows))
+    return found if rows is None else found.at(np.flatnonzero(found.rows < rows))
 
 
 def parted(rows: Dataset) -> Parts:
@@ -107,17 +91,6 @@ def parted(rows: Dataset) -> Parts:
     return Parts(rows.at(train), rows.at(calibration), rows.at(drawn.test), folds)
 
 
-def joined(first: Dataset, second: Dataset) -> Dataset:
-    """Rows of two databases as inputs and targets of one fit; the rest is the first's."""
-    return Dataset(
-        **vars(first)
-        | {
-            name: np.concatenate([getattr(first, name), getattr(second, name)])
-            for name in ("inputs", "target", "rows", "groups", "described", "scale")
-        }
-    )
-
-
 def fit(
     request: Request,
     train: Dataset,
@@ -125,26 +98,13 @@ def fit(
     folds: NDArray[np.int8],
     settings: Settings | None = None,
 ) -> Fitted:
-    """Choose settings unless they are given, fit, calibrate.
-
-    Parameters
-    ----------
-    request : from `request_for`
-    train, calibration : rows
-    folds : (training rows,) fold 0 validates the candidates of the search
-    settings : of an earlier fit, None to choose them here
+    """Choose settings by the folds unless they are given, fit, calibrate.
 
     Raises
     ------
     InputError
         If this machine lacks the memory.
     """
-    fit = fit_target(request, train, calibration, folds, settings=settings)
-    return Fitted(
-        fit.learnt,
-        low=train.inputs.min(axis=0),
-        high=train.inputs.max(axis=0),
-        settings=fit.settings,
-        choosing=fit.choosing,
-        fitting=fit.fitting,
-    )
+    fitted = fit_target(request, train, calibration, folds, settings=settings)
+    low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
+    return Fitted(**vars(fitted), low=low, high=high)

@@ -3,8 +3,7 @@
 Read from a folder of `learn compare` and `learn tune`, whose fits were timed alone, on one thread.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,41 +20,14 @@ TIMES = {
     "fit_s": "a fit [s]",
     "search_s": "the search's fits [s]",
 }
-"""Kinds of run time, by column, as they stand below the axes."""
+"""Kinds of run time, by column, as they stand below the axes; None where there is none."""
 
-AREA = "area"
-
-
-@dataclass(frozen=True)
-class Cost:
-    """What a model is worth and what it takes.
-
-    Attributes
-    ----------
-    model, result : which, and `baseline` or `tuned`
-    nmae, r2 : on the test rows [%]
-    predict_s, fit_s : one row predicted alone, and the fit to all training rows [s]
-    search_s : all fits of the search [s]; None without one
-    front : names of the times for which nothing else is both faster and more exact
-    """
-
-    model: str
-    result: str
-    nmae: float
-    r2: float
-    predict_s: float
-    fit_s: float
-    search_s: float | None
-    front: str = ""
+Cost = Mapping[str, Any]
+"""A model with its result (`baseline` or `tuned`), errors on the test rows, times and fronts."""
 
 
-def costs(comparison: Path, target: str = AREA) -> list[Cost]:
+def costs(comparison: Path, target: str = "area") -> list[Cost]:
     """Read errors and times of all models that a comparison has results of, in Table 4's order.
-
-    Parameters
-    ----------
-    comparison : folder of `learn compare` and `learn tune`
-    target : `area` or `force`
 
     Raises
     ------
@@ -72,35 +44,34 @@ def costs(comparison: Path, target: str = AREA) -> list[Cost]:
     timed = {(row["model"], row["result"]): row for row in times}
     searched = {(row["model"], "tuned"): float(row["fit_seconds"]) for row in searches}
     found = [
-        Cost(
-            *key,
-            nmae=float(row["nmae"]),
-            r2=float(row["r2"]),
-            predict_s=float(timed[key]["predict_row_s"]),
-            fit_s=float(timed[key]["fit_s"]),
-            search_s=searched.get(key),
-        )
+        {
+            "model": row["model"],
+            "result": row["result"],
+            "nmae": float(row["nmae"]),
+            "r2": float(row["r2"]),
+            "predict_s": float(timed[key]["predict_row_s"]),
+            "fit_s": float(timed[key]["fit_s"]),
+            "search_s": searched.get(key),
+        }
         for row in scores
         if (key := (row["model"], row["result"])) in timed and not row["failure"]
     ]
     if not found:
         raise InputError(f"{comparison}: has no scores and times of {target}; run learn compare")
-    return [_marked(cost, found) for cost in found]
+    fronts = {time.removesuffix("_s"): front(found, time) for time in TIMES}
+    return [
+        {**cost, "front": " ".join(name for name, best in fronts.items() if cost in best)}
+        for cost in found
+    ]
 
 
-def front(points: Iterable[Cost], time: str) -> list[Cost]:
-    """Return the points that no other beats in both error and time, fastest first.
-
-    Parameters
-    ----------
-    points : of which
-    time : name of a time of `Cost`; points without it take no part
-    """
+def front(costs: Iterable[Cost], time: str) -> list[Cost]:
+    """Return those that no other beats in both error and a time, the fastest first."""
     kept: list[Cost] = []
-    known = (point for point in points if getattr(point, time) is not None)
-    for point in sorted(known, key=lambda point: (getattr(point, time), point.nmae)):
-        if not kept or point.nmae < kept[-1].nmae:
-            kept.append(point)
+    known = (cost for cost in costs if cost[time] is not None)
+    for cost in sorted(known, key=lambda cost: (cost[time], cost["nmae"])):
+        if not kept or cost["nmae"] < kept[-1]["nmae"]:
+            kept.append(cost)
     return kept
 
 
@@ -110,7 +81,7 @@ def report(found: Sequence[Cost]) -> Report:
 
 
 def contents(folder: Path) -> list[Content]:
-    """List what a folder of this report holds, with what to see in it."""
+    """List what a page shows of a folder that holds this report."""
     return [
         Figure(
             folder / "models.png",
@@ -124,43 +95,35 @@ def contents(folder: Path) -> list[Content]:
     ]
 
 
-def _marked(cost: Cost, found: Sequence[Cost]) -> Cost:
-    """Add the names of the times whose fronts it is on."""
-    on = [name.removesuffix("_s") for name in TIMES if cost in front(found, name)]
-    return replace(cost, front=" ".join(on))
-
-
 def _picture(found: Sequence[Cost]) -> Any:
-    """A panel for each kind of time; a colour and a marker for each model."""
+    """Draw a panel for each kind of time; a colour and a marker for each model."""
     figure = new_figure(12, 4.8)
-    shown = [time for time in TIMES if any(getattr(cost, time) is not None for cost in found)]
+    shown = [time for time in TIMES if any(cost[time] is not None for cost in found)]
     panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
     for panel, time in zip(panels, shown, strict=True):
-        known = [cost for cost in found if getattr(cost, time) is not None]
+        known = [cost for cost in found if cost[time] is not None]
         for cost in known:
-            fill = "full" if cost.result == "tuned" else "none"
-            panel.plot(getattr(cost, time), cost.nmae, fillstyle=fill, **_style(cost.model))
+            fill = "full" if cost["result"] == "tuned" else "none"
+            panel.plot(cost[time], cost["nmae"], fillstyle=fill, **_style(cost["model"]))
         best = front(known, time)
-        x, y = [getattr(cost, time) for cost in best], [cost.nmae for cost in best]
-        slowest = max(getattr(cost, time) for cost in known)
+        x, y = [cost[time] for cost in best], [cost["nmae"] for cost in best]
+        slowest = max(cost[time] for cost in known)
         panel.step([*x, slowest], [*y, y[-1]], where="post", color="0.5", lw=1, zorder=0)
         panel.set(xscale="log", yscale="log", xlabel=TIMES[time])
         panel.yaxis.set_major_formatter("{x:g}")
         panel.yaxis.set_minor_formatter("{x:g}")
         panel.grid(visible=True, color="0.92")
     panels[0].set_ylabel("test error nMAE [%]")
-    figure.suptitle(
-        "hollow: library settings; filled: tuned; grey: Pareto front", fontsize="medium"
-    )
-    for model in dict.fromkeys(cost.model for cost in found):
+    title = "hollow: library settings; filled: tuned; grey: Pareto front"
+    figure.suptitle(title, fontsize="medium")
+    for model in dict.fromkeys(cost["model"] for cost in found):
         panels[0].plot([], [], label=MODELS[model].title, **_style(model))
     figure.legend(loc="outside lower center", ncols=5)
     return figure
 
 
 def _style(model: str) -> dict[str, Any]:
-    """Colour and marker."""
-    style = {**STYLES[list(MODELS).index(model)], "markersize": 8, "linestyle": "none"}
-    if style["marker"] == "x":  # which cannot be hollow
-        style["marker"] = "X"
-    return style
+    """Return colour and marker of a model; a cross cannot be hollow."""
+    style = STYLES[list(MODELS).index(model)]
+    marker = "X" if style["marker"] == "x" else style["marker"]
+    return {**style, "marker": marker, "markersize": 8, "linestyle": "none"}

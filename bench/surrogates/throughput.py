@@ -1,8 +1,8 @@
 """How many contacts a second: surrogates, called in several ways, beside the solver."""
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,15 +12,20 @@ import numpy as np
 import bem
 from bench import databases
 from bench.page.content import Content, Table
+from bench.remarks import remark
 from bench.report import Report
 from bench.surrogates.answer_times import DELTAS, LOADS, NewSurfaces, ladder_seconds, new_surfaces
 from bench.surrogates.clock import mean_seconds, median_seconds
+from bench.surrogates.fitting import request_for
+from bench.table import markdown
 from learn.executor import Executor
-from learn.features import SETS, chosen
-from learn.request import Request
+from learn.features import SETS
 from learn.surrogate import Surrogate
 from learn.surrogate.model import OnSurface
 from learn.surrogate.training import fit
+
+MODEL = "kernel-ridge"
+"""Model that is fitted where no surrogate is given."""
 
 BATCH = 10_000
 """Displacements, or rows of statistics, of one call."""
@@ -37,34 +42,10 @@ WAYS: dict[str, dict[str, Any]] = {
 }
 
 
-@dataclass(frozen=True)
-class Speed:
-    """One way to ask for contacts.
+def throughput(surrogates: Mapping[str, Surrogate], surfaces: int) -> list[dict[str, Any]]:
+    """Time a contact by the solver, and by each surrogate in every way to ask for it [s].
 
-    Attributes
-    ----------
-    what : is asked
-    how : and how
-    seconds : processor time of one contact [s]
-    solves : contacts in the time of one solve
-    """
-
-    what: str
-    how: str
-    seconds: float
-    solves: float
-
-
-def throughput(
-    surrogates: dict[str, Surrogate], surfaces: int, remark: Callable[[str], None]
-) -> list[Speed]:
-    """Time solver and surrogates; the solver's lines come first.
-
-    Parameters
-    ----------
-    surrogates : by the name that the table calls them
-    surfaces : number of surfaces of the paper preset that the times are means over
-    remark : told how far it is
+    The times are means over surfaces of the paper preset.
     """
     new = new_surfaces(surfaces)
     remark(f"the solver on {surfaces} surfaces")
@@ -72,62 +53,46 @@ def throughput(
     single = mean_seconds(partial(solve, heights, delta=delta) for heights, delta in new.contacts)
     timed = [
         ("bem.solve", "a surface and a displacement", single),
-        ("bem.ladder", f"{LOADS} displacements on a surface", ladder_seconds(new, LOADS)),
+        ("bem.ladder", f"{LOADS} displacements on a surface", ladder_seconds(new)),
     ]
     for name, surrogate in surrogates.items():
         remark(name)
         timed += [(name, *rest) for rest in _surrogate(surrogate, new)]
-    return [Speed(what, how, seconds, single / seconds) for what, how, seconds in timed]
+    return [
+        {"what": what, "how": how, "seconds": seconds, "solves": single / seconds}
+        for what, how, seconds in timed
+    ]
 
 
-def fitted(
-    given: Path | None, rows: int, remark: Callable[[str], None], model: str = "kernel-ridge"
-) -> dict[str, Surrogate]:
-    """Fit a surrogate with each feature set, of the same training rows as far as there are.
+def fitted(given: Path | None, rows: int) -> dict[str, Surrogate]:
+    """Fit kernel ridge with each feature set, to the same training rows as far as there are.
 
-    Parameters
-    ----------
-    given : database of the paper preset, None to generate one that is not kept
-    rows : of the database, or to train on at most
-    remark : told about the fits
-    model : its name
+    A database of the paper preset is given, or generated with these rows and not kept.
     """
+    surrogates = {}
     with tempfile.TemporaryDirectory() as folder:
         path = databases.of_the_paper(given, Path(folder), rows)
-        surrogates = {}
         for features in SETS:
-            request = Request(
-                database=path,
-                output=Path(folder),
-                models=(model,),
-                features=features,
-                normalisation=chosen(features).normalisation,
-                train_rows=rows if given else None,
-            )
+            request = request_for(path, MODEL, features, area_max=None)
+            request = replace(request, train_rows=rows if given else None)
             surrogate = fit(request, Executor(), remark)
             assert surrogate is not None
-            surrogates[f"{model}, {features}"] = surrogate
+            surrogates[f"{MODEL}, {features}"] = surrogate
     return surrogates
 
 
 def loaded(paths: Sequence[Path]) -> dict[str, Surrogate]:
-    """Read surrogates from files.
-
-    Raises
-    ------
-    InputError
-        If one is no surrogate.
-    """
+    """Read surrogates from files; raise InputError if one is no surrogate."""
     return {path.name: Surrogate.load(path) for path in paths}
 
 
-def report(speeds: Sequence[Speed]) -> Report:
+def report(rows: Sequence[dict[str, Any]]) -> Report:
     """Make a report of what was measured."""
-    return Report({"throughput": speeds}, text=markdown_table(speeds))
+    return Report({"throughput": rows}, text=markdown_table(rows))
 
 
 def contents(folder: Path) -> list[Content]:
-    """List what a folder of this report holds, with what to see in it."""
+    """List what a page shows of a folder that holds this report."""
     return [
         Table(
             folder / "throughput.csv",
@@ -137,20 +102,19 @@ def contents(folder: Path) -> list[Content]:
     ]
 
 
-def markdown_table(speeds: Sequence[Speed]) -> str:
+def markdown_table(rows: Sequence[dict[str, Any]]) -> str:
     """Return lines of Markdown."""
-    lines = ["| what | how | us a contact | contacts a second | in the time of a solve |"]
-    lines.append("|---|---|---|---|---|")
-    lines += [
-        f"| {each.what} | {each.how} | {_rounded(1e6 * each.seconds)}"
-        f" | {_rounded(1 / each.seconds)} | {_rounded(each.solves)} |"
-        for each in speeds
-    ]
-    return "\n".join(lines)
+    lines = []
+    for row in rows:
+        seconds = row["seconds"]
+        numbers = map(_rounded, (1e6 * seconds, 1 / seconds, row["solves"]))
+        lines.append((row["what"], row["how"], *numbers))
+    header = ("what", "how", "us a contact", "contacts a second", "in the time of a solve")
+    return markdown(header, lines)
 
 
 def _rounded(number: float) -> str:
-    """Three digits, and no exponent."""
+    """Write three digits, and no exponent."""
     return f"{number:.3g}" if number < 1000 else f"{float(f'{number:.3g}'):,.0f}"
 
 

@@ -6,21 +6,27 @@ and judged on areas solved tightly. Times are processor times of rows as a datab
 surface, statistics, solve.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bench.databases import generated
-from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_for
+from bench.remarks import remark
+from bench.surrogates.fitting import Parts, fit, parted, read, request_for
 from bench.surrogates.tolerance_labels import DEFAULT, MEASURED, TIGHT, solve_all
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from learn.dataset import Dataset
-from learn.metrics import Scores, scores
+from learn.metrics import scores
 from learn.request import Request
+
+Row = dict[str, Any]
+"""One tolerance with one feature set."""
 
 Values = NDArray[np.float64]
 
@@ -29,60 +35,16 @@ TOLERANCES = (1e-1, 3e-2, 1e-2, 1e-3, 1e-4, 1e-5, DEFAULT, 1e-8)
 FEATURES = ("paper", "hybrid")
 
 
-@dataclass(frozen=True)
-class Row:
-    """One tolerance with one feature set.
-
-    Attributes
-    ----------
-    tolerance : of the solver, relative
-    features : of kernel ridge
-    trained, judged : numbers of rows
-    seconds : processor time of the whole database at that tolerance [s]
-    ratio : that over the one at the default tolerance
-    label_nmae, label_nmaxe : error of the areas themselves, all rows [%]
-    label_force : mean relative error of the forces [%]
-    right : share of the rows with the exact number of contact nodes [%]
-    nmse, nmae, nmaxe, r2 : scores on test rows solved tightly [%]
-    own_nmae, own_r2 : scores on test rows solved at the same tolerance, all that one has who does
-        not solve tightly [%]
-    """
-
-    tolerance: float
-    features: str
-    trained: int
-    judged: int
-    seconds: float
-    ratio: float
-    label_nmae: float
-    label_nmaxe: float
-    label_force: float
-    right: float
-    nmse: float
-    nmae: float
-    nmaxe: float
-    r2: float
-    own_nmae: float
-    own_r2: float
-
-
 def tolerance(
     folder: Path,
     rows: int,
     *,
     tolerances: Sequence[float] = TOLERANCES,
     area_max: float = 16.56,
-    remark: Callable[[str], None] = lambda line: None,
 ) -> list[Row]:
-    """Measure database times and test errors at several tolerances.
+    """Measure database times and test errors at several tolerances, as the command asks for them.
 
-    Parameters
-    ----------
-    folder : its `databases` holds what is solved
-    rows : of the paper preset
-    tolerances : of the solver; the default's is added, since times are over its
-    area_max : largest area, solved tightly, in training and tests [%]
-    remark : told how far it is
+    The default tolerance is added, since times are over its.
 
     Raises
     ------
@@ -96,26 +58,31 @@ def tolerance(
         raise InputError(f"--rows {rows}: give 100 or more, the paper has 15878")
     if not all(TIGHT < each < 1 for each in wanted):
         raise InputError(f"--tolerances: give numbers above {TIGHT:g} and below 1")
-    true = generated(folder / "databases", "tight", _tight(rows))
-    labels = solve_all(folder / "databases", wanted, rows, remark)
+    scene = f"samples = {rows}\n[contact]\nrtol = {TIGHT:g}\n"
+    true = generated(folder / "databases", "tight", scene)
+    labels = solve_all(folder / "databases", wanted, rows)
     with Reader(true) as reader:
         exact = np.stack([reader.column(name)[:rows] for name in MEASURED], axis=1)
-    measured = {TIGHT: exact} | {each: labels[each].values for each in wanted}
-    seconds = {each: float(np.nanmean(labels[each].seconds[:rows])) * rows for each in wanted}
+    measured = {TIGHT: exact} | {each: labels[each][:, :-1] for each in wanted}
+    seconds = {each: float(np.nanmean(labels[each][:rows, -1])) * rows for each in wanted}
+    seconds[TIGHT] = math.nan
     found: list[Row] = []
     for features in FEATURES:
         request = request_for(true, "kernel-ridge", features, area_max)
-        data = read(request, rows)
-        for row in _judged(request, data, measured, remark):
-            time = seconds.get(row.tolerance, np.nan)
-            found.append(replace(row, seconds=time, ratio=time / seconds[DEFAULT]))
+        found += _judged(request, read(request, rows), measured, seconds)
     return found
 
 
 def _judged(
-    request: Request, data: Dataset, measured: dict[float, Values], remark: Callable[[str], None]
+    request: Request, data: Dataset, measured: dict[float, Values], seconds: dict[float, float]
 ) -> Iterator[Row]:
-    """Fit and judge one feature set at every tolerance; the true areas come first."""
+    """Fit and judge one feature set at every tolerance; the true areas come first.
+
+    Beside names, numbers of rows and scores on test rows that are solved tightly [%], a row has the
+    processor time of the whole database [s], also over that at the default tolerance; the errors of
+    the areas and forces learnt, of all rows; and scores on test rows solved at the same tolerance,
+    all that one has who does not solve tightly.
+    """
     parts, settings = parted(data), None
     remark(f"{request.features} features: {parts.train.size} rows train")
     exact = measured[TIGHT][data.rows]
@@ -123,24 +90,19 @@ def _judged(
         own = _relabelled(values[:, 0], parts)
         fitted = fit(request, own.train, own.calibration, own.folds, settings)
         settings = fitted.settings  # chosen once, on the true areas
-        own_judged = _scores(fitted, own.test)
-        yield Row(
-            tolerance,
-            request.features,
-            parts.train.size,
-            parts.test.size,
-            np.nan,
-            np.nan,
-            *_label_errors(values[data.rows], exact),
-            **vars(_scores(fitted, parts.test)),
-            own_nmae=own_judged.nmae,
-            own_r2=own_judged.r2,
-        )
-
-
-def _tight(rows: int) -> str:
-    """Return the scene of the areas that count as true."""
-    return f"samples = {rows}\n[contact]\nrtol = {TIGHT:g}\n"
+        own_scores = fitted.scores(own.test)
+        yield {
+            "tolerance": tolerance,
+            "features": request.features,
+            "trained": parts.train.size,
+            "judged": parts.test.size,
+            "seconds": seconds[tolerance],
+            "ratio": seconds[tolerance] / seconds[DEFAULT],
+            **_label_errors(values[data.rows], exact),
+            **vars(fitted.scores(parts.test)),
+            "own_nmae": own_scores.nmae,
+            "own_r2": own_scores.r2,
+        }
 
 
 def _relabelled(areas: Values, parts: Parts) -> Parts:
@@ -158,14 +120,14 @@ def _relabelled(areas: Values, parts: Parts) -> Parts:
     return Parts(train, calibration, test, parts.folds[kept])
 
 
-def _scores(fitted: Fitted, rows: Dataset) -> Scores:
-    return scores(rows.target, fitted.predict(rows))
-
-
-def _label_errors(values: Values, exact: Values) -> tuple[float, float, float, float]:
+def _label_errors(values: Values, exact: Values) -> Row:
     """Return errors of areas and forces, and the share of exact contact counts [%]."""
     known = np.isfinite(values[:, 0])
     (area, force, nodes), (true_area, true_force, true_nodes) = values[known].T, exact[known].T
     judged = scores(true_area, area)
-    off = np.abs(force / true_force - 1)
-    return judged.nmae, judged.nmaxe, 100 * float(off.mean()), 100 * (nodes == true_nodes).mean()
+    return {
+        "label_nmae": judged.nmae,
+        "label_nmaxe": judged.nmaxe,
+        "label_force": 100 * float(np.abs(force / true_force - 1).mean()),
+        "right": 100 * (nodes == true_nodes).mean(),
+    }

@@ -1,11 +1,13 @@
 """`python -m bench tolerance`: errors over time, and which tolerance to choose."""
 
 from collections.abc import Iterator, Sequence
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from bench.page.content import Absent, Content, Figure, Table, Words
-from bench.picture import new_figure
+from bench.files import content_of
+from bench.page.content import Content, Figure, Table, Words
+from bench.picture import draw_curves, new_figure
 from bench.report import Report
 from bench.style import STYLES
 from bench.surrogates.clock import time_of
@@ -15,7 +17,11 @@ from bench.surrogates.tolerance_labels import DEFAULT, TIGHT
 GOOD = 1.02
 """Test errors count as the tight labels' up to this ratio."""
 
-TABLE, PICTURE, TEXT = "tolerance.csv", "tolerance.png", "tolerance.txt"
+SHOWN = (
+    *("tolerance", "features", "seconds", "ratio", "label_nmae", "label_force", "right"),
+    *("nmse", "nmae", "r2", "own_nmae"),
+)
+"""Columns that the page shows."""
 
 
 def report(rows: Sequence[Row]) -> Report:
@@ -29,123 +35,101 @@ def report(rows: Sequence[Row]) -> Report:
 
 
 def contents(folder: Path) -> list[Content]:
-    """What a folder of this report holds."""
-    table, picture, words = folder / TABLE, folder / PICTURE, folder / TEXT
-    if not all(path.is_file() for path in (table, picture, words)):
-        return [
-            Absent(
-                "what the solver's tolerance does to a surrogate",
-                "python -m bench tolerance -o DIR",
-            )
-        ]
-    caption = (
-        "Error over the time of the database at several tolerances of the solver, written beside"
-        " the crosses. Black: error of the areas that are learnt. Colours: error of kernel ridge"
-        " that learnt them, on test rows solved tightly; dashed, what areas without error give."
-        " Where the black line is well below, a tighter tolerance buys nothing."
-    )
-    shown = (
-        "tolerance", "features", "seconds", "ratio", "label_nmae", "label_force", "right", "nmse",
-        "nmae", "r2", "own_nmae",
-    )  # fmt: skip
+    """List what a page shows of a folder that holds this report."""
+    table = folder / "tolerance.csv"
     return [
-        Figure(picture, caption, data=(table,)),
-        *(Words(line) for line in words.read_text(encoding="utf-8").splitlines()),
+        Figure(
+            folder / "tolerance.png",
+            "Error over the time of the database at several tolerances of the solver, written"
+            " beside the crosses. Black: error of the areas that are learnt. Colours: error of"
+            " kernel ridge that learnt them, on test rows solved tightly; dashed, what areas"
+            " without error give. Where the black line is well below, a tighter tolerance buys"
+            " nothing.",
+            data=(table,),
+        ),
+        *map(Words, content_of(folder / "tolerance.txt").decode().splitlines()),
         Table(
             table,
             "The same as numbers [%], and the processor time of the database [s], also over that at"
             " the default tolerance. label: of the areas and forces learnt; right: rows with the"
             " exact number of contact nodes; own: tested on rows of the same tolerance.",
-            columns=shown,
+            columns=SHOWN,
         ),
     ]
 
 
 def lines(rows: Sequence[Row]) -> Iterator[str]:
-    """What was measured and what to choose."""
-    names = list(dict.fromkeys(row.features for row in rows))
-    some = rows[0]
+    """Yield what was measured and what to choose."""
+    names = list(dict.fromkeys(row["features"] for row in rows))
     yield (
-        f"Kernel ridge, {some.trained:,} rows train, {some.judged:,} test; areas of {TIGHT:g} count"
-        " as true."
+        f"Kernel ridge, {rows[0]['trained']:,} rows train, {rows[0]['judged']:,} test; areas of"
+        f" {TIGHT:g} count as true."
     )
     for name in names:
-        tight = _tight(rows, name)
-        chosen, default = choice(rows, name), _at(rows, name, DEFAULT)
+        tight, default = (_at(rows, name, each)["nmae"] for each in (TIGHT, DEFAULT))
+        chosen = choice(rows, name)
         yield (
-            f"{name} features: nMAE {tight.nmae:.3g} % with true areas, {default.nmae:.3g} % with"
+            f"{name} features: nMAE {tight:.3g} % with true areas, {default:.3g} % with"
             f" those of the default tolerance, {DEFAULT:g}. The loosest tolerance within"
-            f" {100 * (GOOD - 1):.0f} % of that is {chosen.tolerance:g} (nMAE {chosen.nmae:.3g} %),"
-            f" whose areas are off by {chosen.label_nmae:.2g} %: its database takes"
-            f" {_share(chosen.ratio)} of the default's time."
+            f" {100 * (GOOD - 1):.0f} % of that is {chosen['tolerance']:g} (nMAE"
+            f" {chosen['nmae']:.3g} %), whose areas are off by {chosen['label_nmae']:.2g} %: its"
+            f" database takes {100 * chosen['ratio']:.0f} % of the default's time."
         )
-    safest = min((choice(rows, name) for name in names), key=lambda row: row.tolerance)
-    default, loose = (_at(rows, names[0], each) for each in (DEFAULT, safest.tolerance))
-    gain = 100 * (1 - loose.ratio)
-    if loose.tolerance <= DEFAULT or gain < 1:
+    safest = min(choice(rows, name)["tolerance"] for name in names)
+    default, loose = (_at(rows, names[0], each) for each in (DEFAULT, safest))
+    gain = 100 * (1 - loose["ratio"])
+    if safest <= DEFAULT or gain < 1:
         yield "Keep the default: nothing looser is faster and as good."
         return
     yield (
-        f"Choose {loose.tolerance:g} for a database that serves such surrogates alone; it saves"
-        f" {gain:.0f} % of {time_of(default.seconds)}."
+        f"Choose {safest:g} for a database that serves such surrogates alone; it saves"
+        f" {gain:.0f} % of {time_of(default['seconds'])}."
     )
     yield (
-        f"Keep the default where rows are used themselves: {default.right:.4g} % of its contact"
-        f" counts are exact, {loose.right:.3g} % at {loose.tolerance:g}, and forces are off by"
-        f" {default.label_force:.1g} % instead of {loose.label_force:.1g} %."
+        f"Keep the default where rows are used themselves: {default['right']:.4g} % of its contact"
+        f" counts are exact, {loose['right']:.3g} % at {safest:g}, and forces are off by"
+        f" {default['label_force']:.1g} % instead of {loose['label_force']:.1g} %."
     )
 
 
 def choice(rows: Sequence[Row], features: str) -> Row:
-    """The loosest tolerance that is as good as the tight one, as are all between them."""
-    limit = GOOD * _tight(rows, features).nmae
-    mine = sorted(_of(rows, features), key=lambda row: row.tolerance)
-    good = mine[0]
-    for row in mine:
-        if row.nmae > limit:
-            break
-        good = row
-    return good
+    """Return the loosest tolerance that is as good as the tight one, as are all between them."""
+    limit = GOOD * _at(rows, features, TIGHT)["nmae"]
+    mine = sorted(_of(rows, features), key=lambda row: row["tolerance"])
+    return [mine[0], *takewhile(lambda row: row["nmae"] <= limit, mine)][-1]
 
 
 def _of(rows: Sequence[Row], features: str) -> list[Row]:
-    """The measured tolerances of a feature set."""
-    return [row for row in rows if row.features == features and row.tolerance != TIGHT]
-
-
-def _tight(rows: Sequence[Row], features: str) -> Row:
-    return _at(rows, features, TIGHT)
+    """Return the measured tolerances of a feature set."""
+    return [row for row in rows if row["features"] == features and row["tolerance"] != TIGHT]
 
 
 def _at(rows: Sequence[Row], features: str, tolerance: float) -> Row:
-    return next(row for row in rows if (row.features, row.tolerance) == (features, tolerance))
-
-
-def _share(ratio: float) -> str:
-    return f"{100 * ratio:.0f} %"
+    return next(r for r in rows if (r["features"], r["tolerance"]) == (features, tolerance))
 
 
 def _picture(rows: Sequence[Row]) -> Any:
-    """Errors over the time of the database, and over the tolerance."""
+    """Draw errors over the time of the database, and over the tolerance."""
     figure = new_figure(11, 5)
     left, right = figure.subplots(1, 2, sharey=True)
-    names = list(dict.fromkeys(row.features for row in rows))
+    measured = [row for row in rows if row["tolerance"] != TIGHT]
+    names = list(dict.fromkeys(row["features"] for row in rows))
     labels = _of(rows, names[0])
-    known = [row.label_nmae for row in labels if row.label_nmae > 0]
-    floor = min(known, default=1.0) / 4
-    errors = [max(row.label_nmae, floor) for row in labels]
+    floor = min((row["label_nmae"] for row in labels if row["label_nmae"] > 0), default=1.0) / 4
+    errors = [max(row["label_nmae"], floor) for row in labels]
     for axis, quantity in ((left, "seconds"), (right, "tolerance")):
+        draw_curves(axis, measured, quantity, "nmae", by="features", label="{} features".format)
         for name, style in zip(names, STYLES, strict=False):
-            mine = _of(rows, name)
-            places = [getattr(row, quantity) for row in mine]
-            axis.plot(places, [row.nmae for row in mine], **style, label=f"{name} features")
-            axis.axhline(_tight(rows, name).nmae, color=style["color"], ls="--", lw=1)
-        places = [getattr(row, quantity) for row in labels]
+            axis.axhline(_at(rows, name, TIGHT)["nmae"], color=style["color"], ls="--", lw=1)
+        places = [row[quantity] for row in labels]
         axis.plot(places, errors, "kx-", lw=1, label="the areas themselves")
         axis.grid(visible=True, which="major", color="0.9")
-    _annotate(left, labels, errors)
+    beside = {"textcoords": "offset points", "ha": "right", "va": "top", "fontsize": 8}
+    for row, error in zip(labels, errors, strict=True):
+        text = f"{row['tolerance']:g}" + ("" if row["label_nmae"] else ":\nexact")
+        left.annotate(text, (row["seconds"], error), (-6, -3), **beside)
     left.margins(x=0.1)
-    left.set_ylim(floor / 4, 2 * max(row.nmae for row in rows))
+    left.set_ylim(floor / 4, 2 * max(row["nmae"] for row in rows))
     left.set(
         yscale="log",
         xlabel="processor time of the database [s]",
@@ -157,17 +141,3 @@ def _picture(rows: Sequence[Row]) -> Any:
     right.axvline(DEFAULT, color="0.5", ls=":", label="default tolerance")
     right.legend(fontsize=9, loc="lower left")
     return figure
-
-
-def _annotate(axis: Any, rows: Sequence[Row], errors: Sequence[float]) -> None:
-    """Write tolerances beside the crosses of the areas' own errors."""
-    for row, error in zip(rows, errors, strict=True):
-        axis.annotate(
-            f"{row.tolerance:g}" + ("" if row.label_nmae else ":\nexact"),
-            (row.seconds, error),
-            (-6, -3),
-            textcoords="offset points",
-            ha="right",
-            va="top",
-            fontsize=8,
-        )

@@ -17,7 +17,7 @@ from bench.scale.costs import (
 )
 from bench.scale.launch import launch
 from bench.scale.simulation import simulate
-from bench.scale.speedup import Turn, summary
+from bench.scale.speedup import summary
 from bench.table import read_table
 from gen.generation import plan
 from gen.runtime.errors import InputError
@@ -141,7 +141,7 @@ def test_measured_costs_are_times():
     assert 0 < measure_write(3) < 10
 
 
-def test_a_report_has_a_table_and_a_picture(tmp_path, monkeypatch):
+def test_a_report_has_a_table_and_a_picture(tmp_path, monkeypatch, capsys):
     pytest.importorskip("matplotlib")
     monkeypatch.setattr(studies, "RANKS", (10, 30))
     monkeypatch.setattr(studies, "ROWS", {129: (1000, 2000), 1025: (100,)})
@@ -149,8 +149,7 @@ def test_a_report_has_a_table_and_a_picture(tmp_path, monkeypatch):
         monkeypatch.setattr(module, "GOAL_RANKS", 30)
         monkeypatch.setattr(module, "GOAL_ROWS", {129: 1000, 1025: 100})
     kept(tmp_path, DEAR)
-    lines = []
-    made = report.report(tmp_path / "costs.json", lines.append, validate=False)
+    made = report.report(tmp_path / "costs.json", validate=False)
     paths, text = made.write(tmp_path / "report"), made.text
     assert [path.name for path in paths] == ["scale.csv", "costs.json", "scale.png"]
     assert all(path.stat().st_size for path in paths)
@@ -160,15 +159,15 @@ def test_a_report_has_a_table_and_a_picture(tmp_path, monkeypatch):
     assert all(0 < float(row["efficiency"]) <= 1 for row in rows)
     assert text.startswith("Simulation, from costs measured")
     assert "1,000 rows, 129 nodes, single writer" in text
-    assert lines
+    assert "129 x 129 nodes, 1000 rows" in capsys.readouterr().err
 
 
 @pytest.mark.mpi
 @pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
 def test_a_real_farm_is_not_faster_than_a_free_one(tmp_path):
     cut = blocks(200, 2, largest=20)
-    seconds = [0.005 * (stop - start) for start, stop in cut]
-    arguments = {"blocks": cut, "seconds": seconds, "output": "rows.h5"}
+    tasks = [((start, stop), 0.005 * (stop - start)) for start, stop in cut]
+    arguments = {"tasks": tasks, "output": "rows.h5"}
     (timing,) = launch(3, "bench.scale.probe", arguments, tmp_path)
     ideal = simulate(cut, np.full(200, 0.005), 2, FREE, write="master").makespan
     assert timing["wall"] >= 0.999 * ideal
@@ -178,5 +177,5 @@ def test_a_real_farm_is_not_faster_than_a_free_one(tmp_path):
 
 def test_the_speed_up_is_a_median_of_rounds():
     others = {"alone": 1.9, "1 worker": 2.0, "2 copies": 2.0}
-    turns = [Turn(others | {"2 workers": time}, {}) for time in (1.0, 1.25, 2.0)]
+    turns = [others | {"2 workers": time} for time in (1.0, 1.25, 2.0)]
     assert "over 1 worker: 1.60 (median of 3 rounds, 1.00 to 2.00)" in summary(turns)

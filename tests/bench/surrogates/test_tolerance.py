@@ -1,48 +1,45 @@
 """What the solver's tolerance does to a surrogate: the study on few rows, and what it advises."""
 
-import dataclasses
-import signal
-
 import numpy as np
 import pytest
 
 import bem
 from bench import __main__ as bench
-from bench.page.content import Absent, Figure, Table, Words
+from bench.page.content import Figure, Table, Words
 from bench.surrogates import tolerance_labels as labels
-from bench.surrogates.tolerance import Row, tolerance
-from bench.surrogates.tolerance_labels import DEFAULT, TIGHT, Labels, scene_of, solve_all
+from bench.surrogates.tolerance import tolerance
+from bench.surrogates.tolerance_labels import DEFAULT, TIGHT, kept, scene_of, solve_all
 from bench.surrogates.tolerance_report import choice, contents, lines, report
 from bench.table import read_table
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 
-ROW = Row(
-    tolerance=TIGHT,
-    features="paper",
-    trained=80,
-    judged=20,
-    seconds=np.nan,
-    ratio=np.nan,
-    label_nmae=0.0,
-    label_nmaxe=0.0,
-    label_force=0.0,
-    right=100.0,
-    nmse=1.0,
-    nmae=5.0,
-    nmaxe=9.0,
-    r2=99.0,
-    own_nmae=5.0,
-    own_r2=99.0,
-)
+ROW = {
+    "tolerance": TIGHT,
+    "features": "paper",
+    "trained": 80,
+    "judged": 20,
+    "seconds": np.nan,
+    "ratio": np.nan,
+    "label_nmae": 0.0,
+    "label_nmaxe": 0.0,
+    "label_force": 0.0,
+    "right": 100.0,
+    "nmse": 1.0,
+    "nmae": 5.0,
+    "nmaxe": 9.0,
+    "r2": 99.0,
+    "own_nmae": 5.0,
+    "own_r2": 99.0,
+}
 
 
 def rows_of(errors):
     """Rows of one feature set with given test errors; the looser, the faster."""
     measured = [
-        dataclasses.replace(
-            ROW, tolerance=each, nmae=error, seconds=10 - each, ratio=1 - each, label_nmae=each
-        )
+        ROW
+        | {"tolerance": each, "nmae": error, "label_nmae": each}
+        | {"seconds": 10 - each, "ratio": 1 - each}
         for each, error in errors.items()
     ]
     return [ROW, *measured]
@@ -57,45 +54,46 @@ def small(tmp_path_factory):
 
 def test_labels_are_the_solvers_answers(small):
     folder, _ = small
-    loose, default = (Labels(folder / "databases", each, 100) for each in (0.1, DEFAULT))
-    assert (loose.seconds > 0).all()
-    assert (default.seconds > 0).all()
+    loose, default = (kept(folder / "databases", each, 100) for each in (0.1, DEFAULT))
+    assert (loose[:, -1] > 0).all()
+    assert (default[:, -1] > 0).all()
     scene = scene_of(0.1)
     plan = parameters(scene, 0, 100)
     for row in (0, 57):
         heights, delta = surface_of(scene, plan, row), float(plan.delta[row])
         contact = bem.solve(heights, scene.surface.side, delta, rtol=0.1)
         expected = contact.area_percent, contact.force, contact.contact_nodes
-        assert loose.values[row].tolist() == [*expected]
+        assert loose[row, :-1].tolist() == [*expected]
 
 
-def test_other_rows_are_kept(small, tmp_path):
-    name = "rtol-0.1.npz"
-    (tmp_path / name).write_bytes((small[0] / "databases" / name).read_bytes())
-    before, fewer = (Labels(folder, 0.1, 20) for folder in (small[0] / "databases", tmp_path))
-    fewer.values[1], fewer.seconds[1] = 7.0, 1.0
-    fewer.save()
-    after = Labels(tmp_path, 0.1, 120)
-    assert (after.values[1] == 7).all()
-    assert (after.values[2:100] == before.values[2:]).all()
-    assert np.isnan(after.seconds[100:]).all()
+def test_other_rows_are_kept(tmp_path):
+    kept(tmp_path, 0.1, 100)[:] = 5.0
+    kept(tmp_path, 0.1, 20)[1] = 7.0
+    after = np.array(kept(tmp_path, 0.1, 120))
+    assert after.shape == (120, 4)
+    assert (after[1] == 7).all()
+    assert (after[2:100] == 5).all()
+    assert np.isnan(after[100:]).all()
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(path.read_bytes()[:-5])
+    assert kept(tmp_path, 0.1, 120)[:119].tobytes() == after[:119].tobytes()
 
 
 def test_looser_areas_are_worse_and_tight_ones_teach_as_well_as_exact_ones(small):
     _, found = small
-    assert [(row.features, row.tolerance) for row in found] == [
+    assert [(row["features"], row["tolerance"]) for row in found] == [
         (features, each) for features in ("paper", "hybrid") for each in (TIGHT, 0.1, DEFAULT)
     ]
     for exact, loose, default in (found[:3], found[3:]):
-        assert default.label_nmae < 1e-3
-        assert loose.label_nmae > 1
-        assert loose.label_force > default.label_force > exact.label_force == 0
-        assert loose.right < default.right
-        assert default.nmae == pytest.approx(exact.nmae, rel=1e-2)
-        assert default.ratio == 1
-        assert loose.own_nmae != loose.nmae
-        assert default.own_nmae == pytest.approx(default.nmae, rel=1e-2)
-    assert found[3].nmae < found[0].nmae, "hybrid features are the better ones"
+        assert default["label_nmae"] < 1e-3
+        assert loose["label_nmae"] > 1
+        assert loose["label_force"] > default["label_force"] > exact["label_force"] == 0
+        assert loose["right"] < default["right"]
+        assert default["nmae"] == pytest.approx(exact["nmae"], rel=1e-2)
+        assert default["ratio"] == 1
+        assert loose["own_nmae"] != loose["nmae"]
+        assert default["own_nmae"] == pytest.approx(default["nmae"], rel=1e-2)
+    assert found[3]["nmae"] < found[0]["nmae"], "hybrid features are the better ones"
 
 
 def test_what_is_solved_is_not_solved_again(small, monkeypatch):
@@ -106,32 +104,32 @@ def test_what_is_solved_is_not_solved_again(small, monkeypatch):
 
     monkeypatch.setattr(labels, "compute_rows", never)
     again = tolerance(folder, 100, tolerances=(0.1,), area_max=60.0)
-    assert [row.nmae for row in again] == [row.nmae for row in found]
+    assert [row["nmae"] for row in again] == [row["nmae"] for row in found]
     with pytest.raises(AssertionError, match="solved again"):
         tolerance(folder, 100, tolerances=(0.01,), area_max=60.0)
 
 
-def test_a_signal_ends_it_after_a_block_and_the_rest_is_done_later(tmp_path, monkeypatch):
-    solve, done = Labels.solve, []
+def test_what_an_interruption_leaves_is_done_later(tmp_path, monkeypatch):
+    solve, done = labels._solved, []
 
-    def interrupted(self, start, stop):
-        solve(self, start, stop)
-        done.append(start)
-        if len(done) % 2:  # a second signal would end the process at once
-            signal.raise_signal(signal.SIGTERM)
+    def interrupted(scene, row):
+        if len(done) == 5:
+            raise KeyboardInterrupt
+        done.append((scene.contact.rtol, row))
+        return solve(scene, row)
 
     monkeypatch.setattr(labels, "BLOCK", 2)
-    monkeypatch.setattr(Labels, "solve", interrupted)
-    for solved in (2, 4):
-        with pytest.raises(KeyboardInterrupt):
-            solve_all(tmp_path, (0.1, 0.01), 6, lambda line: None)
-        for each in (0.1, 0.01):
-            known = Labels(tmp_path, each, 8).seconds  # more rows keep those there are
-            assert (known[:solved] > 0).all()
-            assert np.isnan(known[solved:]).all()
-    assert done == [0, 0, 2, 2]
-    (tmp_path / "rtol-0.1.npz").write_bytes(b"broken")
-    assert np.isnan(Labels(tmp_path, 0.1, 6).seconds).all()
+    monkeypatch.setattr(labels, "_solved", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        solve_all(tmp_path, (0.1, 0.01), 6)
+    for each in (0.1, 0.01):
+        known = kept(tmp_path, each, 6)[:, -1] > 0
+        assert known.tolist() == [(each, row) in done for row in range(6)]
+    assert {row for _, row in done[:4]} == {0, 1}
+    done.append(None)
+    found = solve_all(tmp_path, (0.1, 0.01), 6)
+    assert all((each[:, -1] > 0).all() for each in found.values())
+    assert {row for _, row in done[6:]} == {2, 3, 4, 5}, "whole blocks are not solved again"
 
 
 @pytest.mark.parametrize(
@@ -143,15 +141,13 @@ def test_a_signal_ends_it_after_a_block_and_the_rest_is_done_later(tmp_path, mon
     ],
 )
 def test_the_loosest_tolerance_that_is_good_enough_is_chosen(errors, chosen):
-    assert choice(rows_of(errors), "paper").tolerance == chosen
+    assert choice(rows_of(errors), "paper")["tolerance"] == chosen
     text = " ".join(lines(rows_of(errors)))
     assert (f"Choose {chosen:g} for" in text) == (chosen > DEFAULT)
 
 
 def test_the_report(small, tmp_path):
     folder = tmp_path / "report"
-    (absent,) = contents(folder)
-    assert absent == Absent(absent.what, "python -m bench tolerance -o DIR")
     made = report(small[1])
     paths, text = made.write(folder), made.text
     assert [path.name for path in paths] == ["tolerance.csv", "tolerance.txt", "tolerance.png"]
