@@ -6,11 +6,11 @@
 records convolutions and residual, and the cost of a solve in bare convolutions.
 """
 
-import statistics
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from statistics import median
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -20,14 +20,12 @@ from scipy import optimize
 
 import bem
 from bem import displacement_control, half_space, influence
-from bem.convolution import Filter, displacement_filter
+from bem.convolution import displacement_filter
 from bem.direct import FEW_NODES
 from bem.influence import KERNELS, Kernel
 from bem.preconditioner import circulant_inverse
 from bem.problem import RTOL
-from gen.generation.plan import parameters, surface_random
-from gen.scene import load
-from gen.surface import generate
+from bench.work_precision.studies import paper_case
 
 SIZES = {"smoke": 33, "paper": 129, "large": 513}
 SIDE = 1000.0
@@ -45,23 +43,11 @@ sizes = pytest.mark.parametrize("nodes", SIZES.values(), ids=SIZES)
 kernels = pytest.mark.parametrize("kernel", KERNELS)
 precisions = pytest.mark.parametrize("dtype", ["float64", "float32"])
 
+Work = Callable[[], object]
+
 
 def random_field(nodes: int, seed: int = 7) -> NDArray[np.float64]:
     return np.random.default_rng(seed).standard_normal((nodes, nodes))
-
-
-def surfaces(nodes: int, count: int) -> list[tuple[NDArray[np.float64], float]]:
-    """Heights and Delta of the paper's first rows [um]."""
-    paper = load("paper")
-    rows = parameters(paper, 0, count)
-    columns = zip(rows.surface, rows.hurst, rows.sigma0, rows.delta, strict=True)
-    return [
-        (
-            generate(paper.surface.generator, nodes, hurst, sigma0, surface_random(paper, surface)),
-            float(delta),
-        )
-        for surface, hurst, sigma0, delta in columns
-    ]
 
 
 def assert_exact(contact: bem.Contact) -> None:
@@ -73,25 +59,24 @@ def assert_exact(contact: bem.Contact) -> None:
     assert contact.force == pytest.approx(exact.force, rel=1e-5)
 
 
-def seconds_per_convolution(operator: Filter, repetitions: int = 50) -> float:
-    """Shortest time of one bare convolution [s]."""
-    times = []
-    operator.field.fill(0)  # in place, any other field would grow from one time to the next
-    for _ in range(repetitions):
-        began = time.perf_counter()
-        operator.transform()
-        times.append(time.perf_counter() - began)
-    return min(times)
+def convolutions(contacts: list[bem.Contact]) -> int:
+    return sum(contact.convolutions for contact in contacts)
 
 
-def seconds_of(work: Callable[[], object], rounds: int = 5) -> float:
-    """The median of several times [s]."""
+def seconds_of(work: Work, rounds: int = 5) -> list[float]:
+    """Several times [s]."""
     seconds = []
     for _ in range(rounds):
         began = time.perf_counter()
         work()
         seconds.append(time.perf_counter() - began)
-    return statistics.median(seconds)
+    return seconds
+
+
+def record_time_over(benchmark: BenchmarkFixture, name: str, work: Work, other: Work) -> None:
+    """The median time of one work over that of another, where time is taken."""
+    if benchmark.enabled:
+        benchmark.extra_info[name] = median(seconds_of(work)) / median(seconds_of(other))
 
 
 def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> None:
@@ -100,11 +85,12 @@ def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> N
     The cost in bare convolutions is that of the fastest round, which other work on the machine
     disturbs least.
     """
-    shape, kernel = contacts[0].pressure.shape, contacts[0].problem.kernel
-    benchmark.extra_info["convolutions"] = np.mean([c.convolutions for c in contacts]).item()
+    benchmark.extra_info["convolutions"] = convolutions(contacts) / len(contacts)
     benchmark.extra_info["residual"] = max(c.residual for c in contacts)
     if benchmark.stats is not None:
-        bare = seconds_per_convolution(displacement_filter(shape, kernel))
+        operator = displacement_filter(contacts[0].pressure.shape, contacts[0].problem.kernel)
+        operator.field.fill(0)  # in place, any other field would grow from one time to the next
+        bare = min(seconds_of(operator.transform, 50))
         benchmark.extra_info["seconds_per_solve"] = benchmark.stats["mean"] / len(contacts)
         benchmark.extra_info["bare_convolutions_per_solve"] = (
             benchmark.stats["min"] / len(contacts) / bare
@@ -162,12 +148,10 @@ def test_circulant_inverse(benchmark: BenchmarkFixture, dtype: str, nodes: int) 
 @pytest.mark.parametrize("rtol", [1e-6, RTOL])
 def test_solve_paper(benchmark: BenchmarkFixture, rtol: float) -> None:
     """At the tolerance that marks are stated for, and at the default one."""
-    pairs = surfaces(SIZES["paper"], ROWS)
-
-    def solve_all() -> list[bem.Contact]:
-        return [bem.solve(heights, SIDE, delta, rtol=rtol) for heights, delta in pairs]
-
-    contacts = benchmark(solve_all)
+    cases = [paper_case(row, SIZES["paper"]) for row in range(ROWS)]
+    contacts = benchmark(
+        lambda: [bem.solve(case.heights, SIDE, case.delta, rtol=rtol) for case in cases]
+    )
     record_effort(benchmark, contacts)
     for contact in contacts[:: ROWS // 8]:
         assert_exact(contact)
@@ -176,107 +160,97 @@ def test_solve_paper(benchmark: BenchmarkFixture, rtol: float) -> None:
 @sizes
 @pytest.mark.parametrize("percent", [1, 10, 50])
 def test_solve_at_contact(benchmark: BenchmarkFixture, percent: int, nodes: int) -> None:
-    heights, _ = surfaces(nodes, 1)[0]
-    delta = DELTAS[nodes][percent]
-    contact = benchmark(bem.solve, heights, SIDE, delta)
+    contact = benchmark(bem.solve, paper_case(0, nodes).heights, SIDE, DELTAS[nodes][percent])
     record_effort(benchmark, [contact])
     assert contact.area_percent == pytest.approx(percent, rel=0.1)
     assert_exact(contact)
 
 
 @pytest.mark.parametrize("candidates", [33, 100, FEW_NODES])
-def test_solve_few_candidates(
-    benchmark: BenchmarkFixture, monkeypatch: pytest.MonkeyPatch, candidates: int
-) -> None:
+def test_solve_few_candidates(benchmark: BenchmarkFixture, candidates: int) -> None:
     """Dense up to `FEW_NODES`; beside it a full solve's time, and that of the same by convolution.
 
     33 nodes are 0.2 % of the grid.
     """
-    heights, delta = surfaces(SIZES["paper"], 1)[0]
-    few = float(heights.max() - np.sort(heights.reshape(-1))[-1 - candidates])
-    contact = benchmark(bem.solve, heights, SIDE, few)
+    case = paper_case(0, SIZES["paper"])
+    few = float(case.heights.max() - np.sort(case.heights.reshape(-1))[-1 - candidates])
+    solve, full = (partial(bem.solve, case.heights, SIDE, delta) for delta in (few, case.delta))
+
+    def iterate() -> bem.Contact:
+        with mock.patch.object(displacement_control, "FEW_NODES", 0):
+            return solve()
+
+    contact = benchmark(solve)
     assert_exact(contact)
-    if benchmark.enabled:
-        dense, full = (seconds_of(partial(bem.solve, heights, SIDE, each)) for each in (few, delta))
-    monkeypatch.setattr(displacement_control, "FEW_NODES", 0)
-    iterated = bem.solve(heights, SIDE, few)
-    assert iterated.contact_nodes == contact.contact_nodes
+    assert iterate().contact_nodes == contact.contact_nodes
     record_effort(benchmark, [contact])
-    if benchmark.enabled:
-        by_convolution = seconds_of(partial(bem.solve, heights, SIDE, few))
-        benchmark.extra_info["share_of_a_full_solve"] = dense / full
-        benchmark.extra_info["share_of_a_solve_by_convolution"] = dense / by_convolution
+    record_time_over(benchmark, "share_of_a_full_solve", solve, full)
+    record_time_over(benchmark, "share_of_a_solve_by_convolution", solve, iterate)
 
 
 @pytest.mark.parametrize("percent", [0.5, 1.0, 2.0, 4.0])
 @pytest.mark.parametrize("nodes", [129, 257])
-def test_solve_few_in_contact(
-    benchmark: BenchmarkFixture, monkeypatch: pytest.MonkeyPatch, nodes: int, percent: float
-) -> None:
+def test_solve_few_in_contact(benchmark: BenchmarkFixture, nodes: int, percent: float) -> None:
     """Dense algebra on the contact set where it is few; its time over that of iterations alone."""
-    heights, _ = surfaces(nodes, 1)[0]
+    heights = paper_case(0, nodes).heights
     delta = optimize.brentq(
         lambda d: bem.solve(heights, SIDE, d, rtol=1e-2).area_percent - percent, 1, 60, xtol=0.1
     )
-    contact = benchmark(bem.solve, heights, SIDE, delta)
+    solve = partial(bem.solve, heights, SIDE, delta)
+
+    def iterate() -> bem.Contact:
+        with mock.patch.object(half_space, "FEW_PER_ROOT", 0.0):
+            return solve()
+
+    contact, iterated = benchmark(solve), iterate()
     assert_exact(contact)
-    if benchmark.enabled:
-        seconds = seconds_of(partial(bem.solve, heights, SIDE, delta))
-    monkeypatch.setattr(half_space, "FEW_PER_ROOT", 0.0)
-    iterated = bem.solve(heights, SIDE, delta)
     assert iterated.force == pytest.approx(contact.force, rel=1e-5)
     record_effort(benchmark, [contact])
     benchmark.extra_info["contact_nodes"] = contact.contact_nodes
     benchmark.extra_info["convolutions_of_iterations_alone"] = iterated.convolutions
-    if benchmark.enabled:
-        without = seconds_of(partial(bem.solve, heights, SIDE, delta))
-        benchmark.extra_info["time_over_iterations_alone"] = seconds / without
+    record_time_over(benchmark, "time_over_iterations_alone", solve, iterate)
 
 
 @pytest.mark.parametrize("control", ["force", "pressure"])
 def test_solve_given_force(benchmark: BenchmarkFixture, control: str) -> None:
     """The same contacts by their force or mean pressure; their cost over that of a given Delta."""
-    pairs = surfaces(SIZES["paper"], ROWS // 4)
-    expected = [bem.solve(heights, SIDE, delta) for heights, delta in pairs]
-    loads: list[dict[str, Any]] = [
-        {control: contact.force if control == "force" else float(contact.pressure.mean())}
-        for contact in expected
+    cases = [paper_case(row, SIZES["paper"]) for row in range(ROWS // 4)]
+    given = [partial(bem.solve, case.heights, SIDE, case.delta) for case in cases]
+    expected = [solve() for solve in given]
+    asked = [
+        partial(bem.solve, c.problem.heights, SIDE, force=c.force)
+        if control == "force"
+        else partial(bem.solve, c.problem.heights, SIDE, pressure=float(c.pressure.mean()))
+        for c in expected
     ]
-
-    def solve_all() -> list[bem.Contact]:
-        return [
-            bem.solve(heights, SIDE, **load)
-            for (heights, _), load in zip(pairs, loads, strict=True)
-        ]
-
-    contacts = benchmark(solve_all)
-    for found, asked in zip(contacts, expected, strict=True):
-        assert found.delta == pytest.approx(asked.delta, rel=1e-5)
-        assert found.force == pytest.approx(asked.force, rel=1e-5)
-    benchmark.extra_info["convolutions_over_given_delta"] = sum(
-        contact.convolutions for contact in contacts
-    ) / sum(contact.convolutions for contact in expected)
+    contacts = benchmark(lambda: [solve() for solve in asked])
+    for found, exact in zip(contacts, expected, strict=True):
+        assert found.delta == pytest.approx(exact.delta, rel=1e-5)
+        assert found.force == pytest.approx(exact.force, rel=1e-5)
+    ratio = convolutions(contacts) / convolutions(expected)
+    benchmark.extra_info["convolutions_over_given_delta"] = ratio
     record_effort(benchmark, contacts)
-    if benchmark.enabled:
-        given = seconds_of(lambda: [bem.solve(heights, SIDE, delta) for heights, delta in pairs])
-        benchmark.extra_info["time_over_given_delta"] = seconds_of(solve_all) / given
+    times = [lambda: [solve() for solve in asked], lambda: [solve() for solve in given]]
+    record_time_over(benchmark, "time_over_given_delta", *times)
 
 
 @pytest.mark.parametrize("rungs", [9, 41, 161])
 def test_solve_ladder(benchmark: BenchmarkFixture, rungs: int) -> None:
     """Delta from 5 to 45 um on one surface, each contact started from the last three."""
-    heights, _ = surfaces(SIZES["paper"], 1)[0]
+    heights = paper_case(0, SIZES["paper"]).heights
     deltas = np.linspace(5, 45, rungs)
-    ladder = benchmark(lambda: list(bem.ladder(heights, SIDE, deltas)))
-    alone = [bem.solve(heights, SIDE, delta) for delta in deltas]
+
+    def together() -> list[bem.Contact]:
+        return list(bem.ladder(heights, SIDE, deltas))
+
+    def apart() -> list[bem.Contact]:
+        return [bem.solve(heights, SIDE, delta) for delta in deltas]
+
+    ladder, alone = benchmark(together), apart()
     for started, single in zip(ladder, alone, strict=True):
         assert abs(started.contact_nodes - single.contact_nodes) <= 1
         assert started.force == pytest.approx(single.force, rel=1e-5)
     record_effort(benchmark, ladder)
-    benchmark.extra_info["convolutions_over_single_solves"] = sum(
-        contact.convolutions for contact in ladder
-    ) / sum(contact.convolutions for contact in alone)
-    if benchmark.enabled:
-        together = seconds_of(lambda: list(bem.ladder(heights, SIDE, deltas)))
-        apart = seconds_of(lambda: [bem.solve(heights, SIDE, delta) for delta in deltas])
-        benchmark.extra_info["time_over_single_solves"] = together / apart
+    ratio = convolutions(ladder) / convolutions(alone)
+    benchmark.extra_info["convolutions_over_single_solves"] = ratio
+    record_time_over(benchmark, "time_over_single_solves", together, apart)
