@@ -14,7 +14,7 @@ from bench.peers.compare import Row
 from bench.peers.sample import HURST, Sample
 from bench.remarks import remark
 from bench.solvers.case import Case
-from bench.solvers.contact_mechanics import PrimalGradients
+from bench.solvers.contact_mechanics import primal_gradients
 from bench.solvers.others import installed
 from bench.solvers.solver import MAX_ITERATIONS, Failure
 
@@ -75,9 +75,9 @@ def _theirs(case: Case, contact: bem.Contact) -> Row:
     row: Row = dict.fromkeys(columns)
     if THEIRS not in {solver.package for solver in installed()}:
         return row | {"theirs": "not installed"}
-    session = PrimalGradients(case.nodes, case.spacing)
+    press = primal_gradients(case.nodes, case.spacing, control="force")
     try:
-        answer = session.press_by_force(replace(case, delta=contact.delta), contact.force, RTOL)
+        answer = press(replace(case, delta=contact.delta), contact.force, RTOL)
     except Failure as failure:
         return row | {"theirs": str(failure)}
     difference = float(np.abs(answer.pressure - contact.pressure).max() / HARDNESS)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bench.solvers.case import Case
-from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Solver
+from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Press, Solver
 
 COARSEST = 32
 """Nodes a side that the coarsest of the nested grids has at least."""
@@ -29,59 +29,44 @@ def nested_grid(nodes: int) -> int:
     return -(-nodes // step) * step
 
 
-class SingleGrid:
-    """Polonsky and Keer's method with its |q| preconditioner as a stencil, in double precision.
+def single_grid(nodes: int, spacing: float) -> Press:
+    """Open Polonsky and Keer's method with its |q| preconditioner as a stencil.
 
-    The tolerance is on Frank and Wolfe's duality gap over the force, and on the largest
-    penetration, both over the range of heights.
+    In double precision. The tolerance is on Frank and Wolfe's duality gap over the force, and on
+    the largest penetration, both over the range of heights.
     """
-
-    def __init__(self, nodes: int, spacing: float) -> None:
-        package = importlib.import_module("aspher")
-        self._solver = package.ContactSolver(
-            grid_size=nodes, domain_size=nodes * spacing, E_star=1.0, backend="fft"
-        )
-
-    def press(self, case: Case, force: float, tolerance: float) -> Answer:
-        """Solve for a force."""
-        result = self._solver.solve(
-            -case.heights.ravel(),
-            p_nominal=case.mean_pressure(force),
-            tol=tolerance,
-            max_iter=MAX_ITERATIONS,
-            precond="fourier",
-        )
-        return _answer(result, case)
+    solver = importlib.import_module("aspher").ContactSolver(
+        grid_size=nodes, domain_size=nodes * spacing, E_star=1.0, backend="fft"
+    )
+    return partial(_press, partial(solver.solve, precond="fourier"))
 
 
-class NestedGrids:
-    """The same from coarse to fine grids, in single and then double precision.
+def nested_grids(nodes: int, spacing: float, engine: str) -> Press:
+    """Open the same from coarse to fine grids, in single and then double precision.
 
     Every call sets up every grid: that is in the time of the solve. The engine of the
     preconditioner is "stencil", on the nodes in contact, or "fft", by transforms of the grid.
     """
-
-    def __init__(self, nodes: int, spacing: float, engine: str) -> None:
-        self._solve = partial(
-            importlib.import_module("aspher").solve_nested,
-            grid_size=nodes,
-            domain_size=nodes * spacing,
-            coarsest=nodes // 2 ** levels(nodes),
-            E_star=1.0,
-            backend="fft",
-            precision="float_then_double",
-            precond_engine=engine,
-            max_iter=MAX_ITERATIONS,
-        )
-
-    def press(self, case: Case, force: float, tolerance: float) -> Answer:
-        """Solve for a force."""
-        gap = -case.heights.ravel()
-        result = self._solve(gap=gap, p_nominal=case.mean_pressure(force), tol=tolerance)
-        return _answer(result, case)
+    solve = partial(
+        importlib.import_module("aspher").solve_nested,
+        grid_size=nodes,
+        domain_size=nodes * spacing,
+        coarsest=nodes // 2 ** levels(nodes),
+        E_star=1.0,
+        backend="fft",
+        precision="float_then_double",
+        precond_engine=engine,
+    )
+    return partial(_press, lambda gap, **settings: solve(gap=gap, **settings))
 
 
-def _answer(result: Any, case: Case) -> Answer:
+def _press(solve: Any, case: Case, force: float, tolerance: float) -> Answer:
+    result = solve(
+        -case.heights.ravel(),
+        p_nominal=case.mean_pressure(force),
+        tol=tolerance,
+        max_iter=MAX_ITERATIONS,
+    )
     if not result.converged:
         raise Failure(f"{result.status} {result.status_reason}".strip())
     pressure = np.array(result.pressure).reshape(case.heights.shape)
@@ -98,7 +83,7 @@ _solver = partial(
 _nested = partial(_solver, grid=nested_grid, precision="mixed")
 
 SOLVERS = (
-    _solver("ASPHER", open_session=SingleGrid),
-    _nested("ASPHER nested, stencil, margin", open_session=partial(NestedGrids, engine="stencil")),
-    _nested("ASPHER nested, FFT, margin", open_session=partial(NestedGrids, engine="fft")),
+    _solver("ASPHER", single_grid),
+    _nested("ASPHER nested, stencil, margin", partial(nested_grids, engine="stencil")),
+    _nested("ASPHER nested, FFT, margin", partial(nested_grids, engine="fft")),
 )

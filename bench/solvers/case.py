@@ -32,24 +32,14 @@ CORRECTIONS = 20
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A contact on a rigid far field with E* = 1 MPa.
+    """A contact on a rigid far field with E* = 1 MPa."""
 
-    Attributes
-    ----------
-    name : which surface
-    heights : (n, n) surface [um]
-    side : scan length [um]
-    delta : displacement of the far field from first touch on [um]
-    kernel : see `bem.influence.influence_coefficients`
-    hardness : upper bound of the pressure, None for elastic bodies [MPa]
-    """
-
-    name: str
-    heights: Field
-    side: float
-    delta: float
+    name: str  # of the surface
+    heights: Field  # (n, n) [um]
+    side: float  # scan length [um]
+    delta: float  # displacement of the far field from first touch on [um]
     kernel: Kernel = "uniform-pressure"
-    hardness: float | None = None
+    hardness: float | None = None  # upper bound of the pressure, None for elastic bodies [MPa]
 
     @property
     def nodes(self) -> int:
@@ -91,25 +81,27 @@ class Case:
         overlap: Field = ((self.heights - self.heights.max()) + self.delta) / self.delta
         return overlap
 
+    def solve(self, rtol: float) -> bem.Contact:
+        """Solve it by `bem.solve`."""
+        return bem.solve(
+            self.heights,
+            self.side,
+            self.delta,
+            kernel=self.kernel,
+            rtol=rtol,
+            hardness=self.hardness,
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Exact:
-    """What answers are held against.
+    """The solution that answers are held against."""
 
-    Attributes
-    ----------
-    pressure : (n, n) contact pressure [MPa]
-    force : normal force [uN]
-    contact_share : share of the nodes under pressure, on the grid that was solved [1]
-    nodes : nodes a side of that grid
-    method : how it was found: "dense", or the tolerance
-    """
-
-    pressure: Field
-    force: float
-    contact_share: float
-    nodes: int
-    method: str
+    pressure: Field  # (n, n) [MPa]
+    force: float  # [uN]
+    contact_share: float  # of the nodes under pressure, on the grid that was solved
+    nodes: int  # nodes a side of that grid
+    method: str  # "dense", or the tolerance
 
     def on_grid(self, nodes: int) -> "Exact":
         """The same contact as the grid of this many nodes a side would see it at best.
@@ -132,24 +124,20 @@ class Exact:
 def find_exact(case: Case, rtol: float = EXACT_RTOL) -> Exact:
     """Solve a case to rounding: by the dense matrix of the nodes in contact where they are few.
 
-    The dense solution shares no code with `bem` but the guess which nodes are in contact, and that
-    guess is proved by the pressure's and the gap's signs.
-
-    Parameters
-    ----------
-    case : what to solve
-    rtol : of the solution by `bem.solve` that serves where they are many
+    Where they are many, `bem.solve` serves at the given tolerance. The dense solution shares no
+    code with `bem` but the guess which nodes are in contact, and that guess is proved by the
+    pressure's and the gap's signs.
 
     Raises
     ------
     ArithmeticError
-        if the dense solution does not pass that proof
+        If the dense solution does not pass that proof.
     """
-    pressure, method = _solve(case, rtol), f"rtol {rtol:.0e}"
+    pressure, method = case.solve(rtol).pressure, f"rtol {rtol:.0e}"
     if np.count_nonzero((pressure > 0) & ~case.yielded(pressure)) <= DENSE_NODES:
         # A node may carry hardly anything: only the tightest guess is sure to know of it.
-        guess = pressure if rtol <= EXACT_RTOL else _solve(case, EXACT_RTOL)
-        reduced = _proved(case, guess > 0, case.yielded(guess))
+        guess = pressure if rtol <= EXACT_RTOL else case.solve(EXACT_RTOL).pressure
+        reduced = proved_pressure(case, guess > 0, case.yielded(guess))
         pressure, method = reduced * (case.delta / case.spacing), "dense"
     return Exact(
         pressure=pressure,
@@ -160,70 +148,43 @@ def find_exact(case: Case, rtol: float = EXACT_RTOL) -> Exact:
     )
 
 
-def _solve(case: Case, rtol: float) -> Field:
-    """Return the (n, n) pressure by `bem.solve` [MPa]."""
-    return bem.solve(
-        case.heights,
-        case.side,
-        case.delta,
-        kernel=case.kernel,
-        rtol=rtol,
-        hardness=case.hardness,
-    ).pressure
+def proved_pressure(case: Case, touching: Nodes, yielded: Nodes) -> Field:
+    """Return the (n, n) pressure that is proved to solve a case [E* Delta / spacing].
 
-
-def _proved(case: Case, touching: Nodes, yielded: Nodes) -> Field:
-    """Return the (n, n) pressure that is proved to solve the case [E* Delta / spacing].
-
-    Sets that yielding bodies make hard to guess are corrected by the signs that disprove them.
+    No pressure may pull or exceed the hardness. The gap has to be closed in contact, may overlap
+    where the hardness is reached, and has to be open outside. A guess of the sets of nodes that
+    touch and that have yielded is corrected by the signs that disprove it.
     """
+    hardness = case.reduced_hardness
     for _ in range(CORRECTIONS):
         pressure = _dense_pressure(case, touching, yielded)
-        try:
-            _prove(case, pressure)
-        except ArithmeticError:
-            if case.hardness is None:
-                raise
-            gap = half_space.displacement(pressure, case.kernel) - case.interference
-            yielded = (yielded & (gap <= 0)) | (pressure > case.reduced_hardness)
-            touching = yielded | (touching & (pressure > 0)) | (~touching & (gap < 0))
-        else:
+        gap = half_space.displacement(pressure, case.kernel) - case.interference
+        bound = pressure >= hardness
+        wrong = max(
+            float(-pressure.min()),
+            float(pressure.max()) - hardness,
+            float(-gap[~bound].min(initial=0.0)),
+            float(gap[bound].max(initial=0.0)),
+            float(np.abs(gap[(pressure != 0) & ~bound]).max(initial=0.0)),
+        )
+        if wrong <= ROUNDING:
             return pressure
-    raise ArithmeticError(f"{case.name}: no exact solution after {CORRECTIONS} corrections")
+        yielded = (yielded & (gap <= 0)) | (pressure > hardness)
+        touching = yielded | (touching & (pressure > 0)) | (~touching & (gap < 0))
+    raise ArithmeticError(f"{case.name}, {case.kernel}: no exact solution, off by {wrong:.1e}")
 
 
-def _dense_pressure(case: Case, touching: Nodes, yielded: Nodes | None = None) -> Field:
+def _dense_pressure(case: Case, touching: Nodes, yielded: Nodes) -> Field:
     """Return the (n, n) pressure that closes the gap on some nodes [E* Delta / spacing].
 
     Nodes that have yielded carry the hardness, whatever their gap.
     """
-    values = np.zeros(touching.shape)
-    displacement = np.zeros(touching.shape)
-    if yielded is not None and yielded.any():
-        touching = touching & ~yielded
-        values[yielded] = case.reduced_hardness
-        displacement = half_space.displacement(values, case.kernel)
-    nodes = np.flatnonzero(touching)
-    if nodes.size:
-        factor = cho_factor(influence_matrix(case.heights.shape, case.kernel, nodes=nodes))
-        values[touching] = cho_solve(factor, (case.interference - displacement)[touching])
-    return values
-
-
-def _prove(case: Case, pressure: Field) -> None:
-    """Refuse a pressure that pulls or exceeds the hardness, or whose gap is wrong.
-
-    The gap has to be closed in contact, may overlap where the hardness is reached, and be open
-    outside.
-    """
-    gap = half_space.displacement(pressure, case.kernel) - case.interference
-    yielded = pressure >= case.reduced_hardness
-    wrong = max(
-        float(-pressure.min()),
-        float(pressure.max()) - case.reduced_hardness,
-        float(-gap[~yielded].min(initial=0.0)),
-        float(gap[yielded].max(initial=0.0)),
-        float(np.abs(gap[(pressure != 0) & ~yielded]).max(initial=0.0)),
+    values = (
+        np.where(yielded, case.reduced_hardness, 0.0) if yielded.any() else np.zeros(yielded.shape)
     )
-    if wrong > ROUNDING:
-        raise ArithmeticError(f"{case.name}, {case.kernel}: no exact solution, off by {wrong:.1e}")
+    free = touching & ~yielded
+    if free.any():
+        factor = cho_factor(influence_matrix(free.shape, case.kernel, nodes=np.flatnonzero(free)))
+        load = case.interference - half_space.displacement(values, case.kernel)
+        values[free] = cho_solve(factor, load[free])
+    return values

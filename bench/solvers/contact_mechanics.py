@@ -11,6 +11,7 @@ in absolute units.
 """
 
 import importlib
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -18,7 +19,7 @@ import numpy as np
 from scipy import fft
 
 from bench.solvers.case import Case
-from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Solver
+from bench.solvers.solver import MAX_ITERATIONS, Answer, Control, Failure, Press, Solver
 
 
 def fast_grid(nodes: int) -> int:
@@ -26,82 +27,78 @@ def fast_grid(nodes: int) -> int:
     return int(fft.next_fast_len(nodes, real=True))
 
 
-class _FreeHalfSpace:
-    """The substrate with its transformed influence coefficients, kept for all contacts."""
-
-    def __init__(self, nodes: int, spacing: float) -> None:
-        self._package = importlib.import_module("ContactMechanics")
-        self._sides = nodes * spacing, nodes * spacing
-        self._cell = spacing**2
-        half_space = self._package.FreeFFTElasticHalfSpace
-        self._substrate = half_space((nodes, nodes), young=1.0, physical_sizes=self._sides)
-
-    def _system(self, case: Case) -> Any:
-        surface = importlib.import_module("SurfaceTopography")
-        topography = surface.Topography(case.heights, physical_sizes=self._sides)
-        if case.hardness is None:
-            return self._package.Systems.NonSmoothContactSystem(self._substrate, topography)
-        plastic = surface.PlasticTopography(topography, case.hardness)
-        return self._package.make_plastic_system(substrate=self._substrate, surface=plastic)
-
-    def _answer(self, result: Any, forces: Any, convolutions: int | None = None) -> Answer:
-        if not result.success:
-            raise Failure(str(result.message))
-        return Answer(np.asarray(forces) / self._cell, int(result.nit), convolutions)
-
-
-class PrimalGradients(_FreeHalfSpace):
-    """Its default, Polonsky and Keer's conjugate gradients.
+def primal_gradients(nodes: int, spacing: float, control: Control = "displacement") -> Press:
+    """Open its default, Polonsky and Keer's conjugate gradients.
 
     The tolerance is the largest penetration over Delta, and the last change of the force over the
     force; tension cut off in a step, or pressure above the hardness, is not bounded. With a
     hardness, nodes that have yielded leave the gradients, and where fewer than 1 % of the contact
     are left it relaxes towards the bearing area instead. A step takes two convolutions.
     """
+    system = _systems(nodes, spacing)
 
-    def press(self, case: Case, force: float, tolerance: float) -> Answer:
-        """Solve for a displacement."""
-        return self._press(case, tolerance, offset=case.delta - case.heights.max())
-
-    def press_by_force(self, case: Case, force: float, tolerance: float) -> Answer:
-        """Solve for a force; the case's displacement is what the tolerance is relative to."""
-        return self._press(case, tolerance, external_force=force)
-
-    def _press(self, case: Case, tolerance: float, **load: float) -> Answer:
-        result = self._system(case).minimize_proxy(
-            **load,
+    def press(case: Case, force: float, tolerance: float) -> Answer:
+        by_force = {"external_force": force}
+        result = system(case).minimize_proxy(
+            **(by_force if control == "force" else {"offset": case.delta - case.heights.max()}),
             pentol=tolerance * case.delta,
             thermotol=tolerance,
             forcetol=np.inf,
             maxiter=MAX_ITERATIONS,
         )
-        return self._answer(result, result.jac, int(result.nfev))
+        return _answer(result, result.jac / spacing**2, int(result.nfev))
+
+    return press
 
 
-class DualGradients(_FreeHalfSpace):
-    """Its constrained conjugate gradients in pressures, after Bugnicourt and others (2018).
+def dual_gradients(nodes: int, spacing: float) -> Press:
+    """Open its constrained conjugate gradients in pressures, after Bugnicourt and others (2018).
 
     The tolerance is the largest residual gap over Delta. Starts from the overlap as a pressure,
     with which it is faster than from zero.
     """
+    system = _systems(nodes, spacing)
 
-    def press(self, case: Case, force: float, tolerance: float) -> Answer:
-        """Solve for a displacement."""
+    def press(case: Case, force: float, tolerance: float) -> Answer:
         offset = case.delta - case.heights.max()
-        result = self._system(case).dual_minimize_proxy(
+        result = system(case).dual_minimize_proxy(
             offset=offset,
-            init_force=np.maximum(case.heights + offset, 0) * case.spacing,
+            init_force=np.maximum(case.heights + offset, 0) * spacing,
             solver="ccg-without-restart",
             gtol=tolerance * case.delta,
             maxiter=MAX_ITERATIONS,
         )
-        return self._answer(result, np.reshape(result.x, case.heights.shape))
+        return _answer(result, np.reshape(result.x, case.heights.shape) / spacing**2)
+
+    return press
+
+
+def _systems(nodes: int, spacing: float) -> Callable[[Case], Any]:
+    """Return what poses a case on the substrate, whose coefficients are kept for all contacts."""
+    package, surface = map(importlib.import_module, ("ContactMechanics", "SurfaceTopography"))
+    sides = nodes * spacing, nodes * spacing
+    substrate = package.FreeFFTElasticHalfSpace((nodes, nodes), young=1.0, physical_sizes=sides)
+
+    def system(case: Case) -> Any:
+        topography = surface.Topography(case.heights, physical_sizes=sides)
+        if case.hardness is None:
+            return package.Systems.NonSmoothContactSystem(substrate, topography)
+        plastic = surface.PlasticTopography(topography, case.hardness)
+        return package.make_plastic_system(substrate=substrate, surface=plastic)
+
+    return system
+
+
+def _answer(result: Any, pressure: Any, convolutions: int | None = None) -> Answer:
+    if not result.success:
+        raise Failure(str(result.message))
+    return Answer(np.asarray(pressure), int(result.nit), convolutions)
 
 
 _solver = partial(Solver, package="ContactMechanics", install='pip install -e ".[peers]"')
 
 SOLVERS = (
-    _solver("ContactMechanics primal", open_session=PrimalGradients, plastic=True),
-    _solver("ContactMechanics dual", open_session=DualGradients),
-    _solver("ContactMechanics dual, margin", open_session=DualGradients, grid=fast_grid),
+    _solver("ContactMechanics primal", primal_gradients, plastic=True),
+    _solver("ContactMechanics dual", dual_gradients),
+    _solver("ContactMechanics dual, margin", dual_gradients, grid=fast_grid),
 )

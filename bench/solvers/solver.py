@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import metadata
-from typing import Literal, Protocol, TypeVar
+from typing import Literal, TypeVar
 
 from bem.influence import Kernel
 from bench.solvers.case import Case, Field, find_exact
@@ -29,88 +29,37 @@ class Failure(ArithmeticError):
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The pressure that a solver returned, and the work that it took.
+    """The pressure that a solver returned, and the work that it took."""
 
-    Attributes
-    ----------
-    pressure : ndarray, shape (n, n)
-        Contact pressure [MPa].
-    iterations, convolutions : int or None
-        Steps, and applications of H; None where the solver does not say.
-    seconds : float
-        Wall time of the solve, from heights to pressure [s].
-    """
-
-    pressure: Field
-    iterations: int | None = None
-    convolutions: int | None = None
-    seconds: float = math.nan
+    pressure: Field  # (n, n), of contact [MPa]
+    iterations: int | None = None  # None where the solver does not say
+    convolutions: int | None = None  # applications of H, None where the solver does not say
+    seconds: float = math.nan  # of wall time, from heights to pressure
 
 
-class Session(Protocol):
-    """A solver that is set up for a grid of square cells."""
+Press = Callable[[Case, float, float], Answer]
+"""Solves a case on the grid that a solver is set up for, or raises `Failure`.
 
-    def press(self, case: Case, force: float, tolerance: float) -> Answer:
-        """Solve a case on this grid; raise `Failure` if that is not possible.
-
-        Parameters
-        ----------
-        case : Case
-            Surface and displacement, with E* = 1 MPa.
-        force : float
-            Force that the displacement takes, not a number for solvers that need not know it [uN].
-        tolerance : float
-            In the solver's own definition.
-        """
-
-
-def same_grid(nodes: int) -> int:
-    """Return the number of nodes unchanged: no margin."""
-    return nodes
+It is given the case, the force that its displacement takes [uN], not a number for solvers that need
+not know it, and a tolerance in the solver's own definition.
+"""
 
 
 @dataclass(frozen=True)
 class Solver:
-    """A solver of contacts on a rigid far field.
+    """A solver of contacts on a rigid far field."""
 
-    Attributes
-    ----------
-    name : str
-        Package, method and, if it has one, margin: the name in tables.
-    open_session : callable
-        Sets the solver up for (nodes a side, spacing [um]).
-    package : str
-        Name of its distribution.
-    install : str
-        How to get it; empty for our own.
-    control : {"displacement", "force"}
-        The quantity that is given to it.
-    precision : {"float64", "mixed"}
-        Precision of the numbers that it iterates with.
-    kernels : tuple of str
-        Influence coefficients that it knows.
-    plastic : bool
-        Whether it knows a hardness.
-    grid : callable
-        Maps the nodes a side of the surface to those of the grid that the solver runs on; the
-        margin beyond the surface never touches.
-    ladder : tuple of float
-        Tolerances that are tried, falling.
-    largest_contact : float
-        Nodes in contact beyond which it is not tried.
-    """
-
-    name: str
-    open_session: Callable[[int, float], Session]
-    package: str = "asperity"
-    install: str = ""
-    control: Control = "displacement"
-    precision: str = "float64"
+    name: str  # in tables: package, method and, if it has one, margin
+    open: Callable[[int, float], Press]  # sets it up for (nodes a side, spacing [um])
+    package: str = "asperity"  # its distribution
+    install: str = ""  # how to get it; empty for our own
+    control: Control = "displacement"  # the quantity that is given to it
+    precision: str = "float64"  # or "mixed", of the numbers that it iterates with
     kernels: tuple[Kernel, ...] = ("uniform-pressure",)
-    plastic: bool = False
-    grid: Callable[[int], int] = same_grid
-    ladder: tuple[float, ...] = LADDER
-    largest_contact: float = math.inf
+    plastic: bool = False  # whether it knows a hardness
+    grid: Callable[[int], int] = int  # nodes a side that it runs on; the margin never touches
+    ladder: tuple[float, ...] = LADDER  # tolerances that are tried, falling
+    largest_contact: float = math.inf  # nodes in contact beyond which it is not tried
 
     @property
     def version(self) -> str:
@@ -120,26 +69,26 @@ class Solver:
         except metadata.PackageNotFoundError:
             return ""
 
-    def set_up(self, nodes: int, spacing: float) -> Session:
+    def set_up(self, nodes: int, spacing: float) -> Press:
         """Set the solver up for a grid, anew."""
-        return self.open_session(self.grid(nodes), spacing)
+        return self.open(self.grid(nodes), spacing)
 
     def solve(self, case: Case, rtol: float) -> Answer:
         """Solve a case to the solver's own notion of a tolerance; raise `Failure` if it cannot.
 
-        The session that serves all cases on a grid is opened by the first of them and kept.
+        It is set up by the first case on a grid, and kept for the further ones.
         """
         if case.kernel not in self.kernels:
             raise Failure(f"{self.name} has no kernel {case.kernel!r}")
         if case.hardness is not None and not self.plastic:
             raise Failure(f"{self.name} has no hardness")
-        session = _kept_session(self, case.nodes, case.spacing)
+        press = _kept(self, case.nodes, case.spacing)
         posed = case.with_margin(self.grid(case.nodes))
         given = self.control == "force"
         force = find_exact(case, REFERENCE_RTOL).force if given else math.nan
         began = time.perf_counter()
         try:
-            answer = session.press(posed, force, rtol)
+            answer = press(posed, force, rtol)
         except Failure:
             raise
         except Exception as fault:
@@ -152,7 +101,7 @@ class Solver:
 
 
 @lru_cache(maxsize=64)
-def _kept_session(solver: Solver, nodes: int, spacing: float) -> Session:
+def _kept(solver: Solver, nodes: int, spacing: float) -> Press:
     return solver.set_up(nodes, spacing)
 
 

@@ -12,45 +12,43 @@ import numpy as np
 
 from bench.solvers.case import Case
 from bench.solvers.contact_mechanics import fast_grid
-from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Solver
+from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Press, Solver
 
 OPERATOR = "dcfft"
 
 
-class PolonskyKeerRey:
-    """Its projected conjugate gradients.
+def projected_gradients(nodes: int, spacing: float) -> Press:
+    """Open its projected conjugate gradients, `PolonskyKeerRey`.
 
     The tolerance is on its own measure of the sum of pressure times gap.
     """
+    package = importlib.import_module("tamaas")
+    package.set_log_level(package.LogLevel.error)
+    sides = [nodes * spacing, nodes * spacing]
+    model = package.ModelFactory.createModel(package.model_type.basic_2d, sides, [nodes, nodes])
+    model.E, model.nu = 1.0, 0.0
+    package.ModelFactory.registerNonPeriodic(model, OPERATOR)
 
-    def __init__(self, nodes: int, spacing: float) -> None:
-        self._package = importlib.import_module("tamaas")
-        self._package.set_log_level(self._package.LogLevel.error)
-        factory = self._package.ModelFactory
-        sides = [nodes * spacing, nodes * spacing]
-        self._model = factory.createModel(self._package.model_type.basic_2d, sides, [nodes, nodes])
-        self._model.E, self._model.nu = 1.0, 0.0
-        factory.registerNonPeriodic(self._model, OPERATOR)
-
-    def press(self, case: Case, force: float, tolerance: float) -> Answer:
-        """Solve for a force."""
-        self._model.traction[:] = 0  # every solve starts afresh
-        self._model.displacement[:] = 0
-        solver = self._package.PolonskyKeerRey(self._model, case.heights, tolerance)
+    def press(case: Case, force: float, tolerance: float) -> Answer:
+        model.traction[:] = 0  # every solve starts afresh
+        model.displacement[:] = 0
+        solver = package.PolonskyKeerRey(model, case.heights, tolerance)
         solver.setIntegralOperator(OPERATOR)
         solver.max_iter = MAX_ITERATIONS
         error = solver.solve(case.mean_pressure(force))
         if not error <= tolerance:
             raise Failure(f"error {error:.1e} after {MAX_ITERATIONS} iterations")
-        return Answer(np.array(self._model.traction))
+        return Answer(np.array(model.traction))
+
+    return press
 
 
 SOLVERS = (
     Solver(
         "Tamaas, margin",
+        projected_gradients,
         package="tamaas",
         install='pip install -e ".[peers]"',
-        open_session=PolonskyKeerRey,
         control="force",
         grid=fast_grid,
     ),

@@ -39,14 +39,18 @@ def test_exact_solutions_are_exact(kernel: str, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_exact_solutions_are_proved(small: Case, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A guess of the contact nodes that is one node off is found out, either way."""
-    right = cases._dense_pressure
-    touching = find_exact(small).pressure > 0
-    for node in (np.argmax(touching), np.argmin(touching)):
-        wrong = touching.copy().reshape(-1)
+    """A guess of the contact nodes that is one node off is found out, and corrected, either way."""
+    right, nobody = find_exact(small).pressure, np.zeros(small.heights.shape, bool)
+    for node in (np.argmax(right > 0), np.argmin(right > 0)):
+        wrong = (right > 0).reshape(-1)
         wrong[node] = not wrong[node]
-        with pytest.raises(ArithmeticError, match="paper 0, uniform-pressure: no exact solution"):
-            cases._prove(small, right(small, wrong.reshape(touching.shape)))
+        guess = wrong.reshape(right.shape)
+        found = cases.proved_pressure(small, guess, nobody) * (small.delta / small.spacing)
+        np.testing.assert_allclose(found, right, rtol=0, atol=1e-13)
+        with monkeypatch.context() as patched:
+            patched.setattr(cases, "CORRECTIONS", 1)
+            with pytest.raises(ArithmeticError, match="paper 0, uniform-pressure: no exact sol"):
+                cases.proved_pressure(small, guess, nobody)
 
 
 def test_a_coarser_grid_sees_means(small: Case) -> None:
@@ -80,6 +84,6 @@ def test_a_margin_changes_nothing_but_the_grid(nodes: int, case: Case) -> None:
 def test_a_wrong_guess_of_yielded_nodes_is_corrected(monkeypatch: pytest.MonkeyPatch) -> None:
     case = Sample(33, HURST, 25.0, 0.1).case()
     right, elastic = find_exact(case), find_exact(replace(case, hardness=None))
-    monkeypatch.setattr("bench.solvers.case._solve", lambda case, rtol: elastic.pressure)
+    monkeypatch.setattr(Case, "solve", lambda case, rtol: elastic)
     found = find_exact(replace(case))  # another object: not found in the cache
     np.testing.assert_allclose(found.pressure, right.pressure, rtol=0, atol=1e-13)

@@ -8,7 +8,7 @@ from bench.peers.sample import HURST, Sample
 from bench.solvers.case import Case
 from bench.solvers.others import installed, missing
 from bench.solvers.own import BEM
-from bench.solvers.solver import Answer, Failure, Solver
+from bench.solvers.solver import Answer, Failure, Press, Solver
 
 
 @pytest.fixture(scope="module")
@@ -16,17 +16,16 @@ def case() -> Case:
     return Sample(33, HURST, 25.0).case()
 
 
-class Broken:
-    """A session of a peer that raises what nobody expects."""
+def broken(nodes: int, spacing: float) -> Press:
+    """A peer that raises what nobody expects."""
 
-    def __init__(self, nodes: int, spacing: float) -> None:
-        pass
-
-    def press(self, case: Case, force: float, tolerance: float) -> Answer:
+    def press(case: Case, force: float, tolerance: float) -> Answer:
         raise RuntimeError("nan encountered")
 
+    return press
 
-ABSENT = Solver("Absent", Broken, "no_such_package", "pip install no-such-package")
+
+ABSENT = Solver("Absent", broken, "no_such_package", "pip install no-such-package")
 
 
 def test_faults_of_peers_are_failures(case: Case) -> None:
