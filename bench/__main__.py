@@ -20,6 +20,7 @@ COMMANDS = (
     solver.peers,
     solver.growth,
     solver.hertz,
+    solver.theory,
     solver.stability,
     surrogates.models,
     surrogates.tolerance,

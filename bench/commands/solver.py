@@ -100,6 +100,23 @@ def hertz(output: Folder) -> None:
     tell(output, report(compare()))
 
 
+def theory(
+    output: Folder,
+    nodes: Annotated[int, typer.Option(min=128, help="Nodes a side.")] = 512,
+    surfaces: Annotated[int, typer.Option(min=1, help="Surfaces of each spectrum.")] = 3,
+) -> None:
+    """Compare contacts of random surfaces without edges with the theories of such contacts.
+
+    Area, mean gap and stiffness over the mean pressure, for five power spectra, beside Persson's
+    theory and that of Bush, Gibson and Thomas. Minutes. Writes DIR/theory.csv, DIR/area.png and
+    DIR/gap.png.
+    """
+    from bench.theory import compare, report
+
+    require_place(output, "theory.csv", "area.png", "gap.png")
+    tell(output, report(compare(nodes, surfaces)))
+
+
 def stability(
     output: FolderIfAny = None,
     full: Annotated[bool, typer.Option("--full", help="The slow cases too.")] = False,

@@ -103,6 +103,7 @@ def test_refused_before_any_work(folder, capsys, monkeypatch, program, arguments
     ("command", "names"),
     {
         "hertz": ["hertz.csv", "hertz.png"],
+        "theory": ["theory.csv", "area.png", "gap.png"],
         "growth": ["growth.csv", "growth.png"],
         "peers": ["peers.csv", "peers.png"],
         "solver": ["solver.csv", "solver.json", "solver.png"],
