@@ -19,19 +19,9 @@ UNITS = {"delta": "um", "sigma0": "um"}
 def write_table(
     path: Path, header: Iterable[str], rows: Iterable[Sequence[object]], digits: int = 0
 ) -> Path:
-    """Write a table; its folder is made where there is none.
+    """Write a table; its folder is made where there is none, None is written as nothing.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    header : iterable of str
-        Names of the columns.
-    rows : iterable of sequence
-        Values of each line; None is written as nothing.
-    digits : int
-        Significant digits of a number that is not whole, for tables that people read; NaN is
-        nothing there. 0 for all digits.
+    Numbers have all their digits, or as many significant ones as given: then NaN is nothing too.
 
     Raises
     ------

@@ -101,7 +101,7 @@ def check(fine: Path) -> Scene:
 
 
 def _judge(database: Path, fine: Path, features: str) -> Judged:
-    """Fit as `learn fit` does, and test."""
+    """Fit as `learn fit` does on the coarse grid, and test on the fine one."""
     request = request_for(database, MODEL, features, AREA_MAX)
     parts = parted(read(request))
     fitted = fit(request, parts.train, parts.calibration, parts.folds)
@@ -117,7 +117,7 @@ def _judge(database: Path, fine: Path, features: str) -> Judged:
 
 
 def _curvature(database: Path, fine: Dataset) -> str:
-    """Why the statistics do not carry over: how the mean curvature of peaks changes."""
+    """Say why the statistics do not carry over: how the mean curvature of peaks changes."""
     with Reader(database) as reader:
         coarse = reader.column(CURVATURE)
     with Reader(Path(fine.source["database"])) as reader:
@@ -140,7 +140,7 @@ def _table(folder: Path, found: dict[str, Judged], curvature: str) -> Path:
 
 
 def _picture(found: dict[str, Judged], fine: Path) -> Any:
-    """Prediction over truth with each feature set, then times."""
+    """Draw predictions over truth with each feature set, then times."""
     figure = new_figure(10, 8)
     axes = figure.subplots(2, 2).ravel()
     for axis, (name, each) in zip(axes, found.items(), strict=False):

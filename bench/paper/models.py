@@ -153,7 +153,7 @@ def table_4(folder: Path, comparison: Path) -> list[Content]:
 
 
 def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float) -> Iterator[str]:
-    """Cells of a row of Table 4, ours and the paper's in turn."""
+    """Yield the cells of a row of Table 4, ours and the paper's in turn."""
     theirs, times = paper.TEST[kind][model], result.get("times") or {}
     for name in tables.SCORES:
         yield f"{result['test'][name]:.2f}"
@@ -170,7 +170,7 @@ def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float
 
 
 def _why(theirs: Scores, unexplained: float, here: float) -> str:
-    """What is known about the distance of a row from the paper's."""
+    """Say what is known about the distance of a row from the paper's."""
     reasons = [] if unexplained <= ALIKE else [f"worse R2: {deviations.UNEXPLAINED}"]
     if abs(spread_of(theirs) / SPREAD - 1) > BELONG:
         reasons.append(deviations.TWO_SPREADS)

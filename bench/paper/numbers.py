@@ -78,24 +78,22 @@ def _of_the_comparison(comparison: Path) -> Iterator[Row]:
 
 def _of_the_cost(cost: Path) -> Iterator[Row]:
     published, (first, *_) = costs.read(cost)
-    theirs, ours = published.query, first.query
+    theirs, ours = published["query"], first["query"]
     why = "ours with the statistics of a new surface, which take most of it"
-    times = ratio(ours, theirs)
-    yield "time of an answer", "4.4", time_of(theirs), time_of(ours), times, why
-    pays = first.build.tuning / (first.solve - first.query)
-    if first.build.tuning > TAKEN:
+    yield "time of an answer", "4.4", time_of(theirs), time_of(ours), ratio(ours, theirs), why
+    if first["tuning"] > TAKEN:
+        pays = first["tuning"] / (first["solve"] - ours)
         why = "a faster solver makes the search dearer in contacts"
         yield _row("contacts that pay for the search", "4.4", TUNING_PAYS, pays, why, "{:,.0f}")
     why = "statistics included; the database is cheaper here, and so is what it is compared with"
-    even = first.break_even
+    even = first["break_even"]
     yield _row("break-even [contacts]", "4.4", PAPER_BREAK_EVEN, even, why, "{:,.0f}")
 
 
 def _row(
     quantity: str, section: str, theirs: float, ours: float, why: str, form: str = "{:.4g}"
 ) -> Row:
-    """A row; equal numbers need no explanation."""
+    """Return a row; equal numbers need no explanation."""
     texts = form.format(theirs), form.format(ours)
-    if texts[0] == texts[1]:
-        return quantity, section, *texts, "none", ""
-    return quantity, section, *texts, ratio(ours, theirs), why
+    apart = ("none", "") if texts[0] == texts[1] else (ratio(ours, theirs), why)
+    return quantity, section, *texts, *apart

@@ -62,7 +62,7 @@ def predictions(folder: Path, comparison: Path, kind: str) -> list[Content]:
 
 
 def _seen(folder: Folder, kind: str, shown: Shown) -> str:
-    """Which model is closest, and which predict areas that cannot be, here and in the paper."""
+    """Say which model is closest here and in the paper, and which predict areas that cannot be."""
     best = max(shown, key=lambda model: float(shown[model]["test"]["r2"]))
     theirs = max(shown, key=lambda model: paper.TEST[kind][model].r2)
     below = [
@@ -77,7 +77,7 @@ def _seen(folder: Folder, kind: str, shown: Shown) -> str:
 
 
 def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> list[tuple[object, ...]]:
-    """Dots of a model; its rows for the table."""
+    """Draw dots for a model; return its rows for the table."""
     truth, predicted = folder.prediction(kind, model)
     result = folder.result(kind, model) or {}
     colour = COLOURS[0] if kind == "baseline" else COLOURS[1]

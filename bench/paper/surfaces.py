@@ -100,7 +100,7 @@ def profile(folder: Path) -> list[Content]:
 def _draw_profile(
     axis: Any, x: Heights, line: Heights, peaks: NDArray[np.bool_], asperities: NDArray[np.bool_]
 ) -> None:
-    """A profile, its peaks and what is said of them."""
+    """Draw a profile, its peaks and what is said of them."""
     heights = line[peaks]
     mean, rms = float(heights.mean()), float(heights.std())
     axis.plot(x, line, color="0.45", lw=1, label="profile")

@@ -28,16 +28,7 @@ STEPS = 40
 
 
 def compare(scene: Scene, surfaces: int, shares: tuple[float, ...]) -> Iterator[dict[str, float]]:
-    """Press the first surfaces of a scene to shares of their own limits.
-
-    Parameters
-    ----------
-    scene : Scene
-        A scene with a compliant far field.
-    surfaces : int
-        Number of its first surfaces that are pressed.
-    shares : tuple of float
-        Displacements over Delta*; from 1 on there is no equilibrium.
+    """Press the first surfaces of a compliant scene to shares of their own limits Delta*.
 
     Yields
     ------
@@ -68,12 +59,7 @@ def _median(values: NDArray[np.float64]) -> float:
 
 
 def iterate(scene: Scene, heights: NDArray[np.float64], delta: float) -> tuple[bem.Contact, int]:
-    """Iterate until the force changes by less than `TOLERANCE`.
-
-    Returns
-    -------
-    (Contact, int)
-        The last contact, and the number of solves.
+    """Iterate until the force changes by less than `TOLERANCE`; count the solves too.
 
     Raises
     ------

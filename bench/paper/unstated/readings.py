@@ -72,21 +72,9 @@ def range_distance(values: Values, name: str) -> float:
 
 
 def above(heights: Values, offsets: Offsets, *, border: bool) -> NDArray[np.bool_]:
-    """Mark the nodes that are above all of their neighbours.
+    """Mark the nodes that are above all of their neighbours, given by places relative to a node.
 
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Values.
-    offsets : sequence of (int, int)
-        The neighbours' places relative to a node.
-    border : bool
-        True if a node at the border is compared with the neighbours that it has, False if it is
-        never marked.
-
-    Returns
-    -------
-    ndarray of bool, shape (nx, ny)
+    At the border a node is compared with the neighbours that it has, or never marked.
     """
     # No number is above NaN, every height is above -inf.
     padded = np.pad(heights, 1, constant_values=-np.inf if border else np.nan)
