@@ -9,7 +9,6 @@ follows.
 
 import math
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
@@ -118,7 +117,7 @@ def without_edges(
     NoSolution
         If a given displacement is that of full contact or more, and the bodies do not yield.
     """
-    depth = float(problem.heights.max() - problem.heights.mean())
+    depth = float((problem.heights.max() - problem.heights).mean())
     if problem.delta is not None and problem.hardness is None and problem.delta >= depth:
         raise NoSolution(
             f"delta = {problem.delta:g} um has no equilibrium on a patch without edges: the contact"
@@ -172,11 +171,7 @@ def _under_load(patch: _Patch, load: float, near: Start | None) -> tuple[Iterate
         start = _full_contact(patch, load)
         if start.pressure.min() >= 0 and start.pressure.max() <= patch.hardness:
             return start, True
-    iterate, converged = _settle_under(patch, load, start, patch.problem.rtol)
-    left = iterate.effort.iterations < patch.problem.max_iterations
-    if not converged and patch.problem.hardness is not None and left:
-        return _through_displacements(patch, load, iterate)
-    return iterate, converged
+    return _settle_under(patch, load, start, patch.problem.rtol)
 
 
 def _settle_under(patch: _Patch, load: float, start: Iterate, rtol: float) -> tuple[Iterate, bool]:
@@ -261,11 +256,13 @@ def _cut_to_load(pressure: Values, load: float) -> Values:
     above = pressure
     for _ in range(50):  # each time from fewer nodes, so that the constant only rises
         left = above[above > constant]
-        if len(left) == len(above):
+        if len(left) in {0, len(above)}:  # none, where the load is lost to rounding
             break
         above = left
         constant = (float(above.sum()) - load) / len(above)
     cut: Values = np.maximum(pressure - constant, 0)
+    if not cut.any():
+        cut[np.argmax(pressure)] = load
     cut *= load / float(cut.sum())
     return cut
 
@@ -340,41 +337,6 @@ def _through_loads(patch: _Patch, start: Iterate) -> tuple[Iterate, bool]:
         if iterate.effort.iterations >= patch.problem.max_iterations or not loads.follow(excess):
             break
     return _solve_at(patch, _at_one(iterate), patch.problem.max_iterations)
-
-
-def _through_displacements(patch: _Patch, load: float, failed: Iterate) -> tuple[Iterate, bool]:
-    """Find the displacement at which bodies that yield carry a load, by Brent's method.
-
-    Under the load itself the contact set and the yielded set may cycle from afar. From a loose root
-    they arrive.
-    """
-    from scipy.optimize import brentq  # most runs never need it
-
-    last = failed
-
-    @cache
-    def excess(delta: float) -> float:
-        nonlocal last
-        problem = replace(patch.problem, rtol=TRIAL_RTOL / 10)
-        there = _Patch.of(problem, delta * patch.length, patch.operators)
-        effort = last.effort
-        last, _ = _solve_at(there, None, patch.problem.max_iterations - effort.iterations)
-        last.effort += effort
-        last.pressure, last.residual = last.pressure * delta, last.residual * delta
-        last.shift = delta
-        return float(last.pressure.sum()) / load - 1
-
-    low = high = max(failed.shift, patch.depth / 2)
-    while excess(low) > 0 and low > 1e-9 * patch.depth:
-        low /= 1.5
-    while excess(high) < 0 and last.effort.iterations < patch.problem.max_iterations:
-        high *= 1.2
-    if excess(low) <= 0 <= excess(high):
-        root = brentq(excess, low, high, rtol=TRIAL_RTOL)
-        excess.cache_clear()
-        excess(root)
-    iterate = Iterate(last.pressure, last.residual, last.effort, shift=last.shift)
-    return _settle_under(patch, load, iterate, patch.problem.rtol)
 
 
 def _at_one(iterate: Iterate) -> Iterate:

@@ -389,6 +389,8 @@ def _solve_loosely(
     known = iterate.pressure[free]
     weights = known if known.any() else np.ones_like(known)
     share = None if operators.load is None else weights / float(weights.sum())
+    if share is not None:  # nodes may have been released since the far field was last shifted
+        iterate.level(weights, iterate.residual[free])
 
     def correct(residual: Values) -> Values:
         correction = precondition(residual)

@@ -146,3 +146,15 @@ def test_a_ladder_gives_the_contacts_of_single_solves(boundary: Boundary) -> Non
         single = bem.solve(heights, 32.0, pressure=load, boundary=boundary, rtol=1e-10)
         assert rung.delta == pytest.approx(single.delta, rel=1e-8)
         assert rung.contact_nodes == single.contact_nodes
+
+
+@pytest.mark.parametrize("height", [1.776491303816993, 1e8 + 0.1])
+def test_a_load_far_below_the_rounding_of_full_contact_is_carried(height: float) -> None:
+    flat = np.full((6, 7), height)
+    contact = bem.solve(flat, 1.0, spacing=1.0, pressure=0.0128, boundary="periodic")
+    np.testing.assert_allclose(contact.pressure, 0.0128, rtol=1e-14)
+    peaked = flat.copy()
+    peaked[2, 3] += 1.0
+    light = bem.solve(peaked, 1.0, spacing=1.0, pressure=1e-19, boundary="mirror")
+    assert light.contact_nodes == 1
+    assert light.force == pytest.approx(1e-19 * flat.size, rel=1e-12)
