@@ -98,8 +98,13 @@ BEM_NEEDS = {"numpy", "scipy", "pyfftw", "threadpoolctl"}
 NUMERICS = {"numpy", "scipy", "pyfftw", "h5py", "mpi4py", "matplotlib", "sklearn", "pandas"}
 
 
-def imported_modules(path: Path) -> Iterator[str]:
+@functools.cache
+def imported_modules(path: Path) -> tuple[str, ...]:
     """Names of all modules that a file imports, also inside its functions."""
+    return tuple(_imported_modules(path))
+
+
+def _imported_modules(path: Path) -> Iterator[str]:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names)
