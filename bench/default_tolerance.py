@@ -8,12 +8,13 @@ paper preset's samples.
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import takewhile
+from typing import Any
 
 import numpy as np
 
 import bem
-from bench.table import markdown
+from bench.table import formatted
 from gen.arrays import Heights
 from gen.generation.plan import parameters
 from gen.generation.sample import solve_contact, surface_of
@@ -23,44 +24,23 @@ from gen.scene import Scene, load
 RTOLS = (1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 5e-7, 2e-7, 1e-7, 1e-8)
 EXACT_RTOL = 1e-12
 WANTED_SHARE = 0.999
-HEADER = (
-    *("rtol", "right counts", "wrong samples", "largest miss", "largest force error"),
-    *("convolutions", "time"),
-)
+COLUMNS = {
+    "rtol": "{rtol}",
+    "right counts": "{right_percent:.2f} %",
+    "wrong samples": "{wrong} of {samples}",
+    "largest miss": "{largest_miss} nodes",
+    "largest force error": "{force_error:.1e}",
+    "convolutions": "{convolutions:.1f}",
+    "time": "{relative_time:.2f}",
+}
 
-
-@dataclass(frozen=True)
-class Count:
-    """How well one tolerance found the nodes in contact, beside solves to `EXACT_RTOL`.
-
-    Attributes
-    ----------
-    rtol : float
-        Tolerance of the solver [Delta].
-    samples, right : int
-        Samples solved, and those with exactly as many nodes in contact.
-    largest_miss : int
-        Largest difference in that number [nodes].
-    force_error : float
-        Largest relative difference in force [1].
-    convolutions : float
-        Mean applications of the influence matrix.
-    relative_time : float
-        Time of all solves over that of all exact ones [1].
-    """
-
-    rtol: float
-    samples: int
-    right: int
-    largest_miss: int
-    force_error: float
-    convolutions: float
-    relative_time: float
+Row = dict[str, Any]
+"""How well one tolerance found the nodes in contact, beside solves to `EXACT_RTOL`."""
 
 
 def right_counts(
     scene: str = "paper", samples: int = 1000, rtols: Sequence[float] = RTOLS
-) -> list[Count]:
+) -> list[Row]:
     """Solve the first samples of a scene at each tolerance and at `EXACT_RTOL`.
 
     Samples without a solution at `EXACT_RTOL` are left out; the scene's own tolerance does not
@@ -88,50 +68,35 @@ def right_counts(
     loaded = forces[0] != 0
     misses = np.abs(nodes - nodes[0])
     errors = np.abs(forces[:, loaded] / forces[0, loaded] - 1)
+    right = (misses == 0).sum(axis=1)
     return [
-        Count(
-            rtol=rtol,
-            samples=len(measured),
-            right=int((misses[place] == 0).sum()),
-            largest_miss=int(misses[place].max()),
-            force_error=float(errors[place].max(initial=0.0)),
-            convolutions=float(convolutions[place].mean()),
-            relative_time=float(seconds[place].sum() / seconds[0].sum()),
-        )
+        {
+            "rtol": _power_of_ten(rtol),
+            "right_percent": 100 * right[place] / len(measured),
+            "wrong": len(measured) - right[place],
+            "samples": len(measured),
+            "largest_miss": int(misses[place].max()),
+            "force_error": errors[place].max(initial=0.0),
+            "convolutions": convolutions[place].mean(),
+            "relative_time": seconds[place].sum() / seconds[0].sum(),
+        }
         for place, rtol in enumerate(rtols, 1)
     ]
 
 
-def cheapest_right(counts: Sequence[Count], wanted: float = WANTED_SHARE) -> Count | None:
-    """Return the loosest tolerance from which on all are right in the wanted share of samples."""
-    cheapest = None
-    for count in sorted(counts, key=lambda count: count.rtol):
-        if count.right < wanted * count.samples:
-            break
-        cheapest = count
-    return cheapest
+def cheapest_right(rows: Sequence[Row]) -> str:
+    """Name the loosest tolerance from which on all are right in the wanted share of samples."""
+    tightest_first = sorted(rows, key=lambda row: float(row["rtol"]))
+    good = takewhile(lambda row: row["right_percent"] >= 100 * WANTED_SHARE, tightest_first)
+    return str(["none of these", *(row["rtol"] for row in good)][-1])
 
 
-def markdown_table(counts: Sequence[Count]) -> str:
+def markdown_table(rows: Sequence[Row]) -> str:
     """Return lines of Markdown: a row per tolerance, and the verdict."""
-    lines = (
-        (
-            _power_of_ten(count.rtol),
-            f"{100 * count.right / count.samples:.2f} %",
-            f"{count.samples - count.right} of {count.samples}",
-            f"{count.largest_miss} nodes",
-            f"{count.force_error:.1e}",
-            f"{count.convolutions:.1f}",
-            f"{count.relative_time:.2f}",
-        )
-        for count in counts
-    )
-    cheapest = cheapest_right(counts)
-    verdict = _power_of_ten(cheapest.rtol) if cheapest else "none of these"
     return (
-        f"{markdown(HEADER, lines)}\n\n"
+        f"{formatted(COLUMNS, rows)}\n\n"
         f"Time is relative to rtol {_power_of_ten(EXACT_RTOL)}, which also says what is right.\n"
-        f"Cheapest with {100 * WANTED_SHARE:g} % right: {verdict}."
+        f"Cheapest with {100 * WANTED_SHARE:g} % right: {cheapest_right(rows)}."
     )
 
 

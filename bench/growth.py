@@ -59,21 +59,12 @@ COLUMNS = {
 
 
 def cost(nodes: Sequence[int], surfaces: int, percents: Sequence[float] = PERCENTS) -> list[Row]:
-    """Measure the cost of solves on ever finer grids, as means over surfaces.
-
-    Parameters
-    ----------
-    nodes : sequence of int
-        Nodes a side, each 2^k + 1, ascending.
-    surfaces : int
-        Number of surfaces, each of its own seed.
-    percents : sequence of float
-        Shares of the nodes in contact to aim at [%].
+    """Measure the cost of solves at shares of contact [%] on grids, as means over surfaces.
 
     Raises
     ------
     InputError
-        For nodes that are not 2^k + 1, or too few.
+        For nodes a side that are not 2^k + 1, or too few.
     """
     for size in nodes:
         if size < SEEKING_NODES[0] or size - 1 & size - 2:

@@ -58,14 +58,8 @@ def measure(
 ) -> list[tuple[int, Seconds]]:
     """Measure both writers under mpiexec, or the single one alone where h5py has no MPI.
 
-    Parameters
-    ----------
-    spec : Spec
-        Rows and rounds.
-    ranks : sequence of int
-        Numbers of processes, 2 or more each, in turn; rank 0 is the master.
-    folder : Path or None
-        Folder on the file system of interest; None for a temporary one.
+    Takes numbers of processes, 2 or more each, of which rank 0 is the master, and the folder on the
+    file system of interest, None for a temporary one.
 
     Raises
     ------
@@ -83,11 +77,9 @@ def markdown_table(spec: Spec, measured: Sequence[tuple[int, Seconds]]) -> str:
     """Return lines of Markdown: MB/s of both writers, median (lowest to highest) of the rounds."""
     lines = []
     for ranks, seconds in measured:
-        rates = [_rate(spec, seconds.get(writer, [])) for writer in ("single", "parallel")]
-        ratio = "-"
-        if "parallel" in seconds:
-            ratio = f"{median(seconds['single']) / median(seconds['parallel']):.2f}"
-        lines.append((str(ranks), *rates, ratio))
+        single, parallel = seconds["single"], seconds.get("parallel", [])
+        ratio = f"{median(single) / median(parallel):.2f}" if parallel else "-"
+        lines.append((str(ranks), _rate(spec, single), _rate(spec, parallel), ratio))
     header = ("ranks", "single writer, MB/s", "parallel writer, MB/s", "parallel / single")
     return markdown(header, lines)
 
@@ -156,9 +148,8 @@ def require_rows(path: Path, blocks: Sequence[Block], template: Columns) -> None
         if reader.counts().done != len(reader.column("status")):
             raise ValueError(f"rows are missing: {reader.counts()}")
         for start, stop in blocks:
-            if not np.array_equal(
-                reader.column("pressure", stop - 1, stop)[0], template["pressure"][stop - 1 - start]
-            ):
+            (last,) = reader.column("pressure", stop - 1, stop)
+            if not np.array_equal(last, template["pressure"][stop - 1 - start]):
                 raise ValueError(f"row {stop - 1} is not what was written")
 
 
