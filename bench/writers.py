@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from bench.scale.launch import answer, launch
+from bench.scale.probe import empty_rows
 from bench.table import markdown
 from gen import database
 from gen.arrays import Columns
@@ -25,7 +26,7 @@ from gen.generation.delivery import Block, Target, delivery
 from gen.generation.run import blocks_of
 from gen.runtime import farm
 from gen.scene import Scene
-from gen.schema import Status, columns_for, row_bytes
+from gen.schema import row_bytes
 
 SCENE = "samples = {rows}\n[surface]\nnodes = {nodes}\n[store]\npressure = true\n"
 
@@ -98,20 +99,33 @@ def time_writers(spec: Spec, path: Path, world: farm.World) -> Seconds:
     writers = ["single", "parallel"] if database.parallel_hdf5() else ["single"]
     seconds: Seconds = {writer: [] for writer in writers}
     blocks = list(blocks_of(spec.scene, [(0, spec.rows)], world.workers))
+    template = template_of(spec.scene, blocks)
     for number in range(spec.rounds):
         for writer in writers[:: (-1) ** number]:  # A B B A: drifts cancel
             target = Target(path, spec.scene, parallel=writer == "parallel")
-            seconds[writer].append(_write(target, blocks, world))
+            if world.is_master:
+                create(target)
+            world.broadcast(None)
+            seconds[writer].append(write(target, blocks, template, world))
+            if world.is_master:
+                require_rows(path, blocks, template)
     return seconds
 
 
-def _write(target: Target, blocks: Sequence[Block], world: farm.World) -> float:
-    """Write one file; seconds from the first task to the closed file, on the master."""
-    if world.is_master:
-        target.path.unlink(missing_ok=True)
-        database.create(target.path, target.scene)
-    template = template_of(target.scene, blocks)
-    world.broadcast(None)
+def create(target: Target) -> None:
+    """Create the file anew, without rows."""
+    target.path.unlink(missing_ok=True)
+    database.create(target.path, target.scene)
+
+
+def write(target: Target, blocks: Sequence[Block], template: Columns, world: farm.World) -> float:
+    """Write the rows of a template into a file that is there; every process has to call it.
+
+    Returns
+    -------
+    float
+        Time from the first task to the closed file [s].
+    """
 
     def compute(block: Block) -> Columns:
         return {name: values[: block[1] - block[0]] for name, values in template.items()}
@@ -124,21 +138,13 @@ def _write(target: Target, blocks: Sequence[Block], world: farm.World) -> float:
         world.broadcast(None)
         began = time.perf_counter()
         farm.run(delivered.work, iter(blocks), take, world)
-    seconds = time.perf_counter() - began
-    if world.is_master:
-        require_rows(target.path, blocks, template)
-    return seconds
+    return time.perf_counter() - began
 
 
 def template_of(scene: Scene, blocks: Sequence[Block]) -> Columns:
-    """Finished rows for the largest block; the fields random, as zeros could be cheaper."""
-    rows = {}
-    count, random = max(stop - start for start, stop in blocks), np.random.default_rng(0)
-    for column in columns_for(scene):
-        shape = column.shape(count, scene.surface.nodes)
-        filled = np.full(shape, column.fill, column.dtype)
-        rows[column.name] = random.normal(size=shape) if column.shape_of else filled
-    rows["status"][:] = Status.DONE
+    """Return rows for the largest block; the fields are random, as zeros could be cheaper."""
+    rows = empty_rows(scene, max(stop - start for start, stop in blocks))
+    rows["pressure"] = np.random.default_rng(0).normal(size=rows["pressure"].shape)
     return rows
 
 

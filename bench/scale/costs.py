@@ -78,8 +78,13 @@ def measure() -> Costs:
     bookkeeping = _fitted({crowd: bookkeeping_seconds(crowd) for crowd in CROWDS})
     remark("messages under mpiexec")
     own = bookkeeping(2)
-    message = _fitted({count: _message_seconds(count) - own for count in BLOCK_ROWS})
-    gap = min(timing["gap"] for timing in _probed(workers=1, rows=1))
+    message = _fitted(
+        {
+            count: min(timing["master"] for timing in _probed(2, count)) / MESSAGES - own
+            for count in BLOCK_ROWS
+        }
+    )
+    gap = min(timing["gap"] for timing in _probed(1, 1))
     return Costs(rows, message, write, bookkeeping, gap, memory, _task_memory())
 
 
@@ -117,31 +122,21 @@ def measure_write(count: int) -> float:
 
 
 def bookkeeping_seconds(workers: int) -> float:
-    """Measure the farm's own loop for one block, with an executor that needs no time [s].
-
-    The farm believes to have some workers.
-    """
-    return min(_bookkeeping_round(workers) for _ in range(3))
-
-
-def _bookkeeping_round(workers: int) -> float:
+    """Measure the farm's own loop for one block, with workers that need no time [s]."""
     in_flight, blocks = farm.IN_FLIGHT * workers, max(30, min(400, 40_000 // workers))
-    arrivals: list[float] = []
+    tasks, world = in_flight + blocks, farm.World(0, workers + 1)
+    rounds = []
+    for _ in range(3):
+        arrivals: list[float] = []
 
-    def take(task: int, result: None) -> None:
-        arrivals.append(time.process_time())
+        def take(task: int, result: None, arrivals: list[float] = arrivals) -> None:
+            arrivals.append(time.process_time())
 
-    tasks = in_flight + blocks
-    farm._supervise(
-        _Instant(in_flight, tasks),
-        lambda task: None,
-        iter(range(tasks)),
-        take,
-        farm.World(0, workers + 1),
-        lambda: False,
-    )
-    # While all places are taken one result comes for each task handed out: time apart is the cost.
-    return float(np.median(np.diff(arrivals[:blocks])))
+        executor, numbers = _Instant(in_flight, tasks), iter(range(tasks))
+        farm._supervise(executor, lambda task: None, numbers, take, world, lambda: False)
+        # While all places are taken one result comes for each task handed out.
+        rounds.append(float(np.median(np.diff(arrivals[:blocks]))))
+    return min(rounds)
 
 
 class _Instant:
@@ -186,11 +181,6 @@ def _seconds(calls: Iterable[Callable[[], object]]) -> list[float]:
         call()
         seconds.append(time.process_time() - began)
     return seconds
-
-
-def _message_seconds(rows: int) -> float:
-    """Measure the master's processor time for one block that nobody computes or writes [s]."""
-    return min(timing["master"] for timing in _probed(workers=2, rows=rows)) / MESSAGES
 
 
 def _probed(workers: int, rows: int) -> list[dict[str, float]]:

@@ -49,18 +49,15 @@ def report(known: Path | None, *, validate: bool) -> Report:
 
 def contents(folder: Path) -> list[Content]:
     """List what a page shows of a folder that holds this report."""
-    validation = folder / "validation.csv"
-    shown: list[Content] = [
+    return [
         Figure(
             folder / "scale.png",
             "SIMULATED, with costs of rows, messages and writes measured on this machine:"
             " efficiency of the farm on 10 to 10,000 ranks, for 1e4 to 1e7 rows, both writers.",
             data=(folder / "scale.csv",),
-        )
+        ),
+        Table(folder / "validation.csv", "The simulation beside real runs here."),
     ]
-    if validation.exists():
-        shown.append(Table(validation, "The simulation beside real runs here."))
-    return shown
 
 
 def summary(costs: Costs, points: Sequence[Point]) -> str:

@@ -12,12 +12,11 @@ from typing import Any
 import pytest
 
 from bench.scale.launch import launch
-from bench.writers import Spec, require_rows, template_of
+from bench.writers import Spec, create, require_rows, template_of, write
 from gen import database
-from gen.arrays import Columns
-from gen.generation.delivery import Block, Target, delivery
+from gen.generation.delivery import Target
 from gen.generation.run import blocks_of
-from gen.runtime.farm import World, run
+from gen.runtime.farm import World
 
 SIZES = {"smoke": Spec(32, 33, 1), "paper": Spec(256, 129, 1), "large": Spec(32, 513, 1)}
 RANKS = 3
@@ -28,24 +27,9 @@ def test_write_by_one(benchmark: Any, tmp_path: Path, size: str) -> None:
     """Rows with their pressure fields, to the kernel; creating the file is not timed."""
     spec, path = SIZES[size], tmp_path / "rows.h5"
     blocks = list(blocks_of(spec.scene, [(0, spec.rows)], World().workers))
-    template = template_of(spec.scene, blocks)
-
-    def compute(block: Block) -> Columns:
-        return {name: values[: block[1] - block[0]] for name, values in template.items()}
-
-    def create() -> None:
-        path.unlink(missing_ok=True)
-        database.create(path, spec.scene)
-
-    def write() -> None:
-        with delivery(Target(path, spec.scene, parallel=False), World(), compute) as delivered:
-
-            def take(block: Block, result: Any) -> None:
-                delivered.take(block, result)
-
-            run(delivered.work, iter(blocks), take, World())
-
-    benchmark.pedantic(write, setup=create, rounds=3)
+    template, target = template_of(spec.scene, blocks), Target(path, spec.scene, parallel=False)
+    arguments = (target, blocks, template, World())
+    benchmark.pedantic(lambda: write(*arguments), setup=lambda: create(target), rounds=3)
     require_rows(path, blocks, template)
     if benchmark.enabled:
         benchmark.extra_info["megabytes_per_second"] = spec.megabytes / benchmark.stats["median"]
