@@ -41,13 +41,7 @@ def contents(folder: Path) -> list[Content]:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """Read a file of pytest-benchmark.
-
-    Raises
-    ------
-    InputError
-        If it is no such file.
-    """
+    """Read a file of pytest-benchmark."""
     try:
         document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         document["benchmarks"], document["machine_info"]

@@ -21,12 +21,7 @@ OTHER_SEED = 2026
 def generated(folder: Path, name: str, text: str) -> Path:
     """Return a complete database of a scene (TOML): generate what is missing in the folder's.
 
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to, or holds another database of this name.
-    KeyboardInterrupt
-        After a signal: the same command goes on.
+    A KeyboardInterrupt is raised after a signal: the same command goes on.
     """
     scene, path = folder / f"{name}.toml", folder / f"{name}.h5"
     wanted = Scene.parse(text, str(scene))
@@ -54,12 +49,9 @@ def _complete(path: Path, wanted: Scene) -> bool:
 
 
 def of_the_paper(given: Path | None, folder: Path, rows: int) -> Path:
-    """Return the database to train on: the one given, or the preset's first rows.
+    """Return the database to train on: the preset's first rows, or the one given.
 
-    Raises
-    ------
-    InputError
-        If the one given is of another scene: its surrogates would be at home elsewhere.
+    One of another scene is refused: its surrogates would be at home elsewhere.
     """
     if given is None:
         return generated(folder, PAPER, f"samples = {rows}\n")

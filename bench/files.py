@@ -10,13 +10,7 @@ COMPRESSED = ".xz"
 
 
 def content_of(path: Path) -> bytes:
-    """Read a file, or the compressed one that stands beside where it would be.
-
-    Raises
-    ------
-    InputError
-        If there is neither, or it cannot be read.
-    """
+    """Read a file, or the compressed one that stands beside where it would be."""
     packed = _packed(path)
     try:
         if packed.exists() and not path.exists():

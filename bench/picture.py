@@ -16,13 +16,7 @@ PALETTE = 256
 
 
 def new_figure(width: float = 6.4, height: float = 4.8) -> Any:
-    """Make an empty figure [inches] whose curves have the colours of `bench.style`.
-
-    Raises
-    ------
-    InputError
-        If matplotlib is not installed.
-    """
+    """Make an empty figure [inches] whose curves have the colours of `bench.style`."""
     figure = figures.new_figure(width, height)
     from cycler import cycler
     from matplotlib import rcParams
@@ -64,13 +58,7 @@ def draw_curves(
 
 
 def save(figure: Any, path: Path) -> Path:
-    """Write a figure as PNG.
-
-    Raises
-    ------
-    InputError
-        If that is not possible.
-    """
+    """Write a figure as PNG."""
     from PIL import Image
 
     drawn, compact = BytesIO(), BytesIO()

@@ -13,20 +13,10 @@ from gen.runtime.output import make_folder, write
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Results that are ready to be written.
+    """Results that are ready to be written, by the names of their files without ending.
 
-    Attributes
-    ----------
-    tables : mapping of str to rows
-        Rows (see `bench.table.write_rows`) by the name of their file, without ending.
-    records : mapping of str to JSON
-        Anything that JSON can hold by the name of its file, without ending.
-    pictures : mapping of str to figure
-        Figures by the name of their file, without ending.
-    text : str
-        Words for people; empty if there are none.
-    text_name : str
-        Name of the file that keeps the text, without ending; empty if it is only printed.
+    Tables are rows as `bench.table.write_rows` takes them, records are what JSON can hold. The text
+    is for people: printed, and kept in a file if `text_name` names one.
     """
 
     tables: Mapping[str, Iterable[Any]]
@@ -36,13 +26,7 @@ class Report:
     text_name: str = ""
 
     def write(self, folder: Path) -> list[Path]:
-        """Write all files into a folder, which is made where there is none.
-
-        Raises
-        ------
-        InputError
-            If the folder cannot be written to.
-        """
+        """Write all files into a folder, which is made where there is none."""
         make_folder(folder)
         paths = [write_rows(folder / f"{name}.csv", rows) for name, rows in self.tables.items()]
         texts = {

@@ -22,11 +22,6 @@ def write_table(
     """Write a table; its folder is made where there is none, None is written as nothing.
 
     Numbers have all their digits, or as many significant ones as given: then NaN is nothing too.
-
-    Raises
-    ------
-    InputError
-        If that is not possible.
     """
     text = StringIO(newline="")
     writer = csv.writer(text)
@@ -47,11 +42,6 @@ def write_rows(path: Path, rows: Iterable[Any]) -> Path:
     """Write rows that know their columns: dataclasses of one kind, or mappings with the same keys.
 
     A number is written with all its digits, None as nothing.
-
-    Raises
-    ------
-    InputError
-        If that is not possible.
     """
     records = [record(row) for row in rows]
     return write_table(path, records[0], (list(each.values()) for each in records))
@@ -64,27 +54,16 @@ def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def formatted(columns: Mapping[str, str], rows: Iterable[Any]) -> str:
-    """Return rows as lines of Markdown.
+    """Return rows, as `write_rows` takes them, as lines of Markdown.
 
-    Parameters
-    ----------
-    columns : mapping of str to str
-        Headers, each with the format of its cells, as "{seconds:.2f}".
-    rows : iterable
-        Rows as `write_rows` takes them.
+    The columns are headers, each with the format of its cells, as "{seconds:.2f}".
     """
     texts = ([form.format(**record(row)) for form in columns.values()] for row in rows)
     return markdown(list(columns), texts)
 
 
 def read_table(path: Path) -> tuple[list[str], list[dict[str, str]]]:
-    """Read the names of the columns of a table, and its rows by these names.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read as a table.
-    """
+    """Read the names of the columns of a table, and its rows by these names."""
     try:
         reader = csv.DictReader(StringIO(content_of(path).decode(), newline=""), restval="")
         return list(reader.fieldnames or ()), list(reader)

@@ -46,13 +46,7 @@ def numbers(name: str, text: str, kind: type[Number]) -> list[Number]:
 
 
 def require_place(folder: Path, *names: str) -> None:
-    """Refuse a folder, or pictures without matplotlib, before any work is done for a report.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to, or matplotlib is not installed.
-    """
+    """Refuse a folder, or pictures without matplotlib, before any work is done for a report."""
     if any(name.endswith(".png") for name in names):
         new_figure(1.0, 1.0)
     check_folder(folder, *names)

@@ -42,26 +42,14 @@ class Shown:
 
 
 def write_page(parts: Sequence[Part], inputs: Inputs) -> Path:
-    """Write the page of what a folder holds into that folder; return the file.
-
-    Raises
-    ------
-    InputError
-        If jinja2 is not installed, or the page cannot be written.
-    """
+    """Write the page of what a folder holds into that folder; return the file."""
     path = inputs.output / PAGE
     write(path, page_of(parts, inputs))
     return path
 
 
 def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
-    """Return the page of what a folder holds.
-
-    Raises
-    ------
-    InputError
-        If jinja2 is not installed.
-    """
+    """Return the page of what a folder holds."""
     try:
         from jinja2 import Environment, PackageLoader, StrictUndefined
     except ImportError:

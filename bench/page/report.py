@@ -15,13 +15,7 @@ from gen.scene import load
 
 
 def run(inputs: Inputs, only: Sequence[str] = ()) -> tuple[Path, Outcome]:
-    """Make the parts that are missing, of those named only, and the page of all that are there.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown, a given file cannot be used or the folder cannot be written to.
-    """
+    """Make the parts that are missing, of those named only, and the page of all that are there."""
     parts = _chosen(only, inputs)
     check_folder(inputs.output, PAGE)
     make_folder(inputs.output)
@@ -33,13 +27,7 @@ def run(inputs: Inputs, only: Sequence[str] = ()) -> tuple[Path, Outcome]:
 
 
 def page(inputs: Inputs) -> Path:
-    """Write the page of what a folder holds, and make nothing.
-
-    Raises
-    ------
-    InputError
-        If there is no such folder, or it cannot be written to.
-    """
+    """Write the page of what a folder holds, and make nothing."""
     folder = inputs.output
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; `python -m bench run -o {folder}` makes one")

@@ -32,13 +32,7 @@ class Tabulated(NamedTuple):
 
 
 def tabulated(table: Table) -> Tabulated:
-    """Read a table and make it readable.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or lacks a column.
-    """
+    """Read a table and make it readable."""
     header, lines = read_table(table.data)
     columns = table.columns or tuple(header)
     if missing := {*columns, table.verdict} - {"", *header}:

@@ -26,13 +26,7 @@ Costs = dict[str, Any]
 
 
 def read(cost: Path) -> tuple[Costs, list[Costs]]:
-    """Read from `bench cost` the paper's own costs, and ours on new surfaces by feature set.
-
-    Raises
-    ------
-    InputError
-        If the folder has no such table.
-    """
+    """Read from `bench cost` the paper's own costs, and ours on new surfaces by feature set."""
     try:
         table = pd.read_csv(require_file(cost / "cost.csv"))
         theirs = table[(table["solver"] == PAPERS) & (table["asked"] != NEW)]

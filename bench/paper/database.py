@@ -34,13 +34,7 @@ LABELS = {"delta": "far-field displacement Δ [µm]", "area_percent": "effective
 
 
 def read(path: Path) -> Rows:
-    """Read the finished rows: Table 1's columns, times of the solves, and places as `row`.
-
-    Raises
-    ------
-    InputError
-        If the database has no two finished rows.
-    """
+    """Read the finished rows: Table 1's columns, times of the solves, and places as `row`."""
     with Reader(path) as reader:
         done = np.flatnonzero(reader.column("status") == Status.DONE)
         if done.size < 2:

@@ -47,13 +47,7 @@ class Judged:
 
 
 def fine_grid(folder: Path, database: Path, fine: Path) -> list[Content]:
-    """Train with each feature set on the preset's grid, test on the finer one.
-
-    Raises
-    ------
-    InputError
-        If the grid is not finer, or a database has too few rows.
-    """
+    """Train with each feature set on the preset's grid, test on the finer one."""
     same = check(fine).seed == PRESET.seed
     found = {name: _judge(database, fine, name) for name in SETS}
     first = found["paper"].rows

@@ -29,13 +29,7 @@ Shown = dict[str, dict[str, Any]]
 
 
 def opened(comparison: Path) -> Folder:
-    """Find the part of a comparison that is on the paper's inputs and target.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """Find the part of a comparison that is on the paper's inputs and target."""
     folder = Folder(comparison / "area")
     if not (folder.path / "comparison.json").exists():
         raise InputError(

@@ -87,13 +87,6 @@ def write_report(
     -------
     list of Path
         Pictures and tables, in the paper's order.
-
-    Raises
-    ------
-    InputError
-        If an input cannot be used, or the folder cannot be written to.
-    KeyboardInterrupt
-        After a signal: the same call goes on.
     """
     check_folder(folder)
     for name, refuse in (("comparison", models.opened), ("cost", cost.read), ("fine", fine.check)):
@@ -118,13 +111,7 @@ def write_report(
 
 
 def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder of the report: each part, or that it is absent.
-
-    Raises
-    ------
-    InputError
-        If the record of a part cannot be read.
-    """
+    """List what a page shows of a folder of the report: each part, or that it is absent."""
     shown: list[Content] = []
     for name in PARTS:
         how = "".join(HOW[each] for each in missing_of(name, {})) + "python -m bench paper"

@@ -55,13 +55,7 @@ def compare(scene: Scene, surfaces: int) -> Iterator[dict[str, str | float]]:
 
 
 def range_distance(values: Values, name: str) -> float:
-    """Measure how far the ends of a quantity's range are from Table 1's [% of its width].
-
-    Raises
-    ------
-    InputError
-        If Table 1 does not have the quantity, or no value is finite.
-    """
+    """Measure how far the ends of a quantity's range are from Table 1's [% of its width]."""
     if name not in RANGES:
         raise InputError(f"{name}: not in the paper's Table 1")
     if not np.isfinite(values).any():
