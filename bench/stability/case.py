@@ -57,10 +57,8 @@ class Answer:
         Is it right? `run_case` adds whether it was refused as it should be, and warnings.
     asked : str
         The input in words; `run_case` takes those of the case if this is empty.
-    numbers : mapping of str to numbers
-        Further columns of the table.
-    raised : Exception or None
-        The error, if there was no answer.
+    numbers, raised : mapping of str to object, Exception or None
+        Further columns of the table; the error, if there was no answer.
     """
 
     out: str
@@ -73,6 +71,11 @@ class Answer:
     def passed(self) -> bool:
         """Whether there are findings, all within their bounds."""
         return bool(self.findings) and all(finding.passed for finding in self.findings)
+
+    @property
+    def verdict(self) -> str:
+        """The same in one word."""
+        return "passed" if self.passed else "failed"
 
     @property
     def failed(self) -> str:
@@ -88,20 +91,10 @@ class Answer:
 
 @dataclass(frozen=True)
 class Case:
-    """A row of a table.
+    """A row of a table: the kind of extreme, a name, the input in words, and how it is examined.
 
-    Attributes
-    ----------
-    family, name : str
-        The kind of extreme, and the name of the case, unique in its family.
-    asked : str
-        The input in words.
-    examine : callable
-        Returns an `Answer`; with a refusal, an error is due instead of whatever it returns.
-    refusal : Refusal or None
-        How the input has to be refused, if it has no answer.
-    slow : bool
-        Whether only the full table has the case.
+    `examine` returns an `Answer`, unless `refusal` says how the input has to be refused. Only the
+    full table has cases that are slow.
     """
 
     family: str

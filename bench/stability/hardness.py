@@ -22,56 +22,33 @@ from gen.generation.sample import surface_of
 from gen.scene import load
 
 PROBLEMS = 1000
-BLOCK = 100
-"""Problems of a case; the first block is in the quick table."""
-
-SALT = 24
-"""Keeps these draws apart from those of other tables with the same seeds."""
+BLOCK = 100  # problems of a case; the first block is in the quick table
+SALT = 24  # keeps these draws apart from those of other tables with the same seeds
 
 MOST_NODES = {50: 33, 10: 20, 1: 12}
 """Nodes a side at most: of every 50th problem, every 10th, all others; bounded least squares takes
 a time with the fourth power of the number of nodes."""
 
-HARDNESS = (1e-4, 10.0)
-"""Least and largest hardness [E*]."""
-
-PAPER_HARDNESS = (1e-3, 1.0)
-"""Least and largest hardness of the paper's surfaces [E*]."""
-
-LARGEST_ASPECT = 100.0
-"""Largest ratio of a cell's sides, either way [1]."""
-
-SECONDS = 60.0
-"""Wall-clock time after which a solve counts as a loop."""
-
-RTOL = 1e-10
-"""Tolerance of the solves beside least squares [Delta]."""
-
+HARDNESS = (1e-4, 10.0)  # least and largest hardness [E*]
+PAPER_HARDNESS = (1e-3, 1.0)  # least and largest hardness of the paper's surfaces [E*]
+LARGEST_ASPECT = 100.0  # largest ratio of a cell's sides, either way [1]
+SECONDS = 60.0  # wall-clock time after which a solve counts as a loop
+RTOL = 1e-10  # tolerance of the solves beside least squares [Delta]
+# What two products of the matrix and a pressure may differ by [displacement of the far field].
 ROUNDING = 1e-11
-"""What two products of the matrix and a pressure may differ by [displacement of the far field]."""
-
+# Pressures, over the hardness, and gaps, over the displacement, that may be either [1].
 UNDECIDED = 1e-8
-"""Pressures, over the hardness, and gaps, over the displacement, that may be either [1]."""
-
+# Bounds that are tighter here than in the solver's table.
 LIMITS = dict.fromkeys(("residual off", "yielded depth off"), RTOL + ROUNDING)
-"""Bounds that are tighter here than in the solver's table."""
 
 
 def cases() -> Iterator[Case]:
     """Ten blocks beside least squares, then ten blocks of the paper preset."""
+    squares = "2 to 33 nodes a side, cells to 1:100, H from 1e-4 to 10 E*, rtol = 1e-10"
+    paper = "129 x 129 nodes, H from 1e-3 to 1 E*, default tolerance"
     for family, number, asked, examine in (
-        (
-            "least squares",
-            "problems",
-            "2 to 33 nodes a side, cells to 1:100, H from 1e-4 to 10 E*, rtol = 1e-10",
-            beside_least_squares,
-        ),
-        (
-            "the paper's surfaces",
-            "rows",
-            "129 x 129 nodes, H from 1e-3 to 1 E*, default tolerance",
-            on_papers_surfaces,
-        ),
+        ("least squares", "problems", squares, beside_least_squares),
+        ("the paper's surfaces", "rows", paper, on_papers_surfaces),
     ):
         for first in range(0, PROBLEMS, BLOCK):
             name, block = f"{number} {first} to {first + BLOCK - 1}", range(first, first + BLOCK)

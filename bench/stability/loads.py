@@ -18,26 +18,15 @@ from bench.stability.solver.checks import honesty
 from bench.stability.solver.setup import Setup
 from bench.stability.tally import Tally
 
-SECONDS = 20.0
-"""Wall-clock time after which a solve on at most 1,600 nodes counts as a loop."""
-
+SECONDS = 20.0  # wall-clock time after which a solve on at most 1,600 nodes counts as a loop
+# What two convolutions of the same pressure may differ by [displacement of the far field].
 ROUNDING = 1e-10
-"""What two convolutions of the same pressure may differ by [displacement of the far field]."""
-
-NOT_CONVERGED = 1e-3
-"""Share of solves that may end without an answer [1]."""
-
+NOT_CONVERGED = 1e-3  # share of solves that may end without an answer [1]
+# Tolerances and how often each is asked for, 5,000 solves in all.
 SOLVES = {RTOL: 2000, **{10.0**-decade: 250 for decade in range(2, 14)}}
-"""Tolerances and how often each is asked for, 5,000 solves in all."""
-
-QUICK_SHARE = 10
-"""One solve of this number is in the quick table too."""
-
-NODES = (2, 40)
-"""Fewest and most nodes a side."""
-
-LARGEST_ASPECT = 1000.0
-"""Largest ratio of a cell's sides, either way [1]."""
+QUICK_SHARE = 10  # one solve of this number is in the quick table too
+NODES = (2, 40)  # fewest and most nodes a side
+LARGEST_ASPECT = 1000.0  # largest ratio of a cell's sides, either way [1]
 
 
 def _ridges(random: Random, shape: Shape) -> Field:

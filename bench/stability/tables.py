@@ -1,7 +1,7 @@
 """The tables: how they are run, printed, written, and shown on the page."""
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import groupby
@@ -17,73 +17,47 @@ from gen.runtime.console import console
 from gen.runtime.errors import InputError
 from gen.runtime.output import check_folder
 
-MANY_COLUMNS = 1000
-"""Of a file or a pipe, whose lines are not broken."""
+MANY_COLUMNS = 1000  # of a file or a pipe, whose lines are not broken
 
 
-def checked_row(case: Case, answer: Answer) -> Mapping[str, object]:
-    """Return a row of a file: the worst check as numbers, then all checks."""
-    return {
-        "family": case.family,
-        "case": case.name,
-        "input": answer.asked,
-        "what_came_out": answer.out,
-        "check": answer.worst.what,
-        "error": float(answer.worst.error),
-        "allowed": float(answer.worst.allowed),
-        "all_checks": "; ".join(map(str, answer.findings)),
-        "verdict": verdict(answer),
-    }
-
-
-def solved_row(case: Case, answer: Answer) -> Mapping[str, object]:
-    """Return a row of the solver's file: numbers of the solve, then all checks."""
-    numbers = dict(answer.numbers)
-    reason = numbers.pop("reason", "")
-    return {
-        "family": case.family,
-        "case": case.name,
-        "input": answer.asked,
-        "message": answer.out if answer.raised else "",
-        **numbers,
-        "checks": "; ".join(map(str, answer.findings)),
-        "worst": str(answer.worst),
-        "verdict": verdict(answer),
-        "reason": reason,
-    }
-
-
-def verdict(answer: Answer) -> str:
-    """Judge an answer in one word."""
-    return "passed" if answer.passed else "failed"
+FIRST = "family", "case", "input"
+LAST = "check", "error", "allowed"
+NUMBERS = "area_percent", "force_uN", "residual", "iterations", "ordinary_iterations"
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A table of cases.
+    """A table of cases: titles, the modules whose `cases` are its rows, and columns.
 
-    Attributes
-    ----------
-    title, file : str
-        Title of the printed table, and name of its CSV file.
-    modules : tuple of str
-        Modules of this package whose `cases` are its rows, one after the other.
-    caption : str
-        Explains the table on the page.
-    row : callable
-        Makes a row of the file from a case and its answer.
-    shown : tuple of str
-        Columns that the page shows.
+    The file has all `columns`, the page those `shown`, under the `caption`.
     """
 
     title: str
     file: str
     modules: tuple[str, ...]
     caption: str
-    row: Callable[[Case, Answer], Mapping[str, object]] = checked_row
-    shown: tuple[str, ...] = (
-        *("family", "case", "input", "what_came_out", "check", "error", "allowed", "verdict"),
-    )
+    columns: tuple[str, ...] = (*FIRST, "what_came_out", *LAST, "all_checks", "verdict")
+    shown: tuple[str, ...] = (*FIRST, "what_came_out", *LAST, "verdict")
+
+    def row(self, case: Case, answer: Answer) -> Mapping[str, object]:
+        """Return a row of the file: the answer, its numbers, the worst check, then all checks."""
+        worst, checks = answer.worst, "; ".join(map(str, answer.findings))
+        cells: dict[str, object] = {
+            "family": case.family,
+            "case": case.name,
+            "input": answer.asked,
+            "what_came_out": answer.out,
+            "message": answer.out if answer.raised else "",
+            "check": worst.what,
+            "error": float(worst.error),
+            "allowed": float(worst.allowed),
+            "worst": str(worst),
+            "all_checks": checks,
+            "checks": checks,
+            "verdict": answer.verdict,
+            **answer.numbers,
+        }
+        return {name: cells.get(name, "") for name in self.columns}
 
 
 TABLES = {
@@ -104,9 +78,9 @@ TABLES = {
         "The contact solver: each answer is proved from its pressure alone, with influence"
         " coefficients and a convolution of the check's own, and many again by a dense solve, a"
         " closed form or a symmetry. Iterations stand beside those of an ordinary contact.",
-        solved_row,
+        (*FIRST, "message", *NUMBERS, "times_ordinary", "checks", "worst", "verdict", "reason"),
         (
-            *("family", "case", "input", "message", "area_percent", "residual", "iterations"),
+            *(*FIRST, "message", "area_percent", "residual", "iterations"),
             *("ordinary_iterations", "reason", "worst", "verdict"),
         ),
     ),
@@ -148,21 +122,9 @@ def cases_of(name: str) -> list[Case]:
 
 
 def report(folder: Path | None = None, *, full: bool = False, of: Sequence[str] = ()) -> bool:
-    """Run tables, print them, and write a CSV file of each where a folder is given.
+    """Run and print tables, all unless named, and write a CSV file of each where a folder is given.
 
-    Parameters
-    ----------
-    folder : Path or None
-        Folder to write into, made where there is none.
-    full : bool
-        Whether the slow cases are run too.
-    of : sequence of str
-        Names of `TABLES`; none for all.
-
-    Returns
-    -------
-    bool
-        Whether every case passed.
+    Return whether every case passed; only the `full` tables have the slow ones.
 
     Raises
     ------
@@ -182,7 +144,7 @@ def report(folder: Path | None = None, *, full: bool = False, of: Sequence[str] 
         judged = [(case, run_case(case)) for case in tracked]
         show(sheet.title, judged)
         if folder is not None:
-            write_rows(folder / sheet.file, (sheet.row(*each) for each in judged))
+            write_rows(folder / sheet.file, [sheet.row(*each) for each in judged])
         passed &= all(answer.passed for _, answer in judged)
     return passed
 
@@ -199,7 +161,7 @@ def show(title: str, judged: Sequence[tuple[Case, Answer]]) -> None:
         for case, answer in members:
             worst = "refused as it should be" if case.refusal else str(answer.worst)
             cells = f"  {case.name}", answer.asked, answer.out, answer.failed or worst
-            table.add_row(*cells, verdict(answer), style="" if answer.passed else "red")
+            table.add_row(*cells, answer.verdict, style="" if answer.passed else "red")
     failed = [case.name for case, answer in judged if not answer.passed]
     width = None if sys.stdout.isatty() else MANY_COLUMNS
     output = console(markup=False, highlight=False, width=width)

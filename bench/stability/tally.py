@@ -13,18 +13,10 @@ from gen.runtime.overtime import Overtime, at_most
 
 @dataclass
 class Tally:
-    """What came of many solves.
+    """What came of many solves of at most `seconds` each: more counts as a loop.
 
-    Attributes
-    ----------
-    seconds : float
-        Wall-clock time after which a solve counts as a loop.
-    iterations : list of int
-        Iterations of every solve that has an answer.
-    astray : list of (Exception, str)
-        Errors that were raised, and where.
-    largest : dict of str to Finding
-        The worst finding of each name.
+    `iterations` are of every solve that has an answer, `astray` the errors that were raised and
+    where, `largest` the worst finding of each name.
     """
 
     seconds: float

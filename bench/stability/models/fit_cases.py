@@ -8,61 +8,28 @@ from typing import Any
 import numpy as np
 
 from bench.stability.case import Answer, Case, Finding
-from bench.stability.models.fit_checks import (
-    Check,
-    constant,
-    fitted_ordinarily,
-    flagged,
-    same_in_other_units,
-    saved,
-    single,
-    sound,
-)
+from bench.stability.models import fit_checks as judged
+from bench.stability.models import samples
 from bench.stability.models.fitted import WAYS, Asked, fitted
-from bench.stability.models.optimality import optimal
-from bench.stability.models.samples import (
-    CONSTANT_COLUMN,
-    DOMINANT_COLUMN,
-    SEEN,
-    Change,
-    altered,
-    collinear,
-    contradicting,
-    doubled,
-    ordinary,
-)
+from bench.stability.models.samples import SEEN, altered
 from learn.models import MODELS
 
+# About 1e-12 and 1e12, as powers of two: changes of units that round nothing.
 UNITS = {"2^-40": 2.0**-40, "2^40": 2.0**40}
-"""About 1e-12 and 1e12, as powers of two: changes of units that round nothing."""
 
 
 @dataclass(frozen=True)
 class Spoilt:
-    """Rows of a kind.
+    """Rows of a kind: what is the matter with them, the input in words, and what is asked.
 
-    Attributes
-    ----------
-    family, asked : str
-        What is the matter with them, and the input in words.
-    change : callable or None
-        Makes them from ordinary ones.
-    checks : tuple of Check
-        Checks of every model, besides those that every fit has to pass.
-    features, target : str
-        Features and target of the rows.
-    settings : mapping of str
-        Settings of models, on top of both ways' own.
-    models : tuple of str
-        Models that are asked.
-    seen : int
-        Rows that train.
+    `change` makes them from ordinary rows, `seen` of them train, `checks` come besides those that
+    every fit has to pass, and `settings` on top of both ways' own.
     """
 
     family: str
     asked: str
-    change: Change | None = None
-    checks: tuple[Check, ...] = ()
+    change: samples.Change | None = None
+    checks: tuple[judged.Check, ...] = ()
     features: str = "paper"
     target: str = "area_percent"
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -72,8 +39,8 @@ class Spoilt:
     def fitted(self, name: str, way: str) -> Asked:
         """Fit a model to such rows, to ordinary ones once for all cases."""
         if self.change is None and not self.settings:
-            return fitted_ordinarily(name, way, self.features, self.target)
-        rows = ordinary(self.features, self.target)
+            return judged.fitted_ordinarily(name, way, self.features, self.target)
+        rows = samples.ordinary(self.features, self.target)
         rows = self.change(rows) if self.change else rows
         return fitted(name, way, rows, self.settings, self.seen)
 
@@ -86,7 +53,7 @@ class Spoilt:
             score, remarks = asked.score(), ", ".join(asked.remarks)[:150]
             told = "constant target" if np.isnan(score) else f"R2 {100 * score:.4g} % of seen rows"
             said.append(f"{way}: {told}" + f" ({remarks})" * bool(remarks))
-            for check in (sound, optimal, *self.checks):
+            for check in (judged.sound, judged.optimal, *self.checks):
                 findings += [each._replace(what=f"{way}: {each.what}") for each in check(asked)]
         return Answer("; ".join(said), findings)
 
@@ -110,7 +77,7 @@ def _other_units() -> Iterator[Spoilt]:
                 f"target in {'large' if factor < 1 else 'small'} units{without}",
                 f"{asked}force times {name}",
                 altered("target", ..., factor=factor),
-                (partial(same_in_other_units, target=factor),),
+                (partial(judged.same_in_other_units, target=factor),),
                 features,
                 "force",
             )
@@ -119,20 +86,22 @@ def _other_units() -> Iterator[Spoilt]:
 WITHOUT_UNITS = partial(Spoilt, features="dimensionless")
 CONSTANT = altered("target", ..., 3.7)
 KINDS = (
-    Spoilt("ordinary rows", "60 rows train", checks=(saved,)),
-    WITHOUT_UNITS("ordinary rows without units", "dimensionless features", checks=(saved,)),
-    Spoilt("constant target", "area 3.7 % in all rows", CONSTANT, (constant,)),
+    Spoilt("ordinary rows", "60 rows train", checks=(judged.saved,)),
+    WITHOUT_UNITS("ordinary rows without units", "dimensionless features", checks=(judged.saved,)),
+    Spoilt("constant target", "area 3.7 % in all rows", CONSTANT, (judged.constant,)),
     WITHOUT_UNITS(
         "constant target without units",
         "dimensionless features, area 3.7 % in all rows",
         CONSTANT,
-        (constant,),
+        (judged.constant,),
     ),
-    Spoilt("constant column", "an input is 0.25 in all rows", CONSTANT_COLUMN),
-    WITHOUT_UNITS("constant column without units", "dimensionless features", CONSTANT_COLUMN),
-    Spoilt("collinear columns", "an input is twice another, one a sum of two", collinear),
-    Spoilt("duplicated rows", "30 rows, each twice", doubled, (saved,)),
-    Spoilt("contradicting rows", "30 rows, each twice, targets 10 % apart", contradicting),
+    Spoilt("constant column", "an input is 0.25 in all rows", samples.CONSTANT_COLUMN),
+    WITHOUT_UNITS(
+        "constant column without units", "dimensionless features", samples.CONSTANT_COLUMN
+    ),
+    Spoilt("collinear columns", "an input is twice another, one a sum of two", samples.collinear),
+    Spoilt("duplicated rows", "30 rows, each twice", samples.doubled, (judged.saved,)),
+    Spoilt("contradicting rows", "30 rows, each twice, targets 10 % apart", samples.contradicting),
     Spoilt(
         "a row of zeros", "cannot be scaled to unit length", altered("inputs", [3, SEEN + 15], 0.0)
     ),
@@ -141,15 +110,15 @@ KINDS = (
             f"inputs in {'small' if factor < 1 else 'large'} units",
             f"all inputs times {name}",
             altered("inputs", ..., factor=factor),
-            (same_in_other_units,),
+            (judged.same_in_other_units,),
         )
         for name, factor in UNITS.items()
     ),
-    Spoilt("one input in small units", "an input times 1e12", DOMINANT_COLUMN),
+    Spoilt("one input in small units", "an input times 1e12", samples.DOMINANT_COLUMN),
     WITHOUT_UNITS(
         "one input in small units, standardised",
         "dimensionless features, an input times 1e12",
-        DOMINANT_COLUMN,
+        samples.DOMINANT_COLUMN,
     ),
     Spoilt("outlier among inputs", "one row times 1e9", altered("inputs", 3, factor=1e9)),
     Spoilt(
@@ -165,7 +134,7 @@ KINDS = (
     Spoilt(
         "nearly singular",
         "alpha 0, linear kernel or radial functions, 30 rows twice",
-        doubled,
+        samples.doubled,
         settings={"alpha": 0.0},
         models=("kernel-ridge",),
     ),
@@ -178,11 +147,13 @@ KINDS = (
     Spoilt(
         "nearly singular process",
         "alpha 1e-10, length 1e3: every row nearly the same to it; rows twice",
-        doubled,
+        samples.doubled,
         settings={"alpha": 1e-10, "kernel__length_scale": 1e3, "optimizer": None},
         models=("gaussian-process",),
     ),
-    Spoilt("far outside", "statistics of the test rows times 1e-12 to 1e300", checks=(flagged,)),
-    WITHOUT_UNITS("far outside, without units", "dimensionless features", checks=(flagged,)),
-    Spoilt("single precision", "float32 rows are asked", checks=(single,)),
+    Spoilt(
+        "far outside", "statistics of the test rows times 1e-12 to 1e300", checks=(judged.flagged,)
+    ),
+    WITHOUT_UNITS("far outside, without units", "dimensionless features", checks=(judged.flagged,)),
+    Spoilt("single precision", "float32 rows are asked", checks=(judged.single,)),
 )

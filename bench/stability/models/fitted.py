@@ -33,20 +33,9 @@ WAYS = ("default", "tuned")
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """A fitted model.
+    """A model fitted by a request, with the settings of one of `WAYS`.
 
-    Attributes
-    ----------
-    request : Request
-        Request that names the model and its features.
-    way : str
-        Whose settings, one of `WAYS`.
-    fit : Fit
-        What the product made of the training rows.
-    surrogate : Surrogate
-        Surrogate with this one model.
-    train, test : Dataset
-        Rows.
+    The product has made `fit` of the rows `train`; the surrogate has this one model.
     """
 
     request: Request
@@ -110,20 +99,9 @@ def fitted(
     settings: Mapping[str, Any] | None = None,
     seen: int = SEEN,
 ) -> Asked:
-    """Fit to the first rows.
+    """Fit a model by one of `WAYS` to the first `seen` rows; of the others a third calibrates.
 
-    Parameters
-    ----------
-    name : str
-        Name of a model.
-    way : str
-        One of `WAYS`.
-    rows : Dataset
-        All rows.
-    settings : mapping of str, optional
-        Settings on top of these.
-    seen : int
-        Number of rows that train; of the others a third calibrates.
+    `settings` come on top of those of the way.
     """
     ends = seen, seen + min(CALIBRATING, (rows.size - seen) // 2)
     train, calibration, test = map(rows.at, np.split(np.arange(rows.size), ends))

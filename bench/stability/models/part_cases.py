@@ -28,8 +28,7 @@ SIDE = 1000.0
 DELTA = 12.0
 ROUNDING = 1e-13
 
-SEEDS = 50
-"""Draws of each split."""
+SEEDS = 50  # draws of each split
 
 
 def cases() -> Iterator[Case]:

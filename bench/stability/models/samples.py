@@ -22,8 +22,7 @@ Change = Callable[[Dataset], Dataset]
 
 ROWS = 90
 NODES = 33
-SEEN = 60
-"""The first rows train; of the others 10 calibrate and 20 test."""
+SEEN = 60  # the first rows train; of the others 10 calibrate and 20 test
 
 CALIBRATING = 10
 
@@ -102,5 +101,4 @@ def contradicting(rows: Dataset) -> Dataset:
 
 
 CONSTANT_COLUMN = altered("inputs", np.s_[:, 5], 0.25)
-DOMINANT_COLUMN = altered("inputs", np.s_[:, 20], factor=1e12)
-"""That a row's length is made of."""
+DOMINANT_COLUMN = altered("inputs", np.s_[:, 20], factor=1e12)  # that a row's length is made of

@@ -15,14 +15,8 @@ from bench.stability.solver.checks import Check, complementarity, honesty
 from bench.stability.solver.setup import DELTA, Setup
 from bench.stability.solver.topographies import Field, cropped_paper
 
+# Iterations over those of the ordinary contact on the same grid that need no reason.
 MOST_TIMES_ORDINARY = 3.0
-"""Iterations over those of the ordinary contact on the same grid that need no reason."""
-
-NUMBERS = (
-    *("area_percent", "force_uN", "residual"),
-    *("iterations", "ordinary_iterations", "times_ordinary"),
-)
-"""Columns of the solver's table."""
 
 
 def contact_case(
@@ -40,18 +34,9 @@ def contact_case(
 ) -> Case:
     """Make a case that solves a contact.
 
-    Parameters
-    ----------
-    family, name, refusal, slow
-        See `bench.stability.case.Case`.
-    surface : array_like or callable
-        Heights, or a function that makes them when the case is run [um].
-    delta : float or callable
-        Displacement of the far field, or a function of the heights that computes it [um].
-    checks, reason, ordinary
-        See `judge`.
-    **arguments
-        Other fields of `Setup`.
+    The surface may be a function that makes it when the case is run [um], and `delta` one of its
+    heights [um]. `checks`, `reason` and `ordinary` are those of `judge`; further arguments are
+    fields of `Setup`.
     """
 
     def examine() -> Answer:
@@ -84,20 +69,9 @@ def judge(
 ) -> Answer:
     """Judge the contact that the solver has returned, or the error that it has raised.
 
-    Parameters
-    ----------
-    asked : Setup
-        The problem.
-    found : bem.Contact or Exception
-        What came of it.
-    checks : sequence of Check
-        Checks of the answer besides complementarity, which every answer has to fulfil.
-    reason : str
-        Why it may take more than `MOST_TIMES_ORDINARY` times the ordinary iterations.
-    ordinary : bool
-        Whether this is the ordinary contact itself, which iterations are compared with.
-    conduct : sequence of Finding
-        How the solver behaved, besides its effort and the numbers that it states.
+    `checks` come besides complementarity, which every answer has to fulfil, and `conduct` is how
+    the solver behaved otherwise. With a `reason` a contact may take more than `MOST_TIMES_ORDINARY`
+    times the iterations of the ordinary one on its grid, if it is not `ordinary` itself.
     """
     raised = found if isinstance(found, Exception) else None
     findings: list[Finding] = []
@@ -109,8 +83,7 @@ def judge(
         contact = found.contact
         findings.append(Finding("rtol over residual", asked.rtol / contact.residual, 1))
     else:
-        numbers = dict.fromkeys(NUMBERS, "")
-        return Answer(one_line(found), conduct, asked.describe(), numbers, raised)
+        return Answer(one_line(found), conduct, asked.describe(), raised=raised)
     first = max(contact.iterations, 1) if ordinary else ordinary_iterations(contact.pressure.shape)
     times = contact.iterations / first
     findings += [
@@ -119,16 +92,18 @@ def judge(
         Finding("times ordinary", times, math.inf if reason else MOST_TIMES_ORDINARY),
         *honesty(asked, contact),
     ]
-    values = contact.area_percent, contact.force, contact.residual, contact.iterations, first, times
-    needed = reason if times > MOST_TIMES_ORDINARY else ""
+    numbers = {
+        "area_percent": contact.area_percent,
+        "force_uN": contact.force,
+        "residual": contact.residual,
+        "iterations": contact.iterations,
+        "ordinary_iterations": first,
+        "times_ordinary": times,
+        "reason": reason if times > MOST_TIMES_ORDINARY else "",
+    }
     out = f"{contact.area_percent:.4g} %, {contact.force:.6g} µN, residual {contact.residual:.1e}"
-    return Answer(
-        one_line(raised) if raised else f"{out}, {contact.iterations} iterations",
-        findings,
-        asked.describe(),
-        {**dict(zip(NUMBERS, values, strict=True)), "reason": needed},
-        raised,
-    )
+    out = one_line(raised) if raised else f"{out}, {contact.iterations} iterations"
+    return Answer(out, findings, asked.describe(), numbers, raised)
 
 
 @lru_cache(maxsize=64)

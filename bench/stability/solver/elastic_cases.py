@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -12,25 +13,16 @@ from bem.analytic import Cone, FlatPunch, Indenter, Paraboloid
 from bem.equilibrium import BeyondCriticalDelta
 from bem.influence import KERNELS, Kernel
 from bench.references import dense
-from bench.references.half_space import critical_delta
+from bench.references.half_space import critical_delta, influence_coefficients
 from bench.stability.case import Case, Refusal
+from bench.stability.solver import checks as judged
 from bench.stability.solver import topographies
 from bench.stability.solver.case import contact_case
-from bench.stability.solver.checks import (
-    FOUR_ULP,
-    agrees_with_dense_solve,
-    equals,
-    has_force,
-    is_symmetric,
-    one_cell_force,
-    scales,
-    turns_with_surface,
-)
 from bench.stability.solver.setup import DELTA, Setup
 from bench.stability.solver.topographies import CELL, NODES, SIDE, SMALL, Field, flat, paper
 
+# Heights times a power of ten are rounded anew: two solves then differ by their tolerance.
 HEIGHT_ROUNDING = 1e-6
-"""Heights times a power of ten are rounded anew: two solves then differ by their tolerance."""
 
 LONG_CELLS = (
     "rows of cells hardly differ across their short side: H is nearly singular there, and the"
@@ -48,36 +40,28 @@ NEAR_CRITICAL = (
     "the compliant operator is nearly singular on sets larger than the solution's: the active set"
     " cycles, and projected gradients or rigid solves have to bring it near"
 )
-DENSE = (agrees_with_dense_solve,)
-SYMMETRIC = (is_symmetric,)
+DENSE = (judged.agrees_with_dense_solve,)
+SYMMETRIC = (judged.is_symmetric,)
 
 
 def cases() -> Iterator[Case]:
     """Family after family."""
-    yield from _materials_and_sizes()
-    yield from _displacements()
-    yield from _grids()
-    yield from _arrays()
-    reason = "it is asked for more digits than the ordinary solve"
-    for rtol in (1e-2, 1e-9, 1e-12, 1e-14):
-        yield contact_case("tolerance", f"rtol = {rtol:g}", paper, rtol=rtol, reason=reason)
-    yield from _roughness()
-    yield from _single_nodes()
-    yield from _terraces()
-    yield from _bodies()
-    yield from _concentrated_forces()
-    yield from _compliant_far_fields()
-    yield from _refusals()
+    given = _materials_and_sizes(), _displacements(), _grids(), _arrays(), _tolerances()
+    surfaces = _roughness(), _single_nodes(), _terraces(), _bodies()
+    models = _concentrated_forces(), _compliant_far_fields()
+    return chain(*given, *surfaces, *models, _refusals())
 
 
 def _one_cell(delta: float, spacing: float) -> Any:
-    return partial(has_force, "one cell", one_cell_force(delta, spacing), 1e-6)
+    """One square cell carries the force that presses it down by Delta, E* = 1 MPa."""
+    force = delta * spacing / float(influence_coefficients((1, 1), "uniform-pressure")[0, 0])
+    return partial(judged.has_force, "one cell", force, 1e-6)
 
 
 def _materials_and_sizes() -> Iterator[Case]:
     def case(family: str, name: str, factor: float, force: float, **arguments: Any) -> Case:
-        allowed = FOUR_ULP if np.log2(factor).is_integer() else HEIGHT_ROUNDING
-        heights, check = paper() * factor, partial(scales, force, allowed)
+        allowed = judged.FOUR_ULP if np.log2(factor).is_integer() else HEIGHT_ROUNDING
+        heights, check = paper() * factor, partial(judged.scales, force, allowed)
         return contact_case(family, name, heights, DELTA * factor, checks=(check,), **arguments)
 
     for modulus in (1e-12, 1e-6, 1e6, 1e15):
@@ -95,7 +79,7 @@ def _materials_and_sizes() -> Iterator[Case]:
 
 def _displacements() -> Iterator[Case]:
     case = partial(contact_case, "displacement")
-    untouched = partial(has_force, "nothing touches", 0.0, 0.0)
+    untouched = partial(judged.has_force, "nothing touches", 0.0, 0.0)
     for delta in (0.0, -1.0, -1e300):
         yield case(f"Δ = {delta:g}", paper, delta, checks=(untouched,))
     ulp = float(np.spacing(paper().max()))
@@ -117,7 +101,7 @@ def _grids() -> Iterator[Case]:
     """Numbers of nodes, and patches and cells that are not square."""
     case, corner = partial(contact_case, "grid"), topographies.cropped_paper
     for k in range(1, 12):
-        checks = DENSE if k <= 5 else (turns_with_surface,) if k == 7 else ()
+        checks = DENSE if k <= 5 else (judged.turns_with_surface,) if k == 7 else ()
         surface = partial(paper, 2**k + 1)
         yield case(f"k = {k}", surface, checks=checks, slow=k >= 10, ordinary=True)
     yield case("a single node", flat(1), 3.0, spacing=2.0, checks=(_one_cell(3, 2),))
@@ -134,7 +118,7 @@ def _grids() -> Iterator[Case]:
 
 def _arrays() -> Iterator[Case]:
     whole = np.round(paper() * (40 / paper().max()))
-    copy = partial(equals, "a float64 copy", partial(_higher, 0.0))
+    copy = partial(judged.equals, "a float64 copy", partial(_higher, 0.0))
     for name, given in (
         ("float32", paper().astype(np.float32)),
         ("float16", paper().astype(np.float16)),
@@ -146,13 +130,19 @@ def _arrays() -> Iterator[Case]:
         ("read-only", paper()),
     ):
         yield contact_case("array", name, given, checks=(copy,))
-    near = partial(equals, "the same without the offset", partial(_higher, -1e8))
+    near = partial(judged.equals, "the same without the offset", partial(_higher, -1e8))
     raised, name = paper() / np.ptp(paper()) + 1e8, "an offset of 1e8 um, roughness of 1 um"
     yield contact_case("array", name, raised, 0.5, checks=(near,))
 
 
 def _higher(offset: float, setup: Setup) -> Setup:
     return replace(setup, heights=setup.surface + offset)
+
+
+def _tolerances() -> Iterator[Case]:
+    reason = "it is asked for more digits than the ordinary solve"
+    for rtol in (1e-2, 1e-9, 1e-12, 1e-14):
+        yield contact_case("tolerance", f"rtol = {rtol:g}", paper, rtol=rtol, reason=reason)
 
 
 def _roughness() -> Iterator[Case]:
@@ -220,7 +210,7 @@ def _bodies() -> Iterator[Case]:
     for name, whose, body, delta, nodes, allowed in bodies:
         off_tip = 0.0 if nodes % 2 else SIDE / (nodes - 1) * np.sqrt(0.5)  # of the nearest node
         below_tip = -float(body.heights(np.array(off_tip)))
-        closed_form = partial(has_force, whose, body.force(delta + below_tip), allowed)
+        closed_form = partial(judged.has_force, whose, body.force(delta + below_tip), allowed)
         checks = (closed_form, *SYMMETRIC, *(() if nodes % 2 else DENSE))
         surface = partial(topographies.indenter, body, nodes)
         yield contact_case("closed form", name, surface, delta, checks=checks)
@@ -248,7 +238,7 @@ def _compliant_far_fields() -> Iterator[Case]:
         for share, allowed in ((0.9, 1e-4), (0.99, 1e-4), (0.999, 1e-3)):
             name, delta = f"Δ = {share:g} Δ*, {kernel}", partial(_of_critical, share, kernel)
             yield near(name, paper, delta)
-            check = partial(agrees_with_dense_solve, allowed=allowed)
+            check = partial(judged.agrees_with_dense_solve, allowed=allowed)
             yield near(f"{name}, coarse", paper(SMALL), delta, checks=(check,))
         beyond = Refusal(BeyondCriticalDelta, ("delta = ", "must stay below Delta* = "))
         for share in (1 + 1e-9, 2.0):

@@ -11,42 +11,27 @@ from bem.analytic import Paraboloid
 from bem.influence import KERNELS
 from bench.references import dense
 from bench.stability.case import Case, Refusal
+from bench.stability.solver import checks as judged
 from bench.stability.solver import topographies
 from bench.stability.solver.case import contact_case
-from bench.stability.solver.checks import (
-    equals,
-    has_force,
-    is_bearing_area,
-    is_nearly_elastic,
-    says_what_yields,
-    yields_as_by_dense_solve,
-)
 from bench.stability.solver.setup import Setup
 from bench.stability.solver.topographies import CELL, SIDE, Field, flat, paper
 
-SMALL = 17
-"""Nodes a side where the dense matrix is to judge: it takes many solves of all nodes."""
-
+SMALL = 17  # nodes a side where the dense matrix is to judge: it takes many solves of all nodes
+# Of a half-space of E* = 1 MPa [MPa].
 CAPS = (1e-9, 1e-6, 1e-4, 1e-3, 5e-3, 2e-2, 5e-2, 0.1, 0.3, 1.0, 1e3)
-"""Of a half-space of E* = 1 MPa [MPa]."""
-
+# Reason for more iterations than those of the elastic contact.
 MORE_SETS = "the yielded nodes have to be found too, which takes solves of their own"
-"""Reason for more iterations than those of the elastic contact."""
-
-
-def _capped(
-    name: str, surface: Field | Callable[[], Field], hardness: float, **more: object
-) -> Case:
-    more = {"reason": MORE_SETS, **more}
-    return contact_case("hardness", name, surface, hardness=hardness, **more)  # type: ignore[arg-type]
+capped = partial(contact_case, "hardness", reason=MORE_SETS)
 
 
 def cases() -> Iterator[Case]:
     """By the share of the nodes that yield, then by surface, cell and load."""
     for hardness in CAPS:
-        name, checks = f"H = {hardness:g} E*", (yields_as_by_dense_solve, says_what_yields)
-        yield _capped(name, paper, hardness, checks=checks[1:])
-        yield _capped(f"{name}, coarse", paper(SMALL), hardness, checks=checks)
+        case = partial(capped, hardness=hardness, checks=(judged.says_what_yields,))
+        both = judged.yields_as_by_dense_solve, judged.says_what_yields
+        yield case(f"H = {hardness:g} E*", paper)
+        yield case(f"H = {hardness:g} E*, coarse", paper(SMALL), checks=both)
     yield from _limits()
     yield from _prescribed()
     yield from _surfaces()
@@ -56,29 +41,24 @@ def cases() -> Iterator[Case]:
 def _limits() -> Iterator[Case]:
     """The elastic contact from its largest pressure on, and the bearing area."""
     largest = float(Setup(paper()).solve().pressure.max())
-    elastic = partial(equals, "the elastic contact", lambda setup: replace(setup, hardness=None))
-    for name, hardness, check in (
-        ("the largest elastic pressure", largest, is_nearly_elastic),
-        (
-            "one ulp above the largest elastic pressure",
-            float(np.nextafter(largest, np.inf)),
-            is_nearly_elastic,
-        ),
-        (
-            "one ulp below the largest elastic pressure",
-            float(np.nextafter(largest, 0)),
-            is_nearly_elastic,
-        ),
-        ("1e-3 above the largest elastic pressure", 1.001 * largest, elastic),
-        ("H = 1e90 E*", 1e90, elastic),
+    elastic = partial(judged.equals, "the elastic contact", partial(replace, hardness=None))
+    for name, hardness in (
+        ("the", largest),
+        ("one ulp above the", float(np.nextafter(largest, np.inf))),
+        ("one ulp below the", float(np.nextafter(largest, 0))),
     ):
-        yield _capped(name, paper, hardness, checks=(check,))
+        title, checks = f"{name} largest elastic pressure", (judged.is_nearly_elastic,)
+        yield capped(title, paper, hardness=hardness, checks=checks)
+    name = "1e-3 above the largest elastic pressure"
+    yield capped(name, paper, hardness=1.001 * largest, checks=(elastic,))
+    yield capped("H = 1e90 E*", paper, hardness=1e90, checks=(elastic,))
     for hardness in (1e-12, 1e-90):
-        checks = (is_bearing_area, says_what_yields)
-        yield _capped(f"bearing area, H = {hardness:g} E*", paper, hardness, checks=checks)
+        both = judged.is_bearing_area, judged.says_what_yields
+        name = f"bearing area, H = {hardness:g} E*"
+        yield capped(name, paper, hardness=hardness, checks=both)
     for hardness in (0.0, -1.0, np.nan):
         refusal = Refusal(ValueError, ("hardness",))
-        yield _capped(f"H = {hardness:g}", paper, hardness, refusal=refusal)
+        yield capped(f"H = {hardness:g}", paper, hardness=hardness, refusal=refusal)
 
 
 def _prescribed() -> Iterator[Case]:
@@ -93,22 +73,15 @@ def _prescribed() -> Iterator[Case]:
         for hardness in (1e-3, 1.0, 1e3):
             pressure, heights, delta = _made(below, depth, hardness)
             area = (SIDE / (SMALL - 1)) ** 2
-            force = partial(has_force, "the one it is made of", pressure.sum() * area, 1e-6)
+            force = partial(judged.has_force, "the one it is made of", pressure.sum() * area, 1e-6)
             title = f"{name}, H = {hardness:g} E*"
-            yield _capped(title, heights, hardness, delta=delta, checks=(force,))
+            yield capped(title, heights, delta, hardness=hardness, checks=(force,))
 
 
 def _made(below: int, depth: float, hardness: float) -> tuple[Field, Field, float]:
-    """Pressure of which some nodes are below the hardness, and heights and displacement for it.
+    """Pressure with some nodes below the hardness, and heights and displacement for it.
 
-    Parameters
-    ----------
-    below : int
-        Number of nodes below the hardness.
-    depth : float
-        Depth to which the others yield, over the displacement that the pressure makes [1].
-    hardness : float
-        Of a half-space of E* = 1 MPa [MPa].
+    The other nodes yield to a depth over the largest displacement that the pressure makes [1].
     """
     random = np.random.default_rng(below)
     pressure = np.full(SMALL**2, hardness)
@@ -129,18 +102,18 @@ def _surfaces() -> Iterator[Case]:
         ("checkerboard", topographies.checkerboard, 10.0),
         ("exact ties", topographies.terraces, 25.0),
     )
-    dense_check = (yields_as_by_dense_solve,)
+    dense_check = (judged.yields_as_by_dense_solve,)
     for name, surface, delta in surfaces:
         for hardness in (1e-3, 1e-2, 5e-2):
             for kernel in KERNELS:
                 title = f"{name}, H = {hardness:g} E*, {kernel}"
-                case = partial(_capped, hardness=hardness, delta=delta, kernel=kernel)
+                case = partial(capped, hardness=hardness, delta=delta, kernel=kernel)
                 yield case(title, surface)
                 yield case(f"{title}, coarse", partial(surface, SMALL), checks=dense_check)
     for sides in ((1000.0, 64000.0), (64000.0, 1000.0)):
         for hardness in (1e-4, 1e-3, 1e-2):
             title = f"cells of {sides[0] / 1000:g}:{sides[1] / 1000:g}, H = {hardness:g} E*"
-            yield _capped(title, paper, hardness, side=sides)
+            yield capped(title, paper, hardness=hardness, side=sides)
 
 
 def _loads() -> Iterator[Case]:
@@ -148,13 +121,9 @@ def _loads() -> Iterator[Case]:
     for hardness in (1e-3, 0.1):
         for share in (1e-3, 0.5, 0.9, 0.99, 1 - 1e-6, 1.0, 2.0):
             pressure = share * hardness
-            given = partial(has_force, "the one given", pressure * paper().size * CELL**2, 1e-12)
-            refusal = Refusal(bem.NoSolution, ("hardness",)) if share >= 1 else None
-            yield _capped(
-                f"p = {share:.7g} H, H = {hardness:g} E*",
-                paper,
-                hardness,
-                pressure=pressure,
-                checks=(given,),
-                refusal=refusal,
+            given = partial(
+                judged.has_force, "the one given", pressure * paper().size * CELL**2, 1e-12
             )
+            refusal = Refusal(bem.NoSolution, ("hardness",)) if share >= 1 else None
+            case = partial(capped, hardness=hardness, checks=(given,), refusal=refusal)
+            yield case(f"p = {share:.7g} H, H = {hardness:g} E*", paper, pressure=pressure)

@@ -13,8 +13,7 @@ from bem.problem import MAX_ITERATIONS, FarField
 from bench.stability.solver.topographies import SIDE, Field
 from gen.material import plane_strain_modulus
 
-DELTA = 25.0
-"""Displacement of an ordinary contact, unless a case is about another [um]."""
+DELTA = 25.0  # displacement of an ordinary contact, unless a case is about another [um]
 
 SYMBOLS = {
     "modulus": "E",

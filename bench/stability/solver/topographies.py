@@ -12,30 +12,17 @@ from gen.surface import generate
 
 Field = NDArray[np.float64]
 
-NODES = 129
-"""Nodes a side, unless a case is about another grid."""
-
-SMALL = 33
-"""Nodes a side where all may touch and the dense matrix is to judge."""
-
-SIDE = 1000.0
-"""Scan length of the paper's surfaces [um]."""
-
-CELL = SIDE / (NODES - 1)
-"""Spacing of the nodes then [um]."""
+NODES = 129  # nodes a side, unless a case is about another grid
+SMALL = 33  # nodes a side where all may touch and the dense matrix is to judge
+SIDE = 1000.0  # scan length of the paper's surfaces [um]
+CELL = SIDE / (NODES - 1)  # spacing of the nodes then [um]
 
 
 @lru_cache(maxsize=16)
 def paper(nodes: int = NODES, hurst: float | None = None, sigma0: float | None = None) -> Field:
-    """The surface of the paper preset's first row, read-only.
+    """The surface of the paper preset's first row, read-only; its coarse nodes are always the same.
 
-    Parameters
-    ----------
-    nodes : int
-        2^k + 1 a side; the coarse nodes are the same for every k.
-    hurst, sigma0 : float, optional
-        Hurst exponent [1] and standard deviation of the first displacement [um] instead of the
-        row's own.
+    Hurst exponent [1] and standard deviation of the first displacement [um] may replace the row's.
     """
     scene = load("paper")
     row = parameters(scene, 0, 1)

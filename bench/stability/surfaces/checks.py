@@ -13,11 +13,8 @@ from gen.statistics import NAMES, Description, describe
 Spacing = tuple[float, float]
 Field = NDArray[np.float64]
 
-G = 7.8125
-"""Spacing of the paper's nodes [um]."""
-
-EXACT = 1e-12
-"""What a few hundred roundings may add up to, relative to each statistic."""
+G = 7.8125  # spacing of the paper's nodes [um]
+EXACT = 1e-12  # what a few hundred roundings may add up to, relative to each statistic
 
 LENGTHS = {name for name in NAMES if name.split("_")[-1] in {"mean", "rms", "max"}}
 CURVATURES = {name for name in LENGTHS if "curvature" in name}
@@ -76,22 +73,10 @@ def unchanged(
     spacings: tuple[Spacing, Spacing] = ((G, G), (G, G)),
     swapped: bool = False,
 ) -> Answer:
-    """Describe a surface and its image, whose statistics follow from its own.
+    """Describe a surface and its image by `change`, whose statistics follow from its own.
 
-    Parameters
-    ----------
-    heights : ndarray, shape (n_x, n_y)
-        The surface [um].
-    change : callable
-        Makes the image.
-    allowed : float
-        Relative error; 0 is to the last bit.
-    length : float
-        Heights of the image over those of the surface [1].
-    spacings : pair of tuples of float
-        Spacings of the surface and of the image [um].
-    swapped : bool
-        Whether the axes change places.
+    The image's heights are `length` times those of the surface [1], spacings are those of both
+    [um], and with `swapped` the axes change places; `allowed` is relative, 0 is to the last bit.
     """
     expected = dict(describe(heights, spacings[0]).values)
     per_length = length * (spacings[0][0] / spacings[1][int(swapped)]) ** 2

@@ -18,11 +18,8 @@ from gen.statistics import NAMES
 Field = NDArray[np.float64]
 Place = tuple[int, int]
 
-SMALL_ENOUGH = 2**20
-"""Whole heights up to here are kept in machine words: their curvatures fit too."""
-
-DIGITS = 60
-"""Of powers of two and roots that are no fractions."""
+SMALL_ENOUGH = 2**20  # whole heights up to here are kept in machine words: their curvatures fit too
+DIGITS = 60  # of powers of two and roots that are no fractions
 
 DIAGONAL = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 STRAIGHT = ((1, 0), (-1, 0), (0, 1), (0, -1))
@@ -32,19 +29,9 @@ fractions = np.vectorize(Fraction, otypes=[object])
 
 
 def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]:
-    """Compute the 22 statistics of heights as they are given.
+    """Compute the 22 statistics by the names of Table 1, rounded once [um, um-1 or 1].
 
-    Parameters
-    ----------
-    heights : ndarray, shape (n_x, n_y)
-        Finite heights [um].
-    spacing : tuple of float
-        Spacing of the nodes along x and y [um].
-
-    Returns
-    -------
-    dict of str to float
-        Statistics by the names of Table 1, rounded once [um, um-1 or 1].
+    Heights (n_x, n_y) are finite [um]; the spacing is that of the nodes along x and y [um].
     """
     z, unit = whole(heights)
     squares = [Fraction(each) ** 2 for each in spacing]

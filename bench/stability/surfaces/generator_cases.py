@@ -15,11 +15,8 @@ from gen.surface import GENERATORS, generate
 
 Field = NDArray[np.float64]
 
-NODES = 17
-"""Nodes a side of the surfaces that are computed again in fractions."""
-
-ROUNDING = 1e-14
-"""What the roundings of a few levels may add up to, over the range of heights."""
+NODES = 17  # nodes a side of the surfaces that are computed again in fractions
+ROUNDING = 1e-14  # what the roundings of a few levels may add up to, over the range of heights
 
 SEED = 3
 

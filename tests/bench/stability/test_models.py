@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from bench.stability.models import fit_cases, fit_checks, part_cases
+from bench.stability.models.fit_checks import optimal
 from bench.stability.models.fitted import Asked, fitted
-from bench.stability.models.optimality import optimal
 from bench.stability.models.samples import ordinary
 from bench.stability.tables import cases_of
 from learn.models import MODELS
