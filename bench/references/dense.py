@@ -16,6 +16,7 @@ from bench.references.half_space import displacement, flat_punch, influence_coef
 
 Field = NDArray[np.float64]
 Nodes = NDArray[np.intp]
+Sides = NDArray[np.intp]
 
 ROUNDING = 1e-11  # pressures and gaps below, in reduced units, count as zero
 PATIENCE = 4  # exchanges of all wrong nodes that may pass without fewer of them
@@ -35,15 +36,8 @@ def influence_matrix(
 ) -> Field:
     """Write out the displacement of each node under unit pressure on each other node.
 
-    Parameters
-    ----------
-    shape : (nx, ny) nodes of the grid
-    kernel, aspect : see `half_space.influence_coefficients`
-    nodes : (m,) flat indices of the nodes that count; all unless given
-
-    Returns
-    -------
-    (m, m) H [first side of a cell / E*]
+    Return an (m, m) matrix [first side of a cell / E*] for the (m,) flat indices of the nodes that
+    count, all unless given; kernel and aspect as for `half_space.influence_coefficients`.
     """
     chosen = np.arange(shape[0] * shape[1]) if nodes is None else nodes
     rows, columns = np.divmod(chosen, shape[1])
@@ -59,8 +53,10 @@ def displace(pressure: Field, kernel: Kernel, aspect: float = 1.0) -> Field:
     return np.asarray(np.einsum("ijkl,kl->ij", matrix, pressure))
 
 
-def solve(matrix: Field, interference: Field, start: NDArray[np.bool_] | None = None) -> Field:
-    """Pressure p >= 0 with gap w = H p - u >= 0 and p w = 0.
+def solve(
+    matrix: Field, interference: Field, start: Sides | None = None, hardness: float = np.inf
+) -> Field:
+    """Find the pressure 0 <= p <= H with gap w = A p - u >= 0 where p = 0 and <= 0 where p = H.
 
     All nodes of the wrong sign change sides at once as long as that lowers their number, the last
     of them alone where it does not, which ends for any positive definite matrix (Judice and Pires
@@ -68,52 +64,60 @@ def solve(matrix: Field, interference: Field, start: NDArray[np.bool_] | None = 
 
     Parameters
     ----------
-    matrix : (m, m) H, positive definite
-    interference : (m,) u
-    start : (m,) nodes held in contact at first; those that overlap unless given
-
-    Returns
-    -------
-    (m,) pressure
+    matrix : ndarray, shape (m, m)
+        Positive definite A.
+    interference : ndarray, shape (m,)
+        u.
+    start : ndarray, shape (m,), optional
+        Sides to begin with: -1 at nodes without pressure, 1 at yielded nodes, 0 between. Nodes that
+        overlap are between unless given.
+    hardness : float
+        H; no bound unless given.
 
     Raises
     ------
     ArithmeticError
-        if rounding does not let the nodes settle, or leaves a gap in contact above `ROUNDING` of
-        the largest interference
+        If rounding does not let the nodes settle, or leaves a gap in contact above `ROUNDING` of
+        the largest interference.
     """
-    contact = (interference > 0) if start is None else start.copy()
+    side = np.where(interference > 0, 0, -1) if start is None else start
     accepted = ROUNDING * float(np.abs(interference).max(initial=0.0))
     fewest, patience = interference.size + 1, PATIENCE
     for _ in range(EXCHANGES):
-        pressure = balance(matrix, interference, contact)
+        pressure = balance(matrix, interference, side, hardness)
         gap = matrix @ pressure - interference
-        wrong = np.where(contact, pressure < -accepted, gap < -accepted)
+        beyond = (pressure < -accepted) | (pressure > hardness + accepted)
+        wrong = np.where(side == 0, beyond, side * gap > accepted)
         count = int(np.count_nonzero(wrong))
         if not count:
-            return _certified(pressure, float(np.abs(gap[contact]).max(initial=0.0)), accepted)
+            return _certified(pressure, gap[side == 0], accepted, hardness)
         if count < fewest:
             fewest, patience = count, PATIENCE
         elif patience:
             patience -= 1
         else:
             wrong[: np.flatnonzero(wrong)[-1]] = False
-        contact ^= wrong
-    raise ArithmeticError(f"dense solve: {count} of {contact.size} nodes are still wrong")
+        side = np.where(wrong, np.where(side == 0, np.where(pressure > 0, 1, -1), 0), side)
+    raise ArithmeticError(f"dense solve: {count} of {side.size} nodes are still wrong")
 
 
-def _certified(pressure: Field, violation: float, accepted: float) -> Field:
+def _certified(pressure: Field, closed: Field, accepted: float, hardness: float) -> Field:
+    violation = float(np.abs(closed).max(initial=0.0))
     if violation > accepted:
         raise ArithmeticError(f"dense solve: gap of {violation:.1e} in contact")
-    return np.maximum(pressure, 0)
+    return np.clip(pressure, 0.0, hardness)
 
 
-def balance(matrix: Field, interference: Field, contact: NDArray[np.bool_]) -> Field:
-    """(m,) pressure of either sign that closes the gap on the nodes in contact."""
-    pressure = np.zeros(interference.size)
-    if contact.any():
-        factor = cho_factor(matrix[np.ix_(contact, contact)])
-        pressure[contact] = cho_solve(factor, interference[contact])
+def balance(matrix: Field, interference: Field, side: Sides, hardness: float = np.inf) -> Field:
+    """(m,) pressure that closes the gap between the bounds, where side is 0; at a bound elsewhere.
+
+    `side` is -1 at nodes without pressure and 1 at yielded nodes.
+    """
+    pressure = np.where(side > 0, hardness, 0.0)
+    free, bound = side == 0, side > 0
+    if free.any():
+        load = interference[free] - matrix[np.ix_(free, bound)] @ pressure[bound]
+        pressure[free] = cho_solve(cho_factor(matrix[np.ix_(free, free)]), load)
     return pressure
 
 
@@ -122,14 +126,19 @@ def press(heights: Field, delta: float, kernel: Kernel, aspect: float = 1.0) -> 
 
     Parameters
     ----------
-    heights : (nx, ny) [um]
-    delta : displacement of the far field, above 0 [um]
-    kernel, aspect : see `half_space.influence_coefficients`
+    heights : ndarray, shape (nx, ny)
+        Heights [um].
+    delta : float
+        Displacement of the far field, above 0 [um].
+    kernel, aspect
+        See `half_space.influence_coefficients`.
 
     Returns
     -------
-    pressure : (nx, ny) [E* delta / first side of a cell], read-only
-    gap : (nx, ny) [delta], read-only
+    pressure : ndarray, shape (nx, ny)
+        Read-only [E* delta / first side of a cell].
+    gap : ndarray, shape (nx, ny)
+        Read-only [delta].
     """
     values = np.ascontiguousarray(heights, np.float64).tobytes()
     return _press(values, heights.shape, delta, kernel, aspect)
@@ -161,11 +170,11 @@ def press_compliant(
     matrix = influence_matrix(heights.shape, kernel, aspect)
     stiffness = float(flat_punch(heights.shape, kernel, aspect).sum())
     approach = 1.0
-    contact = depth + approach > 0
+    side = np.where(depth + approach > 0, 0, -1)
     for _ in range(STEPS):
-        values = solve(matrix, depth + approach, contact)
-        contact = values > 0
-        slope = float(balance(matrix, np.ones(depth.size), contact).sum())
+        values = solve(matrix, depth + approach, side)
+        side = np.where(values > 0, 0, -1)
+        slope = float(balance(matrix, np.ones(depth.size), side).sum())
         advance = (1 + values.sum() / stiffness - approach) / (1 - slope / stiffness)
         if abs(advance) <= ROUNDING * approach:
             return _fields(values, depth + approach, heights.shape, kernel, aspect)

@@ -25,13 +25,17 @@ def influence_coefficients(shape: tuple[int, int], kernel: Kernel, aspect: float
 
     Parameters
     ----------
-    shape : (nx, ny) nodes of the grid
-    kernel : "uniform-pressure" (Love 1929), or "concentrated-force" (MIRCO), for square cells
-    aspect : second side of a cell over its first side [1]
+    shape : tuple of int
+        Nodes of the grid (nx, ny).
+    kernel : {"uniform-pressure", "concentrated-force"}
+        After Love (1929), or as in MIRCO, which is for square cells.
+    aspect : float
+        Second side of a cell over its first side [1].
 
     Returns
     -------
-    (nx, ny) displacement [first side of a cell x pressure / E*], read-only
+    ndarray, shape (nx, ny)
+        Displacement, read-only [first side of a cell x pressure / E*].
     """
     x, y = (index.astype(np.longdouble) for index in np.indices(shape))
     if kernel == "uniform-pressure":
@@ -66,17 +70,7 @@ def _concentrated_force(distance: Long) -> Long:
 
 
 def displacement(pressure: Field, kernel: Kernel, aspect: float = 1.0) -> Field:
-    """Surface displacement under a pressure, by SciPy's convolution.
-
-    Parameters
-    ----------
-    pressure : (nx, ny) [E*]
-    kernel, aspect : as in `influence_coefficients`
-
-    Returns
-    -------
-    (nx, ny) displacement [first side of a cell]
-    """
+    """Return the (nx, ny) displacement under a pressure [E*], by SciPy [first side of a cell]."""
     table = influence_coefficients(pressure.shape, kernel, aspect)
     mirrored = table[np.ix_(*(np.abs(np.arange(1 - nodes, nodes)) for nodes in table.shape))]
     moved: Field = fftconvolve(mirrored, pressure, mode="valid")
@@ -85,20 +79,9 @@ def displacement(pressure: Field, kernel: Kernel, aspect: float = 1.0) -> Field:
 
 @lru_cache(maxsize=16)
 def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> Field:
-    """Pressure that moves every node of the patch by the same unit, by SciPy's gradients.
+    """Return the read-only pressure that moves every node by one unit [E* / first side of a cell].
 
-    Parameters
-    ----------
-    shape, kernel, aspect : as in `influence_coefficients`
-
-    Returns
-    -------
-    (nx, ny) pressure [E* / first side of a cell], read-only
-
-    Raises
-    ------
-    ArithmeticError
-        if conjugate gradients do not reach `FLAT_PUNCH_RTOL`
+    By SciPy's conjugate gradients; raises ArithmeticError if they do not reach `FLAT_PUNCH_RTOL`.
     """
     nodes = shape[0] * shape[1]
     matrix = LinearOperator(

@@ -23,19 +23,14 @@ Nodes = NDArray[np.intp]
 def press(
     heights: Values, delta: float, *, kernel: Kernel = "uniform-pressure", rtol: float = 1e-8
 ) -> tuple[Values, int]:
-    """Press a rigid surface on square cells into a half-space with a rigid far field.
-
-    Parameters
-    ----------
-    heights : (nx, ny) surface [um]
-    delta : displacement of the far field from first touch on, above 0 [um]
-    kernel : see `half_space.influence_coefficients`
-    rtol : penetration outside contact that is accepted, over Delta [1]
+    """Press a surface on square cells as `dense.press` does, up to a penetration rtol over Delta.
 
     Returns
     -------
-    pressure : (nx, ny) [E* Delta / spacing]
-    solves : dense systems solved
+    pressure : ndarray, shape (nx, ny)
+        Pressure [E* Delta / spacing].
+    solves : int
+        Dense systems solved.
     """
     interference = ((heights - heights.max()) + delta) / delta
     nodes = np.flatnonzero(interference > 0)
@@ -46,23 +41,10 @@ def press(
 
 
 def solve(matrix: Values, interference: Values, rtol: float = 1e-8) -> tuple[Values, int]:
-    """Find p >= 0 with gap w = H p - u >= -rtol and p w = 0.
+    """Find (m,) p >= 0 with gap w = H p - u >= -rtol and p w = 0, for a positive definite H.
 
-    Parameters
-    ----------
-    matrix : (m, m) H, symmetric and positive definite
-    interference : (m,) u
-    rtol : penetration accepted, in units of u
-
-    Returns
-    -------
-    pressure : (m,) p
-    solves : dense systems solved
-
-    Raises
-    ------
-    ArithmeticError
-        if rounding keeps the method from ending; no contact has been seen to do that
+    Return p and the number of dense systems solved; raise ArithmeticError if rounding keeps the
+    method from ending, which no contact has been seen to do.
     """
     candidates = interference.size
     active = np.empty(candidates, np.intp)  # the first `count` are in contact

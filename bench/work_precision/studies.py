@@ -20,24 +20,14 @@ DECADES = tuple(10.0**-digits for digits in range(1, 13))
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is measured.
+    """How much is measured."""
 
-    Attributes
-    ----------
-    nodes : nodes a side of the paper's samples
-    samples : how many of the paper's first samples
-    rtols : tolerances, falling
-    rounds : times that each solve is timed
-    levels : k of the grids with 2^k + 1 nodes a side, rising; the last is the reference
-    large : nodes a side of the one larger surface on which the two precisions meet
-    """
-
-    nodes: int
-    samples: int
-    rtols: tuple[float, ...]
-    rounds: int
-    levels: tuple[int, ...]
-    large: int
+    nodes: int  # a side of the paper's samples
+    samples: int  # number of the paper's first samples
+    rtols: tuple[float, ...]  # tolerances, falling
+    rounds: int  # times that each solve is timed
+    levels: tuple[int, ...]  # k of the grids with 2^k + 1 nodes a side, rising to the reference
+    large: int  # nodes a side of the one larger surface on which the two precisions meet
 
 
 FULL = Extent(nodes=129, samples=8, rtols=DECADES, rounds=4, levels=(5, 6, 7, 8, 9, 10), large=513)

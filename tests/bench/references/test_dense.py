@@ -67,7 +67,7 @@ def test_dense_solve_is_nonnegative_least_squares(seed: int, kernel: Kernel) -> 
     interference = (heights - heights.max()).reshape(-1) + 0.5 * (seed + 1)
     factor = np.linalg.cholesky(matrix)
     expected, _ = nnls(factor.T, np.linalg.solve(factor, interference), maxiter=10_000)
-    for start in (None, np.zeros(heights.size, bool), np.ones(heights.size, bool)):
+    for start in (None, np.full(heights.size, -1), np.zeros(heights.size, int)):
         found = dense.solve(matrix, interference, start)
         np.testing.assert_allclose(found, expected, atol=1e-10 * expected.max())
 
