@@ -70,7 +70,7 @@ def _concentrated_force(distance: Long) -> Long:
 
 
 def displacement(pressure: Field, kernel: Kernel, aspect: float = 1.0) -> Field:
-    """Return the (nx, ny) displacement under a pressure [E*], by SciPy [first side of a cell]."""
+    """Return the displacement [first side of a cell] under a pressure [E*], convolved by SciPy."""
     table = influence_coefficients(pressure.shape, kernel, aspect)
     mirrored = table[np.ix_(*(np.abs(np.arange(1 - nodes, nodes)) for nodes in table.shape))]
     moved: Field = fftconvolve(mirrored, pressure, mode="valid")

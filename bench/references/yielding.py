@@ -30,7 +30,8 @@ def press(
 ) -> tuple[Field, Field]:
     """Solve contact on a rigid far field with bounded pressure.
 
-    Parameters as for `dense.press`; the method is `by_least_squares` unless given, or `by_growth`.
+    The parameters are those of `dense.press`; the method is `by_least_squares` unless given, or
+    `by_growth`.
 
     Returns
     -------

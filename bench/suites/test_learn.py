@@ -34,22 +34,10 @@ Samples = tuple[NDArray[np.float64], NDArray[np.float64]]
 Folds = NDArray[np.int8]
 
 SPACES: dict[str, Space] = {  # besides the numbers of estimators
-    "random-forest": {
-        "max_features": ["sqrt", 1.0],
-        "criterion": ["squared_error"],
-    },
-    "adaboost": {
-        "estimator__max_depth": [3, 8],
-        "learning_rate": [0.5],
-    },
-    "gradient-boost": {
-        "learning_rate": [0.1],
-        "max_depth": [3, 6],
-    },
-    "xgboost": {
-        "learning_rate": [0.1],
-        "max_depth": [3, 6],
-    },
+    "random-forest": {"max_features": ["sqrt", 1.0], "criterion": ["squared_error"]},
+    "adaboost": {"estimator__max_depth": [3, 8], "learning_rate": [0.5]},
+    "gradient-boost": {"learning_rate": [0.1], "max_depth": [3, 6]},
+    "xgboost": {"learning_rate": [0.1], "max_depth": [3, 6]},
 }
 
 
