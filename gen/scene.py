@@ -17,8 +17,10 @@ from pydantic import (
     ConfigDict,
     Field,
     PlainValidator,
+    SerializerFunctionWrapHandler,
     Strict,
     ValidationError,
+    model_serializer,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
@@ -161,6 +163,10 @@ class Contact(Table):
     far_field: Literal["rigid", "compliant"] = Field(
         default="rigid", description="'rigid' or 'compliant'"
     )
+    # A free patch is never written: scenes without the key keep their texts and fingerprints.
+    boundary: Literal["free", "periodic", "mirror"] = Field(
+        default="free", description="'free', 'periodic' or 'mirror'"
+    )
     spacing: Literal["side/(n-1)", "side/n"] = Field(
         default="side/(n-1)", description="'side/(n-1)' or 'side/n'"
     )
@@ -186,6 +192,39 @@ class Contact(Table):
         default=None,
         description="a finite number above 0, or [low, high] with 0 < low <= high [E*]",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _follow_boundary(cls, content: Any) -> Any:
+        """Let the spacing of a patch without edges be that of its cells unless it is given."""
+        if isinstance(content, dict) and content.get("boundary", "free") != "free":
+            return {"spacing": "side/n", **content}
+        return content
+
+    @model_validator(mode="after")
+    def _require_free_patch(self) -> Self:
+        """Refuse settings that a patch without edges does not have."""
+        if self.boundary == "free":
+            return self
+        for name, allowed in (
+            ("spacing", "side/n"),
+            ("far_field", "rigid"),
+            ("kernel", "uniform-pressure"),
+        ):
+            if (given := getattr(self, name)) != allowed:
+                raise PydanticCustomError(
+                    "conflict",
+                    f"boundary = '{self.boundary}' needs {name} = '{allowed}', not '{given}'",
+                )
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_free_boundary(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out the boundary of a free patch."""
+        content: dict[str, Any] = handler(self)
+        if self.boundary == "free":
+            del content["boundary"]
+        return content
 
     @model_validator(mode="after")
     def _require_one_hardness(self) -> Self:
@@ -256,15 +295,27 @@ class Scene(Table):
     store: Store = Field(default=Store(), description="a table [store]")
 
     @property
+    def nodes(self) -> int:
+        """Nodes a side of the solved grid: 2^k on a patch without edges, otherwise 2^k + 1."""
+        return self.surface.nodes - (self.contact.boundary != "free")
+
+    @property
     def shape(self) -> tuple[int, int]:
         """Nodes along x and y."""
-        return (self.surface.nodes, self.surface.nodes)
+        return (self.nodes, self.nodes)
 
     @property
     def spacing(self) -> float:
-        """Distance between neighbouring nodes [um]: side/(n-1), or side/n as in MIRCO."""
-        intervals = self.surface.nodes - (self.contact.spacing == "side/(n-1)")
-        return self.surface.side / intervals
+        """Distance between neighbouring nodes [um].
+
+        It follows from the boundary, apart from free patches with MIRCO's side/n.
+        """
+        from bem.spacing import node_spacing  # the solver's package, which few commands need
+
+        boundary = self.contact.boundary
+        if boundary == "free" and self.contact.spacing == "side/n":
+            return self.surface.side / self.nodes
+        return node_spacing(self.nodes, self.surface.side, boundary)
 
     @property
     def surfaces(self) -> int:

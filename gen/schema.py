@@ -56,6 +56,7 @@ class Reason(IntEnum):
     ARITHMETIC = 4
     NOT_FINITE = 5
     BEYOND_HARDNESS = 6
+    FULL_CONTACT = 7
 
 
 REASONS: dict[int, str] = {
@@ -66,6 +67,7 @@ REASONS: dict[int, str] = {
     Reason.ARITHMETIC: "the sample raised an arithmetic or value error",
     Reason.NOT_FINITE: "result not finite",
     Reason.BEYOND_HARDNESS: "no solution: the load is at or above what the hardness bears",
+    Reason.FULL_CONTACT: "no solution: Delta at or beyond full contact of a patch without edges",
 }
 """Texts of the reasons by their codes."""
 
@@ -238,7 +240,7 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
 
 def row_bytes(scene: Scene) -> int:
     """Return the size of one row of a scene's database, all columns together [bytes]."""
-    return sum(column.row_bytes(scene.surface.nodes) for column in columns_for(scene))
+    return sum(column.row_bytes(scene.nodes) for column in columns_for(scene))
 
 
 def statistics_columns() -> tuple[Column, ...]:

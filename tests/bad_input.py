@@ -53,6 +53,11 @@ SCENES: dict[str, tuple[str, str]] = {
     "kernel": ('samples = 3\n[contact]\nkernel = "point"', "point"),
     "far-field": ('samples = 3\n[contact]\nfar_field = "soft"', "soft"),
     "spacing": ('samples = 3\n[contact]\nspacing = "L/n"', "L/n"),
+    "boundary": ('samples = 3\n[contact]\nboundary = "open"', "open"),
+    "boundary-spacing": (
+        'samples = 3\n[contact]\nboundary = "mirror"\nspacing = "side/(n-1)"',
+        "needs spacing = 'side/n'",
+    ),
     "modulus-zero": ("samples = 3\n[contact]\nmodulus = 0.0", "modulus"),
     "poisson-high": ("samples = 3\n[contact]\npoisson = 0.6", "0.6"),
     "rtol-zero": ("samples = 3\n[contact]\nrtol = 0.0", "rtol"),

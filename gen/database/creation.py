@@ -139,7 +139,7 @@ def extend(path: Path, scene: Scene, rows: range | None = None, *, force: bool =
             lay_out(temporary, wider, rows, attributes | identity(wider))
             with open_file(temporary, writing=True) as new:
                 for column in columns_for(wider):
-                    for start, stop in chunks(len(old_rows), column.row_bytes(wider.surface.nodes)):
+                    for start, stop in chunks(len(old_rows), column.row_bytes(wider.nodes)):
                         write_rows(new[column.path], place + start, old[column.path][start:stop])
                 fill(new, wider, 0, place)
                 fill(new, wider, place + len(old_rows), len(rows))

@@ -65,7 +65,7 @@ def lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str 
         dimensions = [_dimension(file, name, size) for name, size in axes.items()]
         file.create_group(RUNTIME, track_order=True)
         for column in columns:
-            _add(file, column, column.shape(len(rows), scene.surface.nodes), dimensions)
+            _add(file, column, column.shape(len(rows), scene.nodes), dimensions)
 
 
 def _with_rows(
@@ -146,8 +146,8 @@ def fill(file: h5py.File, scene: Scene, first: int, last: int) -> None:
     """
     for column in columns_for(scene):
         dataset = file[column.path]
-        for start, stop in chunks(last, column.row_bytes(scene.surface.nodes), first):
-            shape = column.shape(stop - start, scene.surface.nodes)
+        for start, stop in chunks(last, column.row_bytes(scene.nodes), first):
+            shape = column.shape(stop - start, scene.nodes)
             write_rows(dataset, start, np.full(shape, column.fill, dtype=column.dtype))
 
 

@@ -97,7 +97,7 @@ def _refuse_unequal(files: Mapping[Path, h5py.File], scenes: Mapping[Path, Scene
 
 def _merge_parts(target: h5py.File, parts: Sequence[Part], scene: Scene) -> None:
     """Write all rows of the scene into the target, a chunk of rows after the other."""
-    widest = max(column.row_bytes(scene.surface.nodes) for column in columns_for(scene))
+    widest = max(column.row_bytes(scene.nodes) for column in columns_for(scene))
     for start, stop in chunks(scene.samples, widest):
         overlapping = [part for part in parts if part.rows.start < stop and start < part.rows.stop]
         if overlapping:
@@ -110,7 +110,7 @@ def _merge_rows(
     target: h5py.File, parts: Sequence[Part], scene: Scene, start: int, stop: int
 ) -> None:
     """Write the rows start..stop, each from the first part in which it is done, or else failed."""
-    nodes = scene.surface.nodes
+    nodes = scene.nodes
     status = np.stack([part.read(STATUS, start, stop, nodes) for part in parts])
     done = status == Status.DONE
     merit = 2 * done + (status == Status.FAILED)

@@ -97,7 +97,7 @@ def _range_faults(
 ) -> Iterator[str]:
     """Compare done rows with the limits that hold for every solution."""
     scene = reader.scene
-    area, total = rows["area_percent"], scene.surface.nodes**2
+    area, total = rows["area_percent"], scene.nodes**2
     yield from _row_faults(done & ~((area >= 0) & (area <= 100)), start, "area outside 0 to 100 %")
     shares = 100.0 * contact_nodes / total
     yield from _row_faults(done & (area != shares), start, "area is not the share of contact nodes")

@@ -36,6 +36,8 @@ class Plan:
         Size of the database's columns [bytes].
     hardness : tuple of float or None
         Smallest and largest hardness [MPa] of the distribution; None for elastic bodies.
+    boundary : str
+        "free", "periodic" or "mirror".
     """
 
     samples: int
@@ -44,6 +46,7 @@ class Plan:
     delta: tuple[float, float, float]
     file_bytes: int
     hardness: tuple[float, float] | None
+    boundary: str
 
 
 @dataclass(frozen=True)
@@ -87,10 +90,11 @@ def plan_of(scene: Scene) -> Plan:
     return Plan(
         samples=scene.samples,
         surfaces=scene.surfaces,
-        nodes=scene.surface.nodes,
+        nodes=scene.nodes,
         delta=_displacements(scene),
         file_bytes=scene.samples * row_bytes(scene),
         hardness=scene.contact.hardness_limits,
+        boundary=scene.contact.boundary,
     )
 
 

@@ -188,7 +188,7 @@ def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Bloc
     iterator of (int, int)
         The blocks, see `gen.generation.plan.blocks`.
     """
-    nodes = scene.surface.nodes
+    nodes = scene.nodes
     most = max(1, BLOCK_BYTES // row_bytes(scene))
     least = max(1, min(most, _least_rows(nodes, sum(b - a for a, b in pending), workers)))
     return plan.blocks(

@@ -16,7 +16,7 @@ from gen.runtime.overtime import Overtime, at_most
 from gen.scene import Scene
 from gen.schema import Reason, Status, columns_for
 from gen.statistics import Description, describe
-from gen.surface import generate
+from gen.surface import generate, without_last_nodes
 
 ANSWERS = ("area_percent", "force", "contact_nodes")
 """Columns of every database that are results of `bem.solve` under the same name."""
@@ -100,13 +100,14 @@ def finished_parts(start: int, rows: Columns) -> Iterator[tuple[int, int, Column
 
 def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
     """Generate the surface of one row of a plan: heights (n, n) [um]."""
-    return generate(
+    heights = generate(
         scene.surface.generator,
         scene.surface.nodes,
         float(plan.hurst[row]),
         float(plan.sigma0[row]),
         surface_random(scene, plan.surface[row]),
     )
+    return heights if scene.contact.boundary == "free" else without_last_nodes(heights)
 
 
 def solve_contact(
@@ -149,6 +150,7 @@ def solve_contact(
         poisson=settings.poisson,
         kernel=settings.kernel,
         far_field=settings.far_field,
+        boundary=settings.boundary,
         hardness=hardness,
         rtol=settings.rtol,
         max_iterations=settings.max_iterations,
@@ -158,9 +160,7 @@ def solve_contact(
 def _pending_rows(scene: Scene, count: int) -> Columns:
     """Make rows in which every column has its fill value."""
     return {
-        column.name: np.full(
-            column.shape(count, scene.surface.nodes), column.fill, dtype=column.dtype
-        )
+        column.name: np.full(column.shape(count, scene.nodes), column.fill, dtype=column.dtype)
         for column in columns_for(scene)
     }
 
@@ -216,7 +216,7 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
         _record_effort(failure.contact, rows, row)
         return Reason.NOT_CONVERGED
     except bem.NoSolution:
-        return Reason.NO_SOLUTION if plan.hardness is None else Reason.BEYOND_HARDNESS
+        return _without_solution(scene)
     except (ArithmeticError, np.linalg.LinAlgError):
         return Reason.ARITHMETIC
     _record_effort(contact, rows, row)
@@ -225,6 +225,15 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
     for name in (*ANSWERS, *(OPTIONAL_ANSWERS & scene.optional_columns)):
         rows[name][row] = getattr(contact, name)
     return Reason.NONE
+
+
+def _without_solution(scene: Scene) -> Reason:
+    """Return the reason why a contact of the scene may have no equilibrium."""
+    if scene.contact.hardness_limits is not None:
+        return Reason.BEYOND_HARDNESS
+    if scene.contact.boundary != "free":
+        return Reason.FULL_CONTACT
+    return Reason.NO_SOLUTION
 
 
 def _record_effort(contact: bem.Contact, rows: Columns, row: int) -> None:

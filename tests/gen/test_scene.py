@@ -165,6 +165,20 @@ BAD_SCENES = [
         "samples = 1\n[contact]\nmodulus = 1e300\nhardness_ratio = 1e9",
         ["contact: the hardness is beyond what numbers hold"],
     ),
+    ("samples = 1\n[contact]\nboundary = 'open'", ["contact.boundary = 'open';", "'mirror'"]),
+    ("samples = 1\n[contact]\nboundary = true", ["contact.boundary = true;", "'periodic'"]),
+    (
+        "samples = 1\n[contact]\nboundary = 'mirror'\nspacing = 'side/(n-1)'",
+        ["contact: boundary = 'mirror' needs spacing = 'side/n', not 'side/(n-1)'"],
+    ),
+    (
+        "samples = 1\n[contact]\nboundary = 'periodic'\nfar_field = 'compliant'",
+        ["contact: boundary = 'periodic' needs far_field = 'rigid', not 'compliant'"],
+    ),
+    (
+        "samples = 1\n[contact]\nboundary = 'mirror'\nkernel = 'concentrated-force'",
+        ["contact: boundary = 'mirror' needs kernel = 'uniform-pressure', not 'concentrated-"],
+    ),
     ("samples = 1\n[store]\npressure = 1", ["store.pressure = 1;", "true or false"]),
     ("samples = 1\n[store]\nheights = 'yes'", ["store.heights = 'yes';", "true or false"]),
     ("samples = 1\n[store]\ngap = true", ["unknown key store.gap = true;", "store.mean_gap"]),
@@ -242,6 +256,31 @@ def test_grid_follows_from_the_scene() -> None:
     assert Scene.parse("samples = 10\nsamples_per_surface = 5", "").surfaces == 2
 
 
+@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
+def test_a_patch_without_edges_has_2_k_cells_of_the_length_over_their_number(boundary) -> None:
+    scene = Scene.parse(f"samples = 1\n[contact]\nboundary = '{boundary}'", "some.toml")
+    assert scene.contact.spacing == "side/n"
+    assert scene.shape == (128, 128)
+    assert scene.spacing == 1000.0 / 128 == load("paper").spacing
+    assert differences(load("paper"), scene) == [
+        "contact.spacing: 'side/(n-1)' in the file, 'side/n' asked for",
+        f"contact.boundary: nothing in the file, '{boundary}' asked for",
+    ]
+    assert Scene.from_text(scene.text()) == scene
+    assert scene == Scene.parse(
+        f"samples = 1\n[contact]\nspacing = 'side/n'\nboundary = '{boundary}'", ""
+    )
+
+
+def test_a_free_boundary_is_as_good_as_none() -> None:
+    free = Scene.parse("samples = 15878\n[contact]\nboundary = 'free'", "some.toml")
+    assert free.fingerprint() == load("paper").fingerprint()
+    assert "boundary" not in free.text()
+    mirco = Scene.parse("samples = 1\n[contact]\nboundary = 'free'\nspacing = 'side/n'", "")
+    assert mirco.spacing == 1000.0 / 129
+    assert mirco.shape == (129, 129)
+
+
 def test_load_reads_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for content in (b"samples = 3\r\n", b"\xef\xbb\xbfsamples = 3"):
@@ -300,8 +339,12 @@ def ascending(numbers: st.SearchStrategy[float]) -> st.SearchStrategy[list[float
 
 @st.composite
 def materials(draw: st.DrawFn) -> dict[str, Any]:
-    """The modulus, and perhaps a hardness, with a far field that goes with it."""
+    """The modulus, perhaps a hardness, and a far field and a boundary that go with it."""
     hardness = draw(st.sampled_from(["", "hardness", "hardness_ratio"]))
+    if draw(st.booleans()):
+        boundary = draw(st.sampled_from(["periodic", "mirror"]))
+        cells = {"kernel": "uniform-pressure", "spacing": "side/n"}
+        return {"far_field": "rigid", "boundary": boundary, **cells}
     if not hardness:
         return {
             "far_field": draw(st.sampled_from(["rigid", "compliant"])),
@@ -338,9 +381,9 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
             ]
         },
         "contact": {
-            **draw(materials()),
             "kernel": draw(st.sampled_from(["uniform-pressure", "concentrated-force"])),
             "spacing": draw(st.sampled_from(["side/(n-1)", "side/n"])),
+            **draw(materials()),
             "poisson": draw(st.floats(-1.0, 0.5, exclude_min=True)),
             "rtol": draw(st.floats(1e-14, 1.0, exclude_min=True, exclude_max=True)),
             "max_iterations": draw(st.integers(1, 1_000_000)),
@@ -434,9 +477,10 @@ def test_other_values_cover_every_relevant_key() -> None:
         for table, value in FULL.items()
         for key in (value if isinstance(value, dict) else [""])
     }
-    unset = {"contact.hardness", "contact.hardness_ratio"}
+    unset = {"contact.boundary", "contact.hardness", "contact.hardness_ratio"}
     assert not keys & unset
-    assert (keys | unset) - set(OTHER_VALUES) == {"title", "samples"}
+    untested = {"title", "samples", "contact.boundary"}  # a boundary takes the spacing with it
+    assert (keys | unset) - set(OTHER_VALUES) == untested
 
 
 @pytest.mark.parametrize("key", OTHER_VALUES)

@@ -63,7 +63,7 @@ def test_fields_have_nodes():
 
 def test_every_reason_has_a_text():
     assert set(REASONS) == set(Reason)
-    assert [REASONS[code] == "" for code in Reason] == [True] + [False] * 6
+    assert [REASONS[code] == "" for code in Reason] == [True] + [False] * 7
 
 
 def test_every_physics_number_says_what_it_changed():

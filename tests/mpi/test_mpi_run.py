@@ -9,12 +9,18 @@ from walk import walk
 from gen import cli
 
 SMALL = "samples = 75\n{}\n[surface]\nnodes = 33\n"
+EDGELESS = SMALL.format("samples_per_surface = 2") + (
+    "[delta]\npieces = [{{ share = 1.0, range = [0.5, 4.0] }}]\n[contact]\n{}\n"
+)
 YIELDING = SMALL.format("samples_per_surface = 2") + "[contact]\nhardness = {}\n"
 SCENES = {
     "one-a-surface": SMALL.format("samples_per_surface = 1"),
     "five-a-surface": SMALL.format("samples_per_surface = 5"),
     "one-hardness": YIELDING.format("0.02"),
     "any-hardness": YIELDING.format("[0.003, 0.1]"),
+    "periodic": EDGELESS.format("boundary = 'periodic'"),
+    "mirror": EDGELESS.format("boundary = 'mirror'"),
+    "mirror-hardness": EDGELESS.format("boundary = 'mirror'\nhardness = 0.05"),
 }
 
 pytestmark = [

@@ -69,6 +69,32 @@ def test_a_database_of_bodies_that_yield_lives_as_any_other(folder, capsys, hard
     assert "hardness" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("keys", ["boundary = 'periodic'", "boundary = 'mirror'\nhardness = 0.05"])
+def test_a_database_of_patches_without_edges_lives_as_any_other(folder, capsys, keys):
+    for samples in (11, 20):
+        text = SCENE.format(samples, "") + f"[contact]\n{keys}\n"
+        text += "[delta]\npieces = [{ share = 1.0, range = [0.5, 4.0] }]\n"
+        (folder / f"{samples}.toml").write_text(text)
+    assert run("20.toml", "-o", "whole.h5") == 0
+    assert run("11.toml", "-o", "grown.h5") == 0
+    assert run("20.toml", "-o", "grown.h5") == 0
+    assert run("20.toml", "-o", "part0.h5", "--rows", "0:7") == 0
+    assert run("20.toml", "-o", "part1.h5", "--rows", "7:20") == 0
+    assert cli.main(["merge", "part0.h5", "part1.h5", "-o", "merged.h5"]) == 0
+    whole = deterministic_bytes(folder / "whole.h5")
+    assert deterministic_bytes(folder / "grown.h5") == whole
+    assert deterministic_bytes(folder / "merged.h5") == whole
+    assert cli.main(["check", "part1.h5", "--recompute", "20"]) == 0
+    capsys.readouterr()
+    assert cli.main(["info", "whole.h5"]) == 0
+    told = capsys.readouterr().out
+    assert "20 done, 0 failed" in told
+    assert 'spacing = "side/n"' in told
+    assert cli.main(["plot", "whole.h5", "-o", "whole.png"]) == 0
+    assert run("scene.toml", "-o", "whole.h5") == 2
+    assert "contact.boundary" in capsys.readouterr().err
+
+
 def test_the_shipped_sample_is_resumed_and_extended_and_keeps_its_bytes(folder, capsys):
     """Files made before scenes knew a hardness go on and keep their bytes."""
     shutil.copy(SAMPLE, "sample.h5")

@@ -82,6 +82,50 @@ def test_a_contact_of_a_range_of_hardness_needs_one():
     assert contact.force == solve_contact(made, heights, 5.0, hardness=0.05).force
 
 
+SHALLOW = "[delta]\npieces = [{share = 1.0, range = [0.5, 4.0]}]"
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
+@pytest.mark.parametrize("hardness", ["", "hardness = 0.05\n"])
+def test_a_row_without_edges_is_what_its_parts_say(boundary, hardness):
+    contact = f"[contact]\n{hardness}boundary = '{boundary}'\n{SHALLOW}"
+    made = scene(f"samples_per_surface = 2\nstore = {STORE_ALL}\n{contact}")
+    rows = compute_rows(made, 3, 9)
+    plan = parameters(made, 3, 9)
+    assert rows["heights"].shape == rows["pressure"].shape == (6, 16, 16)
+    for row in range(6):
+        heights = surface_of(made, plan, row)
+        assert heights.min() == 0
+        contact = bem.solve(
+            heights, 1000.0, plan.delta[row], boundary=boundary, hardness=plan.hardness_of(row)
+        )
+        assert contact.problem.spacing == (made.spacing,) * 2
+        for name in ("area_percent", "force", "largest_pressure", "mean_gap", "perimeter"):
+            assert rows[name][row] == getattr(contact, name)
+        np.testing.assert_array_equal(rows["pressure"][row], contact.pressure)
+        for name, value in describe(heights, 1000.0 / 16).values.items():
+            assert rows[name][row] == value
+    assert set(rows["status"]) == {Status.DONE}
+
+
+def test_a_surface_without_edges_is_that_of_a_free_patch_without_its_last_nodes():
+    free, mirror = scene(), scene("[contact]\nboundary = 'mirror'")
+    whole = surface_of(free, parameters(free, 4, 5), 0)
+    cells = surface_of(mirror, parameters(mirror, 4, 5), 0)
+    np.testing.assert_array_equal(cells, whole[:-1, :-1] - whole[:-1, :-1].min())
+    assert mirror.spacing == free.spacing
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
+def test_full_contact_without_edges_is_a_reason(boundary):
+    beyond = "[delta]\npieces = [{share = 1.0, range = [200.0, 300.0]}]"
+    elastic = compute_rows(scene(f"[contact]\nboundary = '{boundary}'\n{beyond}"), 0, 3)
+    assert set(elastic["status"]) == {Status.FAILED}
+    assert set(elastic["reason"]) == {Reason.FULL_CONTACT}
+    assert np.isnan(elastic["area_percent"]).all()
+    assert not np.isnan(elastic["height_rms"]).any()
+
+
 def test_a_load_beyond_the_hardness_is_a_reason(monkeypatch):
     def refuse(*_, **__):
         raise bem.NoSolution("pressure beyond the hardness")
