@@ -104,6 +104,7 @@ def contact(
     level: options.Level = "",
     crop: options.Crop = "",
     invert: options.Invert = False,
+    boundary: options.Boundary = "free",
     kernel: options.Kernel = "uniform-pressure",
     far_field: options.FarField = "rigid",
     rtol: options.Tolerance = 2e-7,
@@ -136,7 +137,9 @@ def contact(
         "rtol": rtol,
         "max_iterations": max_iterations,
     }
-    measured = read(surface, side, unit, channel=channel, override_scale=override_scale)
+    measured = read(
+        surface, side, unit, channel=channel, override_scale=override_scale, boundary=boundary
+    )
     topography = prepare(
         measured, crop=crop, invert=invert, level=level, fill=fill, fill_most=fill_most
     )
@@ -188,6 +191,7 @@ def describe(
     level: options.Level = "",
     crop: options.Crop = "",
     invert: options.Invert = False,
+    boundary: options.Boundary = "free",
     table: options.Table = None,
 ) -> None:
     """Print the 22 roughness statistics of a surface with their units."""
@@ -198,7 +202,9 @@ def describe(
     from gen.runtime.table import write_csv
 
     check_outputs([Output(table, "--csv")], [surface])
-    measured = read(surface, side, unit, channel=channel, override_scale=override_scale)
+    measured = read(
+        surface, side, unit, channel=channel, override_scale=override_scale, boundary=boundary
+    )
     topography = prepare(
         measured, crop=crop, invert=invert, level=level, fill=fill, fill_most=fill_most
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
-from gen.measured.single import contact_warnings
+from gen.measured.single import border_remark, contact_warnings
 from gen.runtime.console import console as new_console
 from gen.runtime.memory import size
 from gen.runtime.progress import RunProgress
@@ -109,6 +109,7 @@ def print_plan(plan: Plan, path: Path | None = None) -> None:
     low, mean, high = plan.delta
     console.print(
         f"{plan.samples} samples on {plan.surfaces} surfaces of {plan.nodes} x {plan.nodes} nodes"
+        f"{'' if plan.boundary == 'free' else f', {plan.boundary} boundary'}"
     )
     console.print(f"  Delta     {low:.4g} to {high:.4g} um, {mean:.4g} um on average")
     if plan.hardness is not None:
@@ -162,6 +163,7 @@ def print_contact(contact: Contact, seconds: float) -> None:
         ("effective contact area", f"{contact.area_percent:.6g}", "%"),
         ("contact nodes", f"{contact.contact_nodes}", f"of {nodes[0]} x {nodes[1]}"),
         ("spacing", f"{problem.spacing[0]:.6g} x {problem.spacing[1]:.6g}", "um"),
+        *_boundary_lines(contact),
         ("modulus E*", f"{problem.modulus:.6g}", "MPa"),
         ("force", f"{contact.force:.8g}", "uN"),
         ("nominal pressure", f"{contact.force / nominal:.6g}", "MPa, force over the whole patch"),
@@ -182,6 +184,12 @@ def print_contact(contact: Contact, seconds: float) -> None:
     ):
         table.add_row(name, value, unit)
     _console().print(table)
+
+
+def _boundary_lines(contact: Contact) -> list[tuple[str, str, str]]:
+    """Return the line about a patch without edges: name, value and unit; none for a free one."""
+    boundary = contact.problem.boundary
+    return [] if boundary == "free" else [("boundary", boundary, "")]
 
 
 def _yielding_lines(contact: Contact) -> list[tuple[str, str, str]]:
@@ -263,6 +271,8 @@ def follow_contacts(
         print_contact(contacts[0], seconds)
     else:
         print_law(contacts)
+    if remark := border_remark(topography, contacts):
+        _console().print(f"{topography.name}: {remark}")
     return contacts, warnings
 
 

@@ -29,8 +29,8 @@ class Map:
     ----------
     field : ndarray, shape (nx, ny)
         Values of the field [unit], masked where there is nothing to draw.
-    spacing : tuple of float
-        Distance of the nodes along x and y [um].
+    sides : tuple of float
+        Lengths of the patch along x and y [um].
     title : str
         Title of the map.
     quantity, unit : str
@@ -42,7 +42,7 @@ class Map:
     """
 
     field: Values
-    spacing: tuple[float, float]
+    sides: tuple[float, float]
     title: str
     quantity: str
     unit: str
@@ -66,15 +66,25 @@ def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tu
         Heights [um] and pressure [MPa], the latter masked outside the contact; yielded nodes are
         marked instead, as their pressure is the hardness.
     """
-    problem = contact.problem
+    heights, sides = contact.problem.heights, patch_sides(contact)
     yielded = yielded_nodes(contact)
     pressure = np.ma.masked_where((contact.pressure == 0) | yielded, contact.pressure)
     if yielded.any():
         pressure_title += f", {contact.yielded_percent:.3g} % yielded (cyan)"
     return (
-        Map(problem.heights, problem.spacing, height_title, "height", "µm", "viridis"),
-        Map(pressure, problem.spacing, pressure_title, "pressure", "MPa", "inferno_r", yielded),
+        Map(heights, sides, height_title, "height", "µm", "viridis"),
+        Map(pressure, sides, pressure_title, "pressure", "MPa", "inferno_r", yielded),
     )
+
+
+def patch_sides(contact: Contact) -> tuple[float, float]:
+    """Return the lengths of a contact's patch along x and y [um].
+
+    A free patch ends at its outer nodes; one without edges is made of cells.
+    """
+    (nx, ny), (dx, dy) = contact.pressure.shape, contact.problem.spacing
+    outer = contact.problem.boundary == "free"
+    return dx * (nx - outer), dy * (ny - outer)
 
 
 def yielded_nodes(contact: Contact) -> NDArray[np.bool_]:
@@ -98,7 +108,7 @@ def draw_map(axis: Any, surface_map: Map, letters: int) -> None:
         Number of letters that fit into a line of the title.
     """
     nx, ny = surface_map.field.shape
-    width, length = surface_map.spacing[0] * (nx - 1), surface_map.spacing[1] * (ny - 1)
+    width, length = surface_map.sides
     (low, high), extend, remark = _scale(np.ma.compressed(surface_map.field), surface_map.unit)
     image = axis.imshow(
         surface_map.field.T,

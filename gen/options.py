@@ -95,6 +95,13 @@ Flattened = Annotated[
     typer.Option(metavar="NPY", help="Write the heights that the last load leaves, for another."),
 ]
 Kernel = Annotated[str, typer.Option(help="uniform-pressure or concentrated-force.")]
+Boundary = Annotated[
+    Literal["free", "periodic", "mirror"],
+    typer.Option(
+        help="free: the patch is all there is; periodic: it repeats; mirror: its mirror images"
+        " surround it, for a piece of a larger surface."
+    ),
+]
 FarField = Annotated[str, typer.Option(help="rigid or compliant.")]
 Tolerance = Annotated[float, typer.Option(help="Residual to reach, divided by Delta.")]
 MaxIterations = Annotated[int, typer.Option(help="Bound on the solver's iterations.")]

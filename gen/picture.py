@@ -59,11 +59,13 @@ def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
     """Draw heights and contact pressure of one row side by side."""
     plan = parameters(scene, row, row + 1)
     heights, hardness = surface_of(scene, plan, 0), plan.hardness_of(0)
+    boundary = scene.contact.boundary
     contact = solve_contact(scene, heights, float(plan.delta[0]), hardness)
     surface = f"surface of row {row}: H = {plan.hurst[0]:.2f}, σ₀ = {plan.sigma0[0]:.1f} µm"
     pressure = (
         f"contact at Δ = {plan.delta[0]:.1f} µm, E* = {contact.problem.modulus:g} MPa"
-        f"{'' if hardness is None else f', hardness {hardness:.3g} MPa'}:"
+        f"{'' if hardness is None else f', hardness {hardness:.3g} MPa'}"
+        f"{'' if boundary == 'free' else f', {boundary} boundary'}:"
         f" {contact.area_percent:.3g} % of {contact.pressure.size} nodes, the median of rows done"
     )
     for axis, surface_map in zip(axes, contact_maps(contact, surface, pressure), strict=True):

@@ -132,11 +132,17 @@ COMMANDS: dict[str, dict[str, Command]] = {
                 ("--force 1", "--force"),
                 ("--kernel point", "point"),
                 ("--far-field soft", "soft"),
+                ("--boundary open", "open"),
+                ("--boundary mirror --far-field compliant", "compliant"),
+                ("--boundary periodic --kernel concentrated-force", "concentrated-force"),
+                ("--boundary mirror --delta 99", "99"),
                 ("--rtol 0", "rtol"),
                 ("--max-iterations 0", "max_iterations"),
             ),
         ),
-        "describe": Command("<surface> --side 9 --csv >file", DESCRIBED),
+        "describe": Command(
+            "<surface> --side 9 --csv >file", (*DESCRIBED, ("--boundary open", "open"))
+        ),
         "plot": Command("<database> -o >file.png"),
         "columns": Command(""),
         "check": Command(
@@ -151,7 +157,13 @@ COMMANDS: dict[str, dict[str, Command]] = {
         "predict": Command("<surrogate> <surface> --side 9 --delta 1 -o >file", ASKED),
         "law": Command(
             "<surrogate> <surface> --side 9 --delta 1:2:3 --csv >file --header >file.h",
-            (*ASKED, ("--pressure high", "high"), ("--surfaces 1", "--surfaces")),
+            (
+                *ASKED,
+                ("--pressure high", "high"),
+                ("--surfaces 1", "--surfaces"),
+                ("--boundary open", "open"),
+                ("--boundary mirror", "--boundary mirror"),
+            ),
         ),
         "compare": Command("<database> -o >folder", COMPARED),
         "tune": Command("<database> -o >folder", (*COMPARED, ("--budget soon", "soon"))),

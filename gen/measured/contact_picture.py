@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gen.arrays import Values
-from gen.maps import CYAN, contact_maps, draw_map, yielded_nodes
+from gen.maps import CYAN, contact_maps, draw_map, patch_sides, yielded_nodes
 from gen.runtime.figure import save
 from gen.runtime.terminal import shortened
 
@@ -72,7 +72,7 @@ def draw_contacts(
         Picture to write.
     """
     last = contacts[-1]
-    axes, letters = _panels(figure, _sides(last), law=len(contacts) > 1)
+    axes, letters = _panels(figure, patch_sides(last), law=len(contacts) > 1)
     figure.suptitle(_title(contacts, subject), fontsize=11, parse_math=False)
     if subject.warnings:
         lines = [textwrap.fill(f"warning: {warning}", 160) for warning in subject.warnings]
@@ -81,17 +81,11 @@ def draw_contacts(
     heights_map, pressure_map = contact_maps(last, "heights", spots)
     draw_map(axes["heights"], heights_map, letters)
     draw_map(axes["spots"], pressure_map, letters)
-    _stretch(axes, _sides(last))
+    _stretch(axes, patch_sides(last))
     _draw_section(axes["section"], last)
     if len(contacts) > 1:
         _draw_law([axes[name] for name in ("area", "answer", "gap")], contacts, subject.load)
     save(figure, picture)
-
-
-def _sides(contact: Contact) -> tuple[float, float]:
-    """Return the lengths along x and y [um]."""
-    (nx, ny), (dx, dy) = contact.pressure.shape, contact.problem.spacing
-    return dx * (nx - 1), dy * (ny - 1)
 
 
 def _panels(figure: Any, sides: tuple[float, float], *, law: bool) -> tuple[dict[str, Any], int]:
@@ -153,6 +147,8 @@ def _title(contacts: Sequence[Contact], subject: Subject) -> str:
         material += f", hardness {_si(1e6 * last.problem.hardness, 'Pa')}"
     if not subject.material:
         material += ", no material given"
+    if last.problem.boundary != "free":
+        material += f"; {last.problem.boundary} boundary"
     return f"{shortened(subject.name)}\n{load}; {material}"
 
 
@@ -181,7 +177,7 @@ def section_line(contact: Contact) -> tuple[int, int]:
     index : int
         Index of the line on the other axis.
     """
-    sides = _sides(contact)
+    sides = patch_sides(contact)
     longer = 0 if sides[0] >= sides[1] else 1
     for along in (longer, 1 - longer):
         forces = contact.pressure.sum(axis=along)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.measured.topography import Topography
+from gen.measured.topography import Topography, intervals
 from gen.runtime.errors import InputError
 
 LEVELS = ("mean", "plane", "quadratic")
@@ -125,12 +125,27 @@ def surface_warnings(topography: Topography) -> list[str]:
         warnings.append(
             f"rms slope {slope:.2g}: flatter than a mirror; are the heights in metres? --unit says"
         )
+    warnings += _border_warnings(topography)
     rows, columns = topography.heights.shape
     if columns == 3 and rows >= TRIPLES:
         warnings.append(
             f"{rows} x 3 nodes: if this is a list of x, y and z, give the heights as a grid"
         )
     return warnings
+
+
+def _border_warnings(topography: Topography) -> list[str]:
+    """Warn of a periodic patch whose opposite borders differ by more than the rms height."""
+    heights = topography.heights
+    if topography.boundary != "periodic":
+        return []
+    steps = heights[-1] - heights[0], heights[:, -1] - heights[:, 0]
+    step = max(float(np.sqrt(np.mean(np.square(each)))) for each in steps)
+    rms = float(heights.std())
+    if step <= rms:
+        return []
+    said = f"opposite borders differ by {step:.4g} um (rms), more than the rms height, {rms:.4g} um"
+    return [f"{said}: the map is not periodic; --boundary mirror takes it as it is"]
 
 
 def rms_slope(topography: Topography) -> float:
@@ -145,8 +160,13 @@ def rms_slope(topography: Topography) -> float:
 def tilt(topography: Topography) -> tuple[float, float]:
     """Fit a plane to the measured nodes and return its slopes along x and y [1]."""
     _, coefficients = _least_squares(topography.heights, _plane)
-    width, length = topography.sides
-    return 2 * float(coefficients[1]) / width, 2 * float(coefficients[2]) / length
+    slopes = []
+    for side, nodes, slope in zip(
+        topography.sides, topography.heights.shape, coefficients[1:], strict=True
+    ):
+        between = side * ((nodes - 1) / intervals(nodes, topography.boundary))  # outer nodes
+        slopes.append(2 * float(slope) / between)
+    return slopes[0], slopes[1]
 
 
 def filled_harmonically(heights: Heights, spacing: tuple[float, float]) -> Heights:
@@ -244,7 +264,7 @@ def _cropped(topography: Topography, text: str) -> Topography:
             whole = " x ".join(f"{side:.6g}" for side in topography.sides)
             raise InputError(f"--crop {text!r}: holds fewer than 2 x 2 nodes of {whole} um")
         parts.append(slice(int(within[0]), int(within[-1]) + 1))
-        sides.append((within.size - 1) * spacing)
+        sides.append(intervals(within.size, topography.boundary) * spacing)
     heights = np.ascontiguousarray(topography.heights[tuple(parts)])
     if np.isnan(heights).all():
         raise InputError(f"--crop {text!r}: all heights are missing there")

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 LOADS = ("delta", "force", "pressure")
 ADVICE = "give a number, several as 1,2,5, or start:stop:count"
 
+OUTER = 0.05
+"""Share of the lines of nodes on each side whose load is told apart."""
+
 YIELDING = 100
 """E* over the pressure from which a warning is due: the hardness of steel is 2 GPa at 230 GPa, and
 only glasses, ceramics and rubber bear more than a hundredth of E*."""
@@ -142,6 +145,35 @@ def contact_warnings(
     return warnings
 
 
+def border_remark(topography: Topography, contacts: Sequence[Contact]) -> str:
+    """Say which share of the force the borders of a free patch carry under the last load.
+
+    Parameters
+    ----------
+    topography : Topography
+        The surface.
+    contacts : sequence of bem.Contact
+        At least one contact of the surface.
+
+    Returns
+    -------
+    str
+        One line; "" for a patch without edges or with too few nodes, and without a force.
+    """
+    pressure = contacts[-1].pressure
+    outer = [int(OUTER * nodes) for nodes in pressure.shape]
+    if topography.boundary != "free" or min(outer) < 1 or not pressure.any():
+        return ""
+    (nx, ny), (x, y) = pressure.shape, outer
+    share = 1 - float(pressure[x : nx - x, y : ny - y].sum() / pressure.sum())
+    nodes = 1 - (nx - 2 * x) * (ny - 2 * y) / pressure.size
+    return (
+        f"the outer 5 % on each side ({100 * nodes:.2g} % of the nodes) carry {100 * share:.3g} %"
+        f" of the {'last ' if len(contacts) > 1 else ''}force: if this is a piece of a larger"
+        " surface, --boundary mirror leaves no edges"
+    )
+
+
 def describe(topography: Topography) -> Description:
     """Compute the 22 roughness statistics of a surface without holes."""
     from gen import statistics
@@ -160,6 +192,7 @@ def statistics_row(
         "nodes_y": ny,
         "side_x_um": topography.sides[0],
         "side_y_um": topography.sides[1],
+        **_boundary(topography),
         "prepared": "; ".join(topography.steps),
         "warnings": "; ".join(warnings),
     }
@@ -168,7 +201,8 @@ def statistics_row(
 def contact_row(topography: Topography, contact: Contact, warnings: Sequence[str]) -> Row:
     """Return the row of a table of contacts: load, area, pressures, gap, residual, warnings.
 
-    The columns about yielding are there if the problem has a hardness.
+    The columns about yielding are there if the problem has a hardness, and the boundary if it is
+    not free.
     """
     problem = contact.problem
     cells = contact.pressure.size * problem.spacing[0] * problem.spacing[1]
@@ -190,11 +224,17 @@ def contact_row(topography: Topography, contact: Contact, warnings: Sequence[str
         "mean_gap_um": contact.mean_gap,
         "perimeter_um": contact.perimeter,
         "modulus_MPa": problem.modulus,
+        **_boundary(topography),
         **yielding,
         "residual": contact.residual,
         "prepared": "; ".join(topography.steps),
         "warnings": "; ".join(warnings),
     }
+
+
+def _boundary(topography: Topography) -> Row:
+    """Return the cell with the boundary of a patch without edges; nothing for a free patch."""
+    return {} if topography.boundary == "free" else {"boundary": topography.boundary}
 
 
 def require_yielding(flattened: Path | None, hardness: float | None) -> None:
@@ -233,4 +273,5 @@ def _contacts(
     import bem
 
     loads: dict[str, Any] = {f"{load}s": values}
-    return bem.ladder(topography.heights, topography.sides, **loads, **settings)
+    boundary = topography.boundary
+    return bem.ladder(topography.heights, topography.sides, **loads, boundary=boundary, **settings)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from gen.measured.channel import Channel, choice_in_words, choose_channel
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 from gen.runtime.numbers import magnitude
+
+if TYPE_CHECKING:  # surfaces are described without the solver
+    from bem.spacing import Boundary
 
 Sides = tuple[float, float]
 
@@ -43,7 +46,10 @@ class Topography:
     heights : ndarray, shape (nx, ny)
         Heights, NaN at holes [um].
     sides : tuple of float
-        Lengths from the first to the last node along x and y [um].
+        Lengths of the patch along x and y [um].
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of the patch: the outer nodes of a free one lie on its border, and a patch without
+        edges is made of cells.
     steps : tuple of str
         One line for each step from the file to these heights.
     warnings : tuple of str
@@ -55,17 +61,26 @@ class Topography:
     sides: Sides
     steps: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    boundary: Boundary = "free"
 
     @property
     def spacing(self) -> Sides:
         """Distance of the nodes along x and y [um]."""
-        nx, ny = self.heights.shape
-        return self.sides[0] / (nx - 1), self.sides[1] / (ny - 1)
+        nx, ny = (intervals(nodes, self.boundary) for nodes in self.heights.shape)
+        return self.sides[0] / nx, self.sides[1] / ny
 
     @property
     def missing(self) -> int:
         """Number of nodes without a height."""
         return int(np.count_nonzero(np.isnan(self.heights)))
+
+
+def intervals(nodes: int, boundary: Boundary) -> int:
+    """Return the length of a patch in spacings of its nodes, along one axis.
+
+    The rule is that of `bem.spacing.node_spacing`, without loading the solver.
+    """
+    return nodes - 1 if boundary == "free" else nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +92,7 @@ class _Scan:
     heights : ndarray, shape (nx, ny)
         Heights, NaN at holes [unit].
     lengths : tuple of float, optional
-        Lengths from the first to the last node along x and y [length_unit]; None if the file has
-        none.
+        Lengths of the patch along x and y [length_unit]; None if the file has none.
     unit : str, optional
         Unit of the heights, None if the file names none.
     length_unit : str, optional
@@ -104,6 +118,7 @@ def read(
     *,
     channel: str = "",
     override_scale: bool = False,
+    boundary: Boundary = "free",
 ) -> Topography:
     """Read a surface from a file.
 
@@ -123,6 +138,9 @@ def read(
         Name or index of the channel to read; the first one with heights by default.
     override_scale : bool
         Let `side` and `unit` overrule those of the file, with a warning.
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of the patch: without edges a scan length is that of all pixels, and free patches
+        end at the outer nodes. The size of a pixel that the file states is kept in either case.
 
     Returns
     -------
@@ -138,11 +156,12 @@ def read(
     if override_scale and not (side or unit):
         raise InputError("--override-scale: give --side, --unit or both, to overrule the file's")
     own = path.suffix.lower() in OWN_SUFFIXES and not _is_foreign(path)
-    scan = _own_scan(path, channel) if own else _instrument_scan(path, channel)
+    scan = (_own_scan if own else _instrument_scan)(path, channel, boundary)
     _check(path, scan.heights)
     overruled: list[str] = []
     heights_unit = _agreed_unit(path, scan, unit, overruled if override_scale else None)
-    sides = _agreed_sides(path, scan, heights_unit, side, overruled if override_scale else None)
+    allowed = overruled if override_scale else None
+    sides = _agreed_sides(path, scan, heights_unit, side, boundary, allowed)
     with np.errstate(over="ignore"):
         heights = scan.heights * _factor(heights_unit or "um", "--unit")
     if np.isinf(heights).any() or not all(0 < length < np.inf for length in sides):
@@ -156,7 +175,7 @@ def read(
         f"the file says {remark!r}, which is not read: check --side and --unit against it"
         for remark in scan.remarks
     ]
-    return Topography(str(path), heights, sides, tuple(steps), tuple(distrust))
+    return Topography(str(path), heights, sides, tuple(steps), tuple(distrust), boundary)
 
 
 def _first_step(scan: _Scan, heights: Heights, unit: str | None) -> str:
@@ -232,9 +251,14 @@ def _agreed_unit(path: Path, scan: _Scan, given: str, overruled: list[str] | Non
 
 
 def _agreed_sides(
-    path: Path, scan: _Scan, unit: str | None, side: str, overruled: list[str] | None
+    path: Path,
+    scan: _Scan,
+    unit: str | None,
+    side: str,
+    boundary: Boundary,
+    overruled: list[str] | None,
 ) -> Sides:
-    """Return the lengths between the outermost nodes [um], from the file or the user.
+    """Return the lengths of the patch [um], from the file or the user.
 
     If the user's lengths overrule the file's, that is appended to `overruled`; None forbids it.
     """
@@ -242,7 +266,7 @@ def _agreed_sides(
         if not side:
             hint = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
             raise InputError(f"{path}: holds no lengths; give --side, the scan length in um{hint}")
-        return _sides_of(path, scan.heights.shape, side)
+        return _sides_of(path, scan.heights.shape, side, boundary)
     factor = _factor(scan.length_unit or unit or "um", f"{path}: unit")
     own = scan.lengths[0] * factor, scan.lengths[1] * factor
     if not side:
@@ -255,17 +279,17 @@ def _agreed_sides(
             f"{path}: is {own[0]:.6g} x {own[1]:.6g} um, --side says {side}; leave that out, or"
             " overrule the file by --override-scale"
         )
-    given = _sides_of(path, scan.heights.shape, side)
+    given = _sides_of(path, scan.heights.shape, side, boundary)
     overruled.append(f"{own[0]:.6g} x {own[1]:.6g} um, taken as {given[0]:g} x {given[1]:g} um")
     return given
 
 
-def _sides_of(path: Path, shape: tuple[int, ...], side: str) -> Sides:
+def _sides_of(path: Path, shape: tuple[int, ...], side: str, boundary: Boundary) -> Sides:
     """Return the lengths from --side [um]; require both for a map that is not square."""
     lengths = sides_from(side)
     nx, ny = shape
     if nx != ny and "," not in side:
-        square = lengths[0] / (nx - 1) * (ny - 1)
+        square = lengths[0] / intervals(nx, boundary) * intervals(ny, boundary)
         raise InputError(
             f"{path}: has {nx} x {ny} nodes; give --side two lengths, {lengths[0]:g},{square:g} for"
             f" square cells or {lengths[0]:g},{lengths[0]:g} for a square patch"
@@ -273,7 +297,7 @@ def _sides_of(path: Path, shape: tuple[int, ...], side: str) -> Sides:
     return lengths
 
 
-def _own_scan(path: Path, wanted: str) -> _Scan:
+def _own_scan(path: Path, wanted: str, boundary: Boundary) -> _Scan:
     """Read the map in a .npy or text file, with the entries of its header."""
     matrices = grid_file.read(path)
     units = [matrix.value_unit for matrix in matrices]
@@ -298,7 +322,7 @@ def _own_scan(path: Path, wanted: str) -> _Scan:
     nx, ny = heights.shape
     return _Scan(
         heights=heights,
-        lengths=(width * (nx - 1) / nx, length * (ny - 1) / ny),
+        lengths=(width * intervals(nx, boundary) / nx, length * intervals(ny, boundary) / ny),
         unit=unit or None,
         length_unit=length_unit or None,
         origin=f"{origin} under a header, x along its lines",
@@ -347,7 +371,7 @@ def _is_foreign(path: Path) -> bool:
     return path.suffix.lower() == ".dat" and binary and not start.startswith(b"\x93NUMPY")
 
 
-def _instrument_scan(path: Path, wanted: str) -> _Scan:
+def _instrument_scan(path: Path, wanted: str, boundary: Boundary) -> _Scan:
     """Read the wanted map of an instrument's file."""
     try:
         from SurfaceTopography import open_topography
@@ -363,7 +387,7 @@ def _instrument_scan(path: Path, wanted: str) -> _Scan:
             warnings.simplefilter(
                 "ignore"
             )  # every reader that is tried warns about foreign formats
-            return _scan_of(path, open_topography(str(path)), wanted)
+            return _scan_of(path, open_topography(str(path)), wanted, boundary)
     except InputError:
         raise
     except Exception as error:  # a broken file makes its readers raise nearly anything
@@ -373,8 +397,8 @@ def _instrument_scan(path: Path, wanted: str) -> _Scan:
         ) from None
 
 
-def _scan_of(path: Path, reader: Any, wanted: str) -> _Scan:
-    """Read the wanted map of an open file, with NaN at holes and lengths between outer nodes."""
+def _scan_of(path: Path, reader: Any, wanted: str, boundary: Boundary) -> _Scan:
+    """Read the wanted map of an open file, with NaN at holes and lengths of the patch."""
     maps = {channel.index: channel for channel in reader.channels if channel.dim == 2}
     if not maps:
         raise InputError(f"{path}: it holds line scans only; give a map of heights")
@@ -397,5 +421,5 @@ def _scan_of(path: Path, reader: Any, wanted: str) -> _Scan:
     if channel.physical_sizes is not None:
         nx, ny = heights.shape
         width, length = (float(size) for size in topography.physical_sizes)
-        lengths = width * (nx - 1) / nx, length * (ny - 1) / ny
+        lengths = width * intervals(nx, boundary) / nx, length * intervals(ny, boundary) / ny
     return _Scan(heights, lengths, topography.unit, origin=choice_in_words(channels, taken))

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bem.spacing import Boundary
 from gen import cli
 from gen.material import combined_modulus
 from gen.measured import preparation
@@ -73,6 +74,18 @@ def test_crop_keeps_nodes_and_spacing() -> None:
     assert np.array_equal(cropped.heights, -(X + 100 * Y)[2:6, 2:7])
     assert cropped.spacing == pytest.approx((2.0, 0.5))
     assert len(cropped.steps) == 2
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
+def test_a_crop_without_edges_keeps_the_pixels(boundary: Boundary) -> None:
+    heights = np.add.outer(np.arange(10.0), 3 * np.arange(8.0))
+    whole = Topography("scan", heights, (20.0, 4.0), boundary=boundary)
+    assert tilt(whole) == pytest.approx((0.5, 6.0))
+    part = prepare(whole, crop="4:12,1:3")
+    assert part.heights.shape == (5, 5)
+    assert part.sides == (10.0, 2.5)
+    assert part.spacing == whole.spacing == (2.0, 0.5)
+    assert part.boundary == boundary
 
 
 @pytest.mark.parametrize("crop", ["4:10", "a:b,0:1", "4:5,0:4", "10:4,0:4", "90:99,0:4"])

@@ -1,5 +1,5 @@
-"""Contacts of one surface on the command line: bodies that yield, and the warning of those that do
-not.
+"""Contacts of one surface on the command line: bodies that yield, the warning of those that do not,
+and patches without edges.
 """
 
 from pathlib import Path
@@ -111,3 +111,112 @@ def test_an_impossible_hardness_is_one_line(surface, capsys, arguments, message)
     (line,) = told.err.splitlines()
     assert message in line
     assert not told.out
+
+
+WIDE = generate("diamond-square", 33, 0.7, 5.0, np.random.default_rng(6))[:, :30]
+SIDES = ["--side", "330,300"]
+
+
+def solved(capsys, *arguments: str) -> tuple[dict[str, list[str]], str, pd.Series]:
+    """What a command prints, line by line, what it says on standard error, and its table."""
+    assert cli.main(["contact", "wide.npy", *SIDES, *arguments, "--csv", "out.csv"]) == 0
+    told = capsys.readouterr()
+    lines = {line[:24].strip(): line[24:].split() for line in told.out.splitlines()}
+    return lines, told.err, pd.read_csv("out.csv").iloc[-1]
+
+
+@pytest.fixture
+def wide(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    np.save("wide.npy", WIDE)
+    return tmp_path
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
+@pytest.mark.parametrize(
+    ("load", "given", "hardness"),
+    [
+        (["--delta", "2"], {"deltas": [2.0]}, None),
+        (["--force", "3e7"], {"forces": [3e7]}, None),
+        (["--pressure", "50,100"], {"pressures": [50.0, 100.0]}, None),
+        (["--pressure", "100"], {"pressures": [100.0]}, 2000.0),
+    ],
+)
+def test_a_patch_without_edges_is_made_of_its_pixels(
+    wide, capsys, boundary, load, given, hardness
+) -> None:
+    yielding = [] if hardness is None else ["--hardness", f"{hardness:g}"]
+    options = [*load, *STEEL, *yielding, "--boundary", boundary, "--plot", "picture.png"]
+    lines, _, row = solved(capsys, *options)
+    settings = {"modulus": E_STAR, "hardness": hardness, "boundary": boundary}
+    *_, expected = bem.ladder(WIDE, (330.0, 300.0), **given, **settings)
+    assert expected.problem.spacing == (10.0, 10.0)
+    assert row.boundary == boundary
+    assert row.force_uN == pytest.approx(expected.force, rel=1e-12)
+    assert row.area_percent == expected.area_percent
+    assert row.pressure_MPa == pytest.approx(expected.force / (330 * 300), rel=1e-12)
+    if "," not in load[1]:
+        assert lines["boundary"] == [boundary]
+        assert lines["spacing"] == ["10", "x", "10", "um"]
+    assert not any("--boundary" in line for line in lines)
+
+
+def test_a_free_patch_says_what_its_borders_carry_and_which_option_has_none(wide, capsys) -> None:
+    assert cli.main(["contact", "wide.npy", *SIDES, "--delta", "2", "--csv", "out.csv"]) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    pressure = bem.solve(WIDE, (330.0, 300.0), 2.0).pressure
+    share = 1 - pressure[1:-1, 1:-1].sum() / pressure.sum()
+    assert last == (
+        f"wide.npy: the outer 5 % on each side (12 % of the nodes) carry {100 * share:.3g} % of the"
+        " force: if this is a piece of a larger surface, --boundary mirror leaves no edges"
+    )
+    assert "boundary" not in pd.read_csv("out.csv").columns
+    assert cli.main(["contact", "wide.npy", *SIDES, "--delta", "0"]) == 0
+    assert "--boundary" not in capsys.readouterr().out
+
+
+def test_a_map_that_is_not_periodic_is_warned_of(wide, capsys) -> None:
+    *_, row = solved(capsys, "--delta", "1", "--boundary", "mirror")
+    assert not isinstance(row.warnings, str)
+    np.save("wide.npy", WIDE + np.linspace(0, 40, 33)[:, None])
+    _, said, row = solved(capsys, "--delta", "1", "--boundary", "periodic")
+    (line,) = said.splitlines()
+    assert line.startswith("warning: opposite borders differ by ")
+    assert line.endswith("the map is not periodic; --boundary mirror takes it as it is")
+    assert row.warnings in line
+    x, y = (2 * np.pi * np.arange(nodes) / nodes for nodes in WIDE.shape)
+    np.save("wide.npy", np.cos(x)[:, None] * np.cos(y))
+    _, said, _ = solved(capsys, "--delta", "0.1", "--boundary", "periodic")
+    assert not said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--boundary", "open"], "'open' is not one of 'free', 'periodic', 'mirror'"),
+        (["--boundary", "mirror", "--far-field", "compliant"], "far_field"),
+        (["--boundary", "periodic", "--kernel", "concentrated-force"], "kernel"),
+        (["--boundary", "mirror", "--delta", "50"], "wide.npy: delta = 50 um"),
+    ],
+)
+def test_an_impossible_boundary_is_one_line(wide, capsys, arguments, message) -> None:
+    load = [] if "--delta" in arguments else ["--delta", "1"]
+    assert cli.main(["contact", "wide.npy", *SIDES, *load, *arguments]) == 2
+    told = capsys.readouterr()
+    (line,) = told.err.splitlines()
+    assert message in line
+    assert not told.out
+
+
+def test_statistics_of_a_patch_without_edges_have_the_spacing_of_its_pixels(wide, capsys) -> None:
+    rows = []
+    for sides, boundary in (("330,300", "mirror"), ("320,290", "free")):
+        ask = ["describe", "wide.npy", "--side", sides, "--boundary", boundary]
+        assert cli.main([*ask, "--csv", "row.csv"]) == 0
+        assert "33 x 30 nodes, spacing 10 x 10 um" in capsys.readouterr().out
+        rows.append(pd.read_csv("row.csv").iloc[0])
+    mirror, free = rows
+    assert mirror.pop("boundary") == "mirror"
+    assert (mirror.pop("side_x_um"), free.pop("side_x_um")) == (330, 320)
+    assert (mirror.pop("side_y_um"), free.pop("side_y_um")) == (300, 290)
+    assert mirror.equals(free)

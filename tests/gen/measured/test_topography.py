@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from bem.spacing import BOUNDARIES, node_spacing
 from gen import cli
-from gen.measured.topography import read
+from gen.measured.topography import intervals, read
 from gen.runtime.errors import InputError
 
 SurfaceTopography = pytest.importorskip("SurfaceTopography", reason="needs the extra instruments")
@@ -44,6 +45,20 @@ def test_files_give_back_heights_and_lengths_in_um(
     assert topography.missing == 2
     expected = np.where(HOLES, np.nan, HEIGHTS)
     np.testing.assert_allclose(topography.heights, expected, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+def test_the_size_of_a_pixel_is_that_of_the_file_whatever_the_boundary(tmp_path, boundary) -> None:
+    topography = read(written(tmp_path / "scan.nc", "nm", 1e3), boundary=boundary)
+    assert topography.spacing == pytest.approx(PIXEL, rel=1e-6)
+    np.save(tmp_path / "bare.npy", HEIGHTS)
+    bare = read(tmp_path / "bare.npy", "14,2.5", boundary=boundary)
+    for found in (topography, bare):
+        assert found.boundary == boundary
+        for axis, nodes in enumerate(HEIGHTS.shape):
+            assert found.spacing[axis] == node_spacing(nodes, found.sides[axis], boundary)
+            between = intervals(nodes, boundary)
+            assert between == pytest.approx(found.sides[axis] / found.spacing[axis])
 
 
 def test_a_unit_is_asked_for_where_the_file_names_none(tmp_path: Path) -> None:
