@@ -1,7 +1,7 @@
 """`learn law`: tabulate contact laws, predicted or solved."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -33,6 +33,13 @@ Solver = Annotated[
 Surfaces = Annotated[
     int, typer.Option(min=2, max=10_000, help="Surfaces of a database's or scene's population.")
 ]
+LawBoundary = Annotated[
+    Literal["free", "periodic", "mirror"] | None,
+    typer.Option(
+        help="Boundary of the patches, see gen contact; that of the training or the scene if left"
+        " out, else free."
+    ),
+]
 
 
 @grouped
@@ -45,6 +52,7 @@ def law(
     header: HeaderFile = None,
     solver: Solver = False,
     surfaces: Surfaces = 50,
+    boundary: LawBoundary = None,
     interval: Coverage = 0.9,
     *,
     reading: Reading,
@@ -73,6 +81,7 @@ def law(
         level=checked_level(interval),
         e_star=material.modulus(),
         hardness=material.hardness,
+        boundary=boundary,
         reading=reading,
         command=typed(context),
     )

@@ -134,9 +134,9 @@ def _inputs(scene: Scene) -> tuple[str, ...]:
 
 
 def of_scene(scene: Scene, heights: Values, name: str) -> SurfaceFeatures:
-    """Return a surface with the side and spacing of a scene."""
-    side, spacing = scene.surface.side, scene.spacing
-    return SurfaceFeatures(heights, (side, side), (spacing, spacing), name)
+    """Return a surface with the side, spacing and boundary of a scene."""
+    sides, spacing = (scene.surface.side,) * 2, (scene.spacing,) * 2
+    return SurfaceFeatures(heights, sides, spacing, name, scene.contact.boundary)
 
 
 class _Job:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
+from bem.spacing import Boundary, node_spacing
 from gen.runtime.errors import InputError
 from gen.statistics import describe
 from learn.arrays import Values
@@ -25,6 +26,14 @@ Sides = tuple[float, float]
 
 BLOCKS = 33
 """Blocks per side; on a surface with fewer nodes every node is a block."""
+
+CELLS = 32
+"""Blocks per side of a patch without edges: those of 2^k cells are then equal, and transforms of
+their number fast."""
+
+NEARLY_FULL = 0.999
+"""Largest displacement of a coarse solve without edges, over that of full contact: elastic bodies
+have no equilibrium from full contact on, and blocks of unequal sizes come to it early."""
 
 LOOSE = 1e-3
 """Residual of the coarse solve, over Delta: a feature need not be exact, but reproducible."""
@@ -41,23 +50,27 @@ class SurfaceFeatures:
     sides : tuple of float
         Scan lengths along x and y [um].
     spacing : tuple of float, optional
-        Spacing of the nodes along x and y; sides / (nodes - 1) unless given [um].
+        Spacing of the nodes along x and y; that of sides and boundary unless given [um].
     name : str
         Name of the surface in messages.
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of the patch, also in the coarse solve.
     """
 
     heights: Values
     sides: Sides
     spacing: Sides | None = None
     name: str = "the surface"
+    boundary: Boundary = "free"
 
     @property
     def steps(self) -> Sides:
         """Spacing of the nodes along x and y [um]."""
         if self.spacing is not None:
             return self.spacing
-        nx, ny = self.heights.shape
-        return self.sides[0] / (nx - 1), self.sides[1] / (ny - 1)
+        (nx, ny), (width, length) = self.heights.shape, self.sides
+        along_x = node_spacing(nx, width, self.boundary)
+        return along_x, node_spacing(ny, length, self.boundary)
 
     @property
     def length(self) -> float:
@@ -129,7 +142,7 @@ class SurfaceFeatures:
             *bearing,
             contact.area_percent,
             contact.force / (self.length * delta),
-            float(contact.displacement.mean()) / delta,
+            self._mean_displacement(contact) / delta,
             # Only nodes that stand above it by more than the residual of the coarse solve.
             *_above(interference - deflection - LOOSE * delta, delta),
         )
@@ -139,9 +152,18 @@ class SurfaceFeatures:
         (step_x, step_y), (nx, ny) = self.steps, self.heights.shape
         blocks_x, blocks_y = self._coarse.shape
         steps = step_x * nx / blocks_x, step_y * ny / blocks_y
+        if self.boundary != "free" and hardness_ratio is None:
+            full = float(self._coarse.max()) - float(self._coarse.mean())
+            depth = min(depth, NEARLY_FULL * full)
         try:
             return bem.solve(
-                self._coarse, self.sides, depth, spacing=steps, hardness=hardness_ratio, rtol=LOOSE
+                self._coarse,
+                self.sides,
+                depth,
+                spacing=steps,
+                boundary=self.boundary,
+                hardness=hardness_ratio,
+                rtol=LOOSE,
             )
         except (bem.NotConverged, ArithmeticError, ValueError) as error:
             raise InputError(f"{self.name}: coarse contact: {error}") from None
@@ -153,7 +175,7 @@ class SurfaceFeatures:
 
         Multiplied by F / (E* L) with the force of a finer solve, the first gives the mean
         displacement of that solve: it depends on the distribution of the load over the patch, and
-        hardly on its distribution over single nodes.
+        hardly on its distribution over single nodes. Without edges the mean displacement is 0.
 
         Returns
         -------
@@ -162,12 +184,18 @@ class SurfaceFeatures:
         yielded : float
             Mean yielded depth; 0 for elastic bodies [um].
         """
+        if self.boundary != "free" and hardness_ratio is None:
+            return 0.0, 0.0
         depth = delta - (self._highest - float(self._coarse.max()))
         contact = self.coarse_contact(max(depth, 1e-3 * delta), hardness_ratio)
-        compliance = float(contact.displacement.mean()) * self.length / contact.force
+        compliance = self._mean_displacement(contact) * self.length / contact.force
         if hardness_ratio is None:
             return compliance, 0.0
         return compliance, float(contact.yielded_depth.mean())
+
+    def _mean_displacement(self, contact: bem.Contact) -> float:
+        """Return the mean displacement of a coarse contact, which is 0 without edges [um]."""
+        return float(contact.displacement.mean()) if self.boundary == "free" else 0.0
 
     @cached_property
     def _highest(self) -> float:
@@ -175,8 +203,10 @@ class SurfaceFeatures:
 
     @cached_property
     def _coarse(self) -> Values:
-        """Mean heights of the blocks, (33, 33), or fewer where there are fewer nodes [um]."""
-        (rows, sizes_x), (columns, sizes_y) = (_blocks(nodes) for nodes in self.heights.shape)
+        """Mean heights of the blocks: 33 x 33, or 32 x 32 without edges, or every node [um]."""
+        (rows, sizes_x), (columns, sizes_y) = (
+            _blocks(nodes, self._most_blocks) for nodes in self.heights.shape
+        )
         sums = np.add.reduceat(np.add.reduceat(self.heights, rows, axis=0), columns, axis=1)
         return np.asarray(sums / np.outer(sizes_x, sizes_y))
 
@@ -184,7 +214,12 @@ class SurfaceFeatures:
     def _interpolation(self) -> tuple[Values, Values]:
         """Linear interpolation from the blocks' centres to the nodes, constant outside."""
         nx, ny = self.heights.shape
-        return _interpolation(nx), _interpolation(ny)
+        return _interpolation(nx, self._most_blocks), _interpolation(ny, self._most_blocks)
+
+    @property
+    def _most_blocks(self) -> int:
+        """Largest number of blocks per side."""
+        return BLOCKS if self.boundary == "free" else CELLS
 
 
 def _above(interference: Values, delta: float) -> tuple[float, float]:
@@ -193,16 +228,16 @@ def _above(interference: Values, delta: float) -> tuple[float, float]:
     return np.count_nonzero(above) / above.size, float(above.mean()) / delta
 
 
-def _blocks(nodes: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _blocks(nodes: int, most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the first node and the size of each block along an axis."""
-    blocks = min(nodes, BLOCKS)
+    blocks = min(nodes, most)
     edges = np.arange(blocks + 1) * nodes // blocks
     return edges[:-1], np.diff(edges)
 
 
-def _interpolation(nodes: int) -> Values:
+def _interpolation(nodes: int, most: int) -> Values:
     """Return the weights of linear interpolation from blocks to nodes, (nodes, blocks)."""
-    first, sizes = _blocks(nodes)
+    first, sizes = _blocks(nodes, most)
     centres = first + (sizes - 1) / 2
     unit = np.eye(centres.size)
     return np.stack([np.interp(np.arange(nodes), centres, each) for each in unit], axis=1)

@@ -78,10 +78,10 @@ def check_card(card: Part) -> FeatureSet:
 
 
 def _check_scene(card: Part) -> None:
-    """Refuse a card whose nodes, side, spacing or modulus are not those of its scene."""
+    """Refuse a card whose nodes, side, spacing, modulus or boundary are not those of its scene."""
     scene = Scene.from_text(text(card, "scene"), "the card's scene")
     own = {
-        "nodes": scene.surface.nodes,
+        "nodes": scene.nodes,
         "side": scene.surface.side,
         "spacing": scene.spacing,
         "modulus": modulus(scene),
@@ -89,6 +89,9 @@ def _check_scene(card: Part) -> None:
     for name, wanted in own.items():
         if not np.isclose(positive(card, name), wanted, rtol=1e-12, atol=0):
             raise ValueError(f"{name} is {card[name]}, {wanted} in the scene")
+    given, boundary = card.get("boundary"), scene.contact.boundary
+    if given != (None if boundary == "free" else boundary):
+        raise ValueError(f"boundary is {given}, {boundary} in the scene")
 
 
 def _check_target(name: str, target: Part) -> None:

@@ -98,7 +98,7 @@ def answers(
             table = read_table(path, question.reading.side)
             yield from _rows(surrogate, table.name, _of_table(surrogate, table, question))
         else:
-            topography, warnings = read_surface(path, question.reading)
+            topography, warnings = read_surface(path, question.reading, surrogate.boundary)
             if question.deltas is None:
                 raise InputError(f"{path}: give --delta, the far-field displacement in um")
             say(f"{path}: {'; '.join(topography.steps)}")
@@ -117,6 +117,8 @@ def answers(
 
 def _of_table(surrogate: Surrogate, table: Table, question: Question) -> Prediction:
     """Predict rows of statistics, each at its own Delta or at all given displacements."""
+    for boundary in table.boundaries:
+        surrogate.require_boundary(boundary, table.name)
     deltas = question.deltas
     if (table.delta is None) == (deltas is None):
         said = "no Delta: give --delta" if deltas is None else "its own Delta: leave out --delta"

@@ -42,7 +42,7 @@ def make(
 ) -> dict[str, Any]:
     """Assemble the card, of numbers, texts, lists and dictionaries only."""
     scene = Scene.from_text(rows.source["scene"])
-    limits = hardness_limits(scene)
+    limits, boundary = hardness_limits(scene), scene.contact.boundary
     features = chosen(request.features, limits)
     train, calibration, test = parts
     (model,) = request.models
@@ -54,10 +54,11 @@ def make(
         "normalisation": request.normalisation,
         "targets": judged,
         "scene": scene.text(),
-        "nodes": scene.surface.nodes,
+        "nodes": scene.nodes,
         "side": scene.surface.side,
         "spacing": scene.spacing,
         "modulus": modulus(scene),
+        **({} if boundary == "free" else {"boundary": boundary}),
         **({} if limits is None else {"hardness_ratio": list(limits)}),
         "delta": [float(end) for end in _ends(rows.described[train, 0])],
         "area_max": request.area_max,
@@ -122,7 +123,7 @@ def lines(surrogate: "Surrogate") -> Iterator[str]:
     yield (
         f"trained   on {card['nodes']} x {card['nodes']} nodes, side {card['side']:g} um, Delta"
         f" {card['delta'][0]:.4g} to {card['delta'][1]:.4g} um, E* {card['modulus']:g} MPa{limit}"
-        f"{_hardness(card)}"
+        f"{_hardness(card)}{_boundary(card)}"
     )
     for name, target in card["targets"].items():
         settings = ", ".join(f"{key}={value}" for key, value in target["settings"].items())
@@ -140,6 +141,12 @@ def _hardness(card: dict[str, Any]) -> str:
     """Describe the hardness of the training; "" for elastic bodies."""
     limits = card.get("hardness_ratio")
     return "" if limits is None else f", hardness {ranges.between(limits)} E*"
+
+
+def _boundary(card: dict[str, Any]) -> str:
+    """Describe the boundary of patches without edges; "" for free ones."""
+    boundary = ranges.boundary_of(card)
+    return "" if boundary == "free" else f", {boundary} boundary"
 
 
 def show(surrogate: "Surrogate") -> None:

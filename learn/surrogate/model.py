@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bem.spacing import Boundary
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import printable
 from learn.arrays import Values
@@ -125,6 +126,25 @@ class Surrogate:
         return limits[0]
 
     @property
+    def boundary(self) -> Boundary:
+        """Boundary of the training's patches: that of every prediction too."""
+        return ranges.boundary_of(self.card)
+
+    def require_boundary(self, boundary: str, name: str) -> None:
+        """Refuse a surface or statistics of another boundary than that of the training.
+
+        Raises
+        ------
+        InputError
+            With the name of the surface or table.
+        """
+        if boundary != self.boundary:
+            raise InputError(
+                f"{name}: has a {boundary:.20} boundary, the surrogate was trained on patches with"
+                f" a {self.boundary} one: fit one to a database whose scene has this boundary"
+            )
+
+    @property
     def modulus(self) -> float:
         """E* of the training [MPa]."""
         return float(self.card["modulus"])
@@ -177,7 +197,7 @@ class Surrogate:
         Parameters
         ----------
         surface, side : ArrayLike
-            See `predict`.
+            See `predict`; the boundary is that of the training.
         name : str
             Name of the surface in messages.
         """
@@ -187,7 +207,8 @@ class Surrogate:
             raise InputError(f"{name}: give 2-D heights, 2 x 2 or more, all finite")
         if not all(0 < each < np.inf for each in sides):
             raise InputError(f"{name}: side {side!r}: give lengths above 0 um")
-        return OnSurface(self, SurfaceFeatures(heights, sides, name=name))
+        features = SurfaceFeatures(heights, sides, name=name, boundary=self.boundary)
+        return OnSurface(self, features)
 
     def of_statistics(
         self,

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from bem.spacing import BOUNDARIES, Boundary, node_spacing
 from learn.arrays import Values
 from learn.features import FeatureSet
 from learn.surrogate.prediction import Rows
@@ -97,10 +98,17 @@ def grid_note(
     elif not features.scaled and not np.isclose(sides[0], side, rtol=1e-3):
         said.append(f"side {sides[0]:.6g} um, trained on {side:.6g} um")
     if not features.scaled:
-        spacing, own = sides[0] / max(shape[0] - 1, 1), float(card["spacing"])
+        boundary, own = boundary_of(card), float(card["spacing"])
+        spacing = node_spacing(max(shape[0], 2), sides[0], boundary)
         if not np.isclose(spacing, own, rtol=0.02):
             said.append(f"spacing {spacing:.4g} um, trained on {own:.4g} um")
     return "; ".join(said)
+
+
+def boundary_of(card: Mapping[str, Any]) -> Boundary:
+    """Return the boundary of the training's patches; the card of free patches has no such entry."""
+    (boundary,) = (each for each in BOUNDARIES if each == card.get("boundary", "free"))
+    return boundary
 
 
 def between(limits: tuple[float, float]) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bem.spacing import Boundary
 from gen.measured.preparation import prepare, surface_warnings
 from gen.measured.topography import OWN_SUFFIXES, Topography, read, sides_from
 from gen.runtime.errors import InputError
@@ -45,6 +46,8 @@ class Table:
         Scan lengths, NaN where the file has none [um].
     nodes : ndarray of int, shape (n, 2)
         Nodes along both axes, 0 where the file has none.
+    boundaries : tuple of str
+        The different boundaries of the rows; "free" where the file has none.
     """
 
     name: str
@@ -52,6 +55,7 @@ class Table:
     delta: Values | None
     sides: Values
     nodes: NDArray[np.int64]
+    boundaries: tuple[str, ...]
 
 
 def deltas_from(text: str) -> Values:
@@ -148,8 +152,10 @@ def is_table(path: Path) -> bool:
     return bool(names & set(STATISTICS))
 
 
-def read_surface(path: Path, reading: Reading) -> tuple[Topography, list[str]]:
-    """Read and prepare a surface; return it with the warnings about it."""
+def read_surface(
+    path: Path, reading: Reading, boundary: Boundary = "free"
+) -> tuple[Topography, list[str]]:
+    """Read and prepare a surface as a patch of a boundary; return it with the warnings about it."""
     try:
         measured = read(
             path,
@@ -157,6 +163,7 @@ def read_surface(path: Path, reading: Reading) -> tuple[Topography, list[str]]:
             reading.unit,
             channel=reading.channel,
             override_scale=reading.override_scale,
+            boundary=boundary,
         )
         topography = prepare(
             measured,
@@ -224,6 +231,7 @@ def read_table(path: Path, side: str = "") -> Table:
         delta=_columns(path, rows, deltas[:1])[:, 0] if deltas else None,
         sides=sides,
         nodes=nodes.astype(np.int64),
+        boundaries=tuple(sorted({row.get("boundary") or "free" for row in rows})),
     )
 
 

@@ -32,6 +32,17 @@ def yielding(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def mirrored(tmp_path_factory):
+    """The path of a database of 60 samples on 32 x 32 cells, patches between mirror images."""
+    folder = tmp_path_factory.mktemp("mirrored")
+    text = SCENE.replace("90", "60") + "[contact]\nboundary = 'mirror'\n"
+    text += "[delta]\npieces = [{ share = 1.0, range = [0.5, 6.0] }]\n"
+    (folder / "scene.toml").write_text(text)
+    assert cli.main(["run", str(folder / "scene.toml"), "-o", str(folder / "mirrored.h5")]) == 0
+    return folder / "mirrored.h5"
+
+
+@pytest.fixture(scope="session")
 def made(solved, tmp_path_factory):
     """A folder with a database, surrogates of it, surfaces and a table of statistics."""
     folder = tmp_path_factory.mktemp("made")

@@ -15,13 +15,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bem.spacing import Boundary
 from gen.runtime.errors import InputError
 from learn.arrays import Values
 from learn.reading import Reading
 from learn.surrogate.bodies import Bodies
 from learn.surrogate.law import predicted, solved
 from learn.surrogate.law.curves import Curves
-from learn.surrogate.law.subjects import Subjects, read_subjects
+from learn.surrogate.law.subjects import Subjects, is_scene, read_subjects, scene_of
 from learn.surrogate.model import Surrogate
 from learn.surrogate.sources import deltas_from, pressures_from
 
@@ -51,6 +52,8 @@ class Order:
         E*; by default that of the training or the scene, else 1 MPa [MPa].
     hardness : float, optional
         Hardness of the softer body; by default the only one of the training or the scene [MPa].
+    boundary : {"free", "periodic", "mirror"}, optional
+        Boundary of the patches; by default that of the training or of the scenes, else free.
     reading : Reading
         Options that say how files are read.
     command : str
@@ -65,6 +68,7 @@ class Order:
     level: float = 0.9
     e_star: float | None = None
     hardness: float | None = None
+    boundary: Boundary | None = None
     reading: Reading = field(default_factory=Reading)
     command: str = ""
 
@@ -83,6 +87,8 @@ class Law:
         Table against the nominal pressure, with Delta among its curves [MPa].
     bodies : Bodies
         E* and hardness.
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of the patches.
     band : str
         Description of the band.
     origins : tuple of str
@@ -95,6 +101,7 @@ class Law:
     over_delta: Curves
     over_pressure: Curves
     bodies: Bodies
+    boundary: Boundary
     band: str
     origins: tuple[str, ...]
     notes: tuple[str, ...]
@@ -122,7 +129,8 @@ def make(surrogate: Surrogate | None, order: Order, say: Callable[[str], None]) 
         _check_surrogate(surrogate)
     deltas = np.unique(deltas_from(order.delta)) if order.delta else None
     pressures = np.unique(pressures_from(order.pressure)) if order.pressure else None
-    subjects = read_subjects(order.inputs, order.surfaces, order.reading, say)
+    boundary = _boundary(surrogate, order)
+    subjects = read_subjects(order.inputs, order.surfaces, order.reading, boundary, say)
     bodies = _bodies(surrogate, order, subjects)
     if deltas is None and (pressures is None or not order.solver):
         deltas = _usual_deltas(surrogate, subjects)
@@ -130,19 +138,20 @@ def make(surrogate: Surrogate | None, order: Order, say: Callable[[str], None]) 
         over_delta, over_pressure, notes = solved.tables(
             subjects.surfaces, deltas, pressures, order.level, bodies
         )
-        how = "solved contact by contact"
+        how = f"solved contact by contact{_edges(boundary)}"
     else:
         assert surrogate is not None
         assert deltas is not None
         over_delta, over_pressure, notes = predicted.tables(
             surrogate, subjects.surfaces, deltas, pressures, order.level, bodies
         )
-        how = f"predicted by {surrogate.card['title']}"
+        how = f"predicted by {surrogate.card['title']}{_edges(boundary)}"
     return Law(
         order=order,
         over_delta=over_delta,
         over_pressure=over_pressure,
         bodies=bodies,
+        boundary=boundary,
         band=_band(order, len(subjects.surfaces)),
         origins=tuple(subjects.origins),
         notes=(how, *(each for each in subjects.origins if ": " in each), *notes),
@@ -154,6 +163,26 @@ def _check_surrogate(surrogate: Surrogate | None) -> None:
         raise InputError("a law needs a surrogate, or --solver, which needs none")
     if not {"area", "force"} <= set(surrogate.learnt):
         raise InputError("a law needs a surrogate of both area and force: fit --target both")
+
+
+def _boundary(surrogate: Surrogate | None, order: Order) -> Boundary:
+    """Return the boundary of the options, the surrogate or the first scene; free without these."""
+    if surrogate is not None and order.boundary in {None, surrogate.boundary}:
+        return surrogate.boundary
+    if surrogate is not None and not order.solver:
+        raise InputError(
+            f"--boundary {order.boundary}: the surrogate was trained on patches with a"
+            f" {surrogate.boundary} one: leave that out, or fit one to a database of this boundary"
+        )
+    if order.boundary is not None:
+        return order.boundary
+    scenes = [text for text in order.inputs if is_scene(text)]
+    return scene_of(scenes[0]).contact.boundary if scenes else "free"
+
+
+def _edges(boundary: Boundary) -> str:
+    """Describe patches without edges; "" for free ones."""
+    return "" if boundary == "free" else f", patches without edges: {boundary} boundary"
 
 
 def _bodies(surrogate: Surrogate | None, order: Order, subjects: Subjects) -> Bodies:

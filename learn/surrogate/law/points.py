@@ -144,7 +144,7 @@ def solved(subject: Subject, load: str, loads: Sequence[float], bodies: Bodies) 
     InputError
         If a load has no solution, or the solver does not converge.
     """
-    topography = Topography(subject.name, subject.heights, subject.sides)
+    topography = Topography(subject.name, subject.heights, subject.sides, boundary=subject.boundary)
     settings = {"modulus": bodies.e_star, **subject.settings}
     if bodies.hardness is not None:
         settings["hardness"] = bodies.hardness
@@ -170,5 +170,6 @@ def _mean_gap(on_surface: OnSurface, deltas: Values, force: Values, bodies: Bodi
     rest = float(heights.max()) - float(heights.mean())
     coarse = [surface.coarse_means(float(delta), bodies.hardness_ratio) for delta in deltas]
     compliance, yielded = np.array(coarse).reshape(-1, 2).T
-    mean = compliance * force / surface.length  # displacement
+    free = surface.boundary == "free"
+    mean = compliance * force / surface.length if free else 0.0  # displacement
     return np.asarray(np.maximum(rest - deltas + mean + yielded, 0.0))

@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 
+from gen.runtime.errors import InputError
 from gen.runtime.progress import RunProgress
 from learn.arrays import Values
 from learn.surrogate.bodies import Bodies
@@ -68,6 +69,8 @@ def tables(
         parts = solutions.get(load, solutions.get(other, []))
         if loads is None and len(surfaces) > 1:
             loads = _means(parts, argument)
+            if load == "delta":
+                loads = _possible(loads, surfaces, bodies)
             parts = solve(load, loads)
         if loads is None:
             parts = [_ascending(part, argument) for part in parts]
@@ -104,6 +107,23 @@ def _means(parts: Sequence[Points], argument: str) -> Values:
     """Return the ascending means over the surfaces of one quantity, where they are above 0."""
     means = np.unique(np.mean([part.values[argument] for part in parts], axis=0))
     return means[means > 0]
+
+
+def _possible(deltas: Values, surfaces: Sequence[Subject], bodies: Bodies) -> Values:
+    """Return the displacements that have an equilibrium on every surface [um].
+
+    Elastic bodies without edges are in full contact at a displacement of the mean gap at rest,
+    under every pressure that is large enough.
+    """
+    full = [each.gap_at_rest for each in surfaces if each.boundary != "free"]
+    if not full or bodies.hardness is not None:
+        return deltas
+    possible = deltas[deltas < min(full)]
+    if not possible.size:
+        raise InputError(
+            f"full contact at {min(full):.4g} um on one of the surfaces: give smaller pressures"
+        )
+    return possible
 
 
 def _ascending(part: Points, argument: str) -> Points:

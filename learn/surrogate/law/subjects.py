@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from bem.spacing import Boundary
 from gen.runtime.errors import InputError
 from gen.scene import Scene, preset_names
 from learn.arrays import Values
@@ -32,6 +33,8 @@ class Subject:
         Spacing of the nodes along x and y [um].
     settings : mapping of str to object
         Settings of the solver that a scene states: kernel, far_field, rtol, max_iterations.
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of the patch.
     """
 
     name: str
@@ -39,6 +42,7 @@ class Subject:
     sides: Sides
     spacing: Sides
     settings: Mapping[str, Any] = field(default_factory=dict)
+    boundary: Boundary = "free"
 
     @property
     def nominal(self) -> float:
@@ -52,7 +56,7 @@ class Subject:
 
     def features(self) -> SurfaceFeatures:
         """Return the surface as one whose features can be computed."""
-        return SurfaceFeatures(self.heights, self.sides, self.spacing, self.name)
+        return SurfaceFeatures(self.heights, self.sides, self.spacing, self.name, self.boundary)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +123,11 @@ class Subjects:
 
 
 def read_subjects(
-    inputs: Sequence[str], surfaces: int, reading: Reading, say: Callable[[str], None]
+    inputs: Sequence[str],
+    surfaces: int,
+    reading: Reading,
+    boundary: Boundary,
+    say: Callable[[str], None],
 ) -> Subjects:
     """Read or generate all surfaces.
 
@@ -131,6 +139,8 @@ def read_subjects(
         Number of surfaces of each scene or database.
     reading : Reading
         Options that say how files are read.
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of all patches; scenes have to agree.
     say : callable
         Called with a line for the user about each file.
 
@@ -144,14 +154,14 @@ def read_subjects(
     origins: list[str] = []
     for text in inputs:
         path = Path(text)
-        if text in preset_names() or path.suffix.lower() in {".toml", ".h5"}:
-            scenes.append(_scene(text))
+        if is_scene(text):
+            scenes.append(_scene(text, boundary))
             subjects += _population(scenes[-1], text, surfaces)
             origins.append(f"{text}: its first {surfaces} surfaces")
             continue
         doubts: list[str] = []
         for file in files_in([path])[0]:
-            subject, doubtful = _from_file(file, reading, say)
+            subject, doubtful = _from_file(file, reading, boundary, say)
             subjects.append(subject)
             doubts += doubtful
         origins.append(f"{text}: {'; '.join(dict.fromkeys(doubts))}" if doubts else text)
@@ -159,20 +169,26 @@ def read_subjects(
 
 
 def _from_file(
-    file: Path, reading: Reading, say: Callable[[str], None]
+    file: Path, reading: Reading, boundary: Boundary, say: Callable[[str], None]
 ) -> tuple[Subject, Sequence[str]]:
     """Read one surface; return it with the warnings about its scale and its holes."""
     if is_table(file):
         raise InputError(f"{file}: a law needs surfaces, not their statistics")
-    topography, warnings = read_surface(file, reading)
+    topography, warnings = read_surface(file, reading, boundary)
     say(f"{file}: {'; '.join(topography.steps)}")
     for line in warnings:
         say(f"  warning: {line}")
-    subject = Subject(str(file), topography.heights, topography.sides, topography.spacing)
+    heights, sides, spacing = topography.heights, topography.sides, topography.spacing
+    subject = Subject(str(file), heights, sides, spacing, boundary=boundary)
     return subject, topography.warnings
 
 
-def _scene(text: str) -> Scene:
+def is_scene(text: str) -> bool:
+    """Return whether an input is a scene or a database rather than surfaces."""
+    return text in preset_names() or Path(text).suffix.lower() in {".toml", ".h5"}
+
+
+def scene_of(text: str) -> Scene:
     """Return the scene of a name, of a file, or of a database."""
     from gen.scene import load
 
@@ -182,6 +198,17 @@ def _scene(text: str) -> Scene:
 
     with Reader(Path(text)) as reader:
         return reader.scene
+
+
+def _scene(text: str, boundary: Boundary) -> Scene:
+    """Return the scene of an input, whose patches need to have the law's boundary."""
+    scene = scene_of(text)
+    if scene.contact.boundary != boundary:
+        raise InputError(
+            f"{text}: has a {scene.contact.boundary} boundary, the law a {boundary} one: a law has"
+            " patches of one boundary, that of its surrogate if there is one"
+        )
+    return scene
 
 
 def _population(scene: Scene, text: str, number: int) -> Iterator[Subject]:
@@ -197,4 +224,5 @@ def _population(scene: Scene, text: str, number: int) -> Iterator[Subject]:
     sides, spacing = (scene.surface.side,) * 2, (scene.spacing,) * 2
     for surface in range(number):
         heights = surface_of(scene, plan, step * surface)
-        yield Subject(f"{text}, surface {surface}", heights, sides, spacing, settings)
+        name = f"{text}, surface {surface}"
+        yield Subject(name, heights, sides, spacing, settings, contact.boundary)

@@ -81,6 +81,8 @@ def _rows(law: Law) -> Iterator[Row]:
             row: Row = {"against": curves.against, "outside": float(curves.outside[place])}
             if law.bodies.hardness is not None:
                 row["hardness_MPa"] = law.bodies.hardness
+            if law.boundary != "free":
+                row["boundary"] = law.boundary
             for name in names:
                 row |= {f"{name}{end}": "" for end in ENDS}
                 if name == curves.against:

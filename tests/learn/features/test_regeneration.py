@@ -36,6 +36,21 @@ def test_rows_of_a_database_and_their_surfaces_have_the_same_features(solved, na
         np.testing.assert_array_equal(rows.inputs[row], again[0])
 
 
+@pytest.mark.parametrize("name", list(SETS))
+def test_rows_without_edges_have_the_features_of_their_cells(mirrored, name):
+    hybrid = hybrid_rows(mirrored, Executor(), never) if SETS[name].needs_surface else None
+    rows = dataset.read(mirrored, "area", features=name, hybrid=hybrid)
+    with Reader(mirrored) as reader:
+        scene = reader.scene
+    plan = parameters(scene, 0, scene.samples)
+    for row in (0, 17, 59):
+        heights, sides = surface_of(scene, plan, row), (scene.surface.side,) * 2
+        own = SurfaceFeatures(heights, sides, boundary="mirror")
+        assert own.steps == (1000.0 / 32,) * 2
+        again = own.features(SETS[name], plan.delta[row : row + 1])
+        np.testing.assert_array_equal(rows.inputs[row], again[0])
+
+
 def test_what_was_computed_is_kept_and_only_what_changed_is_computed_again(
     database, change, monkeypatch
 ):

@@ -63,3 +63,23 @@ def test_a_delta_that_no_contact_has_is_refused(delta):
 def test_a_flat_surface_is_refused_with_its_reason():
     with pytest.raises(InputError, match="flat surface"):
         SurfaceFeatures(np.ones((9, 9)), (1.0, 1.0)).features(SETS["paper"], np.array([1.0]))
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
+@pytest.mark.parametrize("shape", [(32, 32), (20, 27), (64, 64), (70, 100)])
+def test_patches_without_edges_have_features_up_to_full_contact(shape, boundary):
+    """Blocks of unequal sizes are in full contact before the surface is: they are held below."""
+    z = np.random.default_rng(0).normal(size=shape).cumsum(axis=0)
+    rough = SurfaceFeatures(z, (float(shape[0]), float(shape[1])), boundary=boundary)
+    assert rough.steps == (1.0, 1.0)
+    full = float(z.max() - z.mean())
+    for share in (0.05, 0.5, 0.98, 0.9999):
+        values = dict(zip(HYBRID, rough.hybrid(share * full), strict=True))
+        assert np.isfinite(list(values.values())).all()
+        assert values["coarse_displacement/delta"] == 0.0
+        assert rough.coarse_means(share * full) == (0.0, 0.0)
+        if max(shape) <= 32 and share < 0.98:
+            solved = bem.solve(z, rough.sides, share * full, boundary=boundary)
+            assert values["coarse_area_percent"] == pytest.approx(solved.area_percent, abs=0.5)
+    assert values["coarse_area_percent"] > 80
+    assert rough.coarse_means(0.9 * full, 0.05)[1] > 0

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import bem
+from gen import cli as gen_cli
 from learn import Surrogate, cli
 
 DELTAS = "6,20,40"
@@ -156,3 +157,25 @@ def test_a_hardness_is_named_and_refused_by_surrogates_of_elastic_bodies(work, y
     assert "hardness = 0.01 MPa" in " ".join(capsys.readouterr().out.split())
     assert run("card", "plastic.surrogate") == 0
     assert "hardness 0.003 to 0.1 E*" in " ".join(capsys.readouterr().out.split())
+
+
+def test_surfaces_and_statistics_have_the_boundary_of_the_surrogate(work, mirrored, capsys):
+    assert run("fit", mirrored, "-o", "cells.surrogate", "--model", "decision-tree") == 0
+    np.save("cells.npy", np.load("many/s0.npy")[:-1, :-1])
+    describe = ["describe", "cells.npy", "--side", "1000", "--csv"]
+    assert gen_cli.main([*describe, "cells.csv", "--boundary", "mirror"]) == 0
+    ask = ["predict", "cells.surrogate"]
+    assert run(*ask, "cells.npy", "--side", 1000, "--delta", "1,3", "-o", "a.csv") == 0
+    assert run(*ask, "cells.csv", "--delta", "1,3", "-o", "b.csv") == 0
+    for one, two in zip(table("a.csv"), table("b.csv"), strict=True):
+        assert float(one["area_percent"]) == pytest.approx(float(two["area_percent"]), rel=1e-6)
+        assert one["reason"] == two["reason"]
+        assert "spacing" not in one["reason"]
+    capsys.readouterr()
+    assert run(*ask, "table.csv", "--delta", "1") == 2
+    (line,) = capsys.readouterr().err.splitlines()[-1:]
+    assert "table.csv: has a free boundary, the surrogate was trained on patches with a" in line
+    assert run("predict", "dimensionless.surrogate", "cells.csv", "--delta", "9") == 2
+    assert "cells.csv: has a mirror boundary" in capsys.readouterr().err
+    assert run("card", "cells.surrogate") == 0
+    assert "E* 1 MPa, mirror boundary" in " ".join(capsys.readouterr().out.split())

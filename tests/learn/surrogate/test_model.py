@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import bem
 import learn
 from gen import cli
 from gen.runtime.errors import InputError
@@ -16,7 +17,7 @@ from learn.executor import Executor
 from learn.models import MODELS
 from learn.reading import Reading
 from learn.request import Request
-from learn.surrogate import law, settings, training
+from learn.surrogate import agreement, law, settings, training
 from learn.surrogate.law import Order
 
 
@@ -257,3 +258,37 @@ def test_one_hardness_of_the_training_is_the_one_of_the_answers(tmp_path, height
     assert "hardness" not in given.reasons[0]
     (reason,) = surrogate.predict(heights, 1000.0, 12.0, hardness=0.021).reasons
     assert "hardness/E* 0.021 outside 0.02 to 0.02" in reason
+
+
+@pytest.fixture(scope="module")
+def cells(mirrored):
+    """A surrogate of patches between mirror images."""
+    return fitted(mirrored, features="hybrid")
+
+
+def test_a_surrogate_knows_the_boundary_of_its_patches(cells, ridge, heights, tmp_path):
+    assert "boundary" not in ridge.card
+    assert ridge.boundary == "free"
+    cells.save(tmp_path / "cells.surrogate")
+    loaded = Surrogate.load(tmp_path / "cells.surrogate")
+    assert loaded.card["boundary"] == loaded.boundary == "mirror"
+    on_surface = loaded.for_surface(heights[:-1, :-1], 1000.0)
+    assert on_surface.surface.boundary == "mirror"
+    assert on_surface.surface.steps == (1000.0 / 32,) * 2
+    answer = on_surface.predict([2.0, 4.0])
+    solved = [
+        bem.solve(heights[:-1, :-1], 1000.0, delta, boundary="mirror") for delta in (2.0, 4.0)
+    ]
+    np.testing.assert_allclose(answer.force, [each.force for each in solved], rtol=0.5)
+    assert not any("spacing" in reason or "nodes" in reason for reason in answer.reasons)
+    with pytest.raises(InputError, match="table: has a free boundary, the surrogate was"):
+        loaded.require_boundary("free", "table")
+
+
+@pytest.mark.parametrize("boundary", [None, "free", "periodic", 3])
+def test_a_card_with_another_boundary_than_its_scene_is_refused(cells, boundary):
+    card = {name: value for name, value in cells.card.items() if name != "boundary"}
+    card |= {} if boundary is None else {"boundary": boundary}
+    with pytest.raises(ValueError, match=f"boundary is {boundary}, mirror in the scene"):
+        agreement.check_card(card)
+    agreement.check_card(cells.card)

@@ -137,6 +137,54 @@ def test_a_predicted_population_has_bands_at_given_pressure(work):
                 )
 
 
+CELLS = """
+samples = 9
+[surface]
+nodes = 17
+[contact]
+boundary = "mirror"
+[delta]
+pieces = [{ share = 1.0, range = [0.5, 3.0] }]
+"""
+
+
+def test_a_law_of_patches_without_edges_is_the_solvers_up_to_full_contact(work):
+    """Against Delta, the closure: the mean gap falls by Delta, and all is in contact at its end."""
+    np.save("cells.npy", np.load("many/s0.npy")[:-1, :-1])
+    ask = ["cells.npy", "--side", "1000", "--solver", "--boundary", "mirror"]
+    run("law", *ask, "--pressure", "0.001,0.01,1", "--csv", "law.csv", "--header", "law.h")
+    assert "patches without edges: mirror boundary" in Path("law.h").read_text()
+    contacts = list(
+        bem.ladder(np.load("cells.npy"), 1000.0, pressures=[0.001, 0.01, 1.0], boundary="mirror")
+    )
+    found = rows_of("law.csv", "pressure_MPa")
+    assert {row["boundary"] for row in found} == {"mirror"}
+    for name, values in (
+        ("delta_um", [each.delta for each in contacts]),
+        ("area_percent", [each.area_percent for each in contacts]),
+    ):
+        np.testing.assert_allclose(column(found, name), values, rtol=1e-6)
+    rest = np.ptp(np.load("cells.npy")) - np.load("cells.npy").mean()
+    closure = column(found, "mean_gap_um") + column(found, "delta_um")
+    np.testing.assert_allclose(closure, rest, rtol=1e-6)
+    assert column(found, "area_percent")[-1] == 100
+
+
+def test_a_population_without_edges_has_a_law(work, mirrored):
+    Path("cells.toml").write_text(CELLS)
+    ask = ["cells.toml", "--surfaces", "3"]
+    run("law", *ask, "--solver", "--pressure", "0.001,0.01,1", "--csv", "law.csv")
+    found = rows_of("law.csv", "pressure_MPa")
+    assert column(found, "area_percent")[-1] == 100
+    deltas = column(rows_of("law.csv", "delta_um"), "delta_um")
+    assert 2 <= len(deltas) <= 3, "none at which a surface would be beyond full contact"
+    run("fit", mirrored, "-o", "cells.surrogate", "--model", "kernel-ridge")
+    run("law", "cells.surrogate", *ask, "--delta", "1:3:3", "--csv", "law.csv")
+    predicted = rows_of("law.csv", "delta_um")
+    gaps = column(predicted, "mean_gap_um")
+    np.testing.assert_allclose(gaps + column(predicted, "delta_um"), gaps[0], rtol=1e-9)
+
+
 ONE = ["hybrid.surrogate", "many/s0.npy", "--side", "1000"]
 
 
@@ -152,12 +200,17 @@ ONE = ["hybrid.surrogate", "many/s0.npy", "--side", "1000"]
         ([*ONE, "--solver", "--pressure", "0"], "--pressure '0': give pressures of 0 MPa or more"),
         ([], "Missing argument '[SURROGATE] INPUT...'"),
         ([*ONE, "--delta", "5,9", "--pressure", "9"], "give a larger --delta"),
+        ([*ONE, "--delta", "5", "--boundary", "mirror"], "--boundary mirror: the surrogate was"),
+        ([*ONE, "--delta", "5", "--boundary", "open"], "'open' is not one of"),
+        (["cells.toml", "quick", "--solver"], "quick: has a free boundary, the law a mirror one"),
+        (["hybrid.surrogate", "cells.toml"], "cells.toml: has a mirror boundary, the law a free"),
     ],
 )
 def test_a_law_that_cannot_be_is_refused(work, capsys, arguments, word):
     for name, modulus in (("a", 1.0), ("b", 2.0)):
         text = f"samples = 2\n[surface]\nnodes = 9\n[contact]\nmodulus = {modulus}\n"
         Path(f"{name}.toml").write_text(text)
+    Path("cells.toml").write_text(CELLS)
     run("law", *arguments, ends=2)
     assert word in capsys.readouterr().err.splitlines()[-1]
 
