@@ -37,7 +37,7 @@ LawBoundary = Annotated[
     Literal["free", "periodic", "mirror"] | None,
     typer.Option(
         help="Boundary of the patches, see gen contact; that of the training or the scene if left"
-        " out, else free."
+        " out, else mirror."
     ),
 ]
 

@@ -53,7 +53,8 @@ class Order:
     hardness : float, optional
         Hardness of the softer body; by default the only one of the training or the scene [MPa].
     boundary : {"free", "periodic", "mirror"}, optional
-        Boundary of the patches; by default that of the training or of the scenes, else free.
+        Boundary of the patches; by default that of the training or of the scenes, else mirror: a
+        law is about a piece of a larger surface.
     reading : Reading
         Options that say how files are read.
     command : str
@@ -166,7 +167,7 @@ def _check_surrogate(surrogate: Surrogate | None) -> None:
 
 
 def _boundary(surrogate: Surrogate | None, order: Order) -> Boundary:
-    """Return the boundary of the options, the surrogate or the first scene; free without these."""
+    """Return the boundary of the options, the surrogate or the first scene; else mirror."""
     if surrogate is not None and order.boundary in {None, surrogate.boundary}:
         return surrogate.boundary
     if surrogate is not None and not order.solver:
@@ -177,7 +178,7 @@ def _boundary(surrogate: Surrogate | None, order: Order) -> Boundary:
     if order.boundary is not None:
         return order.boundary
     scenes = [text for text in order.inputs if is_scene(text)]
-    return scene_of(scenes[0]).contact.boundary if scenes else "free"
+    return scene_of(scenes[0]).contact.boundary if scenes else "mirror"
 
 
 def _edges(boundary: Boundary) -> str:
