@@ -46,20 +46,9 @@ def simulate(
     *,
     write: Writer,
 ) -> Outcome:
-    """Let simulated workers do the blocks.
+    """Let simulated workers do the blocks in their order, given the time of each row [s].
 
-    Parameters
-    ----------
-    blocks : iterable of (int, int)
-        Ranges of rows, in the order in which they are handed out.
-    seconds : ndarray, shape (rows,)
-        Time of each row [s].
-    workers : int
-        Number of workers.
-    costs : Costs
-        Costs of the master.
-    write : str
-        Who writes: "master", "workers" (at the same cost), or "nobody".
+    The master writes, or the workers at the same cost, or nobody.
     """
     return _Farm(iter(blocks), seconds, workers, costs, write).run()
 

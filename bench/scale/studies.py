@@ -72,26 +72,11 @@ def simulated(
     largest: int = 0,
     smallest: int = 1,
 ) -> Point:
-    """Simulate one run.
+    """Simulate one run on a grid with some nodes a side, given the time of each row [s].
 
-    Parameters
-    ----------
-    costs : Costs
-        Costs of the master and of writing.
-    nodes, ranks : int
-        Nodes a side of the grid, and processes, of which rank 0 is the master.
-    seconds : ndarray, shape (rows,)
-        Time of each row [s].
-    writer : str
-        "single", or "parallel": every worker its own rows, which is taken to cost the same.
-    largest, smallest : int
-        Rows that a block may and should have; 0 for the program's own rule.
-
-    Returns
-    -------
-    dict
-        The run and how it went: the makespan in seconds, the workers' efficiency, their mean idle
-        tail over the makespan, the busy share of the master, blocks, the master's memory in bytes.
+    A parallel writer, every worker its own rows, is taken to cost what the single one does. Blocks
+    may and should have some rows, 0 for the program's own rule. The run's `seconds` are those from
+    the first task to the last row written; its `memory` is that of the master [bytes].
     """
     rows, workers = len(seconds), ranks - 1
     cut = blocks(nodes, rows, workers, largest, smallest)

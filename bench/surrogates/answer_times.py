@@ -15,9 +15,9 @@ from bench.databases import OTHER_SEED
 from bench.surrogates.clock import mean_seconds, median_seconds
 from bench.surrogates.fitting import Fitted
 from gen.arrays import Heights
-from gen.generation.plan import Parameters, parameters
+from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows, solve_contact, surface_of
-from gen.scene import Scene, load
+from gen.scene import load
 from learn.features import SurfaceFeatures, chosen
 from learn.metrics import scores
 
@@ -34,23 +34,13 @@ LOOSE = 1e-2
 """Residual of the loose solves that a surrogate competes with."""
 
 
-@dataclass(frozen=True, eq=False)
-class NewSurfaces:
-    """Surfaces and loads of the paper preset's distribution that nothing was trained on."""
+SCENE = load("paper").model_copy(update={"seed": OTHER_SEED})
+"""The paper preset with surfaces that nothing was trained on."""
 
-    scene: Scene  # the preset with another seed
-    plan: Parameters  # its first rows
-    heights: list[Heights]  # of each row [um]
+SIDE = SCENE.surface.side
 
-    @property
-    def side(self) -> float:
-        """Scan length [um]."""
-        return self.scene.surface.side
-
-    @property
-    def contacts(self) -> list[tuple[Heights, float]]:
-        """Each surface with its displacement [um]."""
-        return list(zip(self.heights, self.plan.delta.tolist(), strict=True))
+Contacts = list[tuple[Heights, float]]
+"""Surfaces, each with its displacement [um]."""
 
 
 @dataclass(frozen=True)
@@ -80,50 +70,50 @@ class SurrogateTimes:
         return self.surface + self.batched
 
 
-def new_surfaces(count: int) -> NewSurfaces:
-    """Generate surfaces that no surrogate here was trained on."""
-    scene = load("paper").model_copy(update={"seed": OTHER_SEED})
-    plan = parameters(scene, 0, count)
-    return NewSurfaces(scene, plan, [surface_of(scene, plan, row) for row in range(count)])
+def new_contacts(count: int) -> Contacts:
+    """Generate surfaces and loads of the preset that no surrogate here was trained on."""
+    plan = parameters(SCENE, 0, count)
+    return [(surface_of(SCENE, plan, row), float(plan.delta[row])) for row in range(count)]
 
 
-def measure_solver(new: NewSurfaces) -> SolverTimes:
-    """Time the solver on surfaces and loads of the paper preset's distribution."""
-    scene, rows = new.scene, range(len(new.heights))
-    loose = [partial(bem.solve, each, new.side, delta, rtol=LOOSE) for each, delta in new.contacts]
-    exact = [partial(solve_contact, scene, *each) for each in new.contacts]
+def measure_solver(contacts: Contacts) -> SolverTimes:
+    """Time the solver on new contacts, and on the rows that they are of."""
+    rows = range(len(contacts))
+    plan = parameters(SCENE, 0, len(contacts))
+    loose = [partial(bem.solve, each, SIDE, delta, rtol=LOOSE) for each, delta in contacts]
+    exact = [partial(solve_contact, SCENE, *each) for each in contacts]
     areas = ([solve().area_percent for solve in solves] for solves in (exact, loose))
     return SolverTimes(
-        row=mean_seconds(partial(compute_rows, scene, row, row + 1) for row in rows),
-        surface=mean_seconds(partial(surface_of, scene, new.plan, row) for row in rows),
+        row=mean_seconds(partial(compute_rows, SCENE, row, row + 1) for row in rows),
+        surface=mean_seconds(partial(surface_of, SCENE, plan, row) for row in rows),
         solve=mean_seconds(exact),
-        ladder=ladder_seconds(new),
+        ladder=ladder_seconds(contacts),
         loose=mean_seconds(loose),
         loose_nmae=scores(*areas).nmae,
     )
 
 
-def ladder_seconds(new: NewSurfaces) -> float:
+def ladder_seconds(contacts: Contacts) -> float:
     """Time a contact among `LOADS` on one surface [s]."""
     deltas = np.linspace(*DELTAS, LOADS)
 
     def climb(heights: Heights) -> None:
-        for _ in bem.ladder(heights, new.side, deltas):
+        for _ in bem.ladder(heights, SIDE, deltas):
             pass
 
-    return mean_seconds(partial(climb, heights) for heights in new.heights) / LOADS
+    return mean_seconds(partial(climb, heights) for heights, _ in contacts) / LOADS
 
 
-def measure_surrogate(fitted: Fitted, features: str, new: NewSurfaces) -> SurrogateTimes:
+def measure_surrogate(fitted: Fitted, features: str, contacts: Contacts) -> SurrogateTimes:
     """Time the answers of a surrogate with a feature set, on surfaces that it has not seen."""
-    sides, wanted = (new.side, new.side), chosen(features)
+    sides, wanted = (SIDE, SIDE), chosen(features)
 
     def unknown(heights: Heights, delta: float) -> NDArray[np.float64]:
         return SurfaceFeatures(heights, sides).features(wanted, np.array([delta]))
 
-    surface = mean_seconds(partial(unknown, *each) for each in new.contacts)
+    surface = mean_seconds(partial(unknown, *each) for each in contacts)
     # What does not depend on Delta is computed once: these have it.
-    known = [SurfaceFeatures(heights, sides) for heights in new.heights]
+    known = [SurfaceFeatures(heights, sides) for heights, _ in contacts]
     deltas = np.linspace(*DELTAS, LOADS)
     rows = np.concatenate([each.features(wanted, deltas) for each in known])
     load = mean_seconds(partial(each.features, wanted, deltas) for each in known) / LOADS

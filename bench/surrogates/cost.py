@@ -14,7 +14,7 @@ from bench.surrogates.answer_times import (
     SurrogateTimes,
     measure_solver,
     measure_surrogate,
-    new_surfaces,
+    new_contacts,
 )
 from bench.surrogates.break_even import (
     PAPER_ROWS,
@@ -96,14 +96,14 @@ def cost(
     searched = 0.0 if comparison is None else tuning_seconds(comparison)
     path = databases.of_the_paper(given, folder / "databases", rows)
     remark(f"the solver on {surfaces} surfaces")
-    new = new_surfaces(surfaces)
-    costs = Costs(measure_solver(new), {}, [of_the_paper()], [])
+    contacts = new_contacts(surfaces)
+    costs = Costs(measure_solver(contacts), {}, [of_the_paper()], [])
     for features in SETS:
         request = request_for(path, "kernel-ridge", features, area_max)
         parts = parted(read(request, rows))
         remark(f"{features} features: {parts.train.size} rows train")
         full = fit(request, parts.train, parts.calibration, parts.folds)
-        answer = measure_surrogate(full, features, new)
+        answer = measure_surrogate(full, features, contacts)
         build = build_times(rows, costs.solver, answer, full, features)
         if features == "paper":
             build = replace(build, tuning=build.tuning + searched)

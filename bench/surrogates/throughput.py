@@ -14,7 +14,14 @@ from bench import databases
 from bench.page.content import Content, Table
 from bench.remarks import remark
 from bench.report import Report
-from bench.surrogates.answer_times import DELTAS, LOADS, NewSurfaces, ladder_seconds, new_surfaces
+from bench.surrogates.answer_times import (
+    DELTAS,
+    LOADS,
+    SIDE,
+    Contacts,
+    ladder_seconds,
+    new_contacts,
+)
 from bench.surrogates.clock import mean_seconds, median_seconds
 from bench.surrogates.fitting import request_for
 from bench.table import markdown
@@ -22,6 +29,7 @@ from learn.executor import Executor
 from learn.features import SETS
 from learn.surrogate import Surrogate
 from learn.surrogate.model import OnSurface
+from learn.surrogate.prediction import Rows
 from learn.surrogate.training import fit
 
 MODEL = "kernel-ridge"
@@ -47,17 +55,16 @@ def throughput(surrogates: Mapping[str, Surrogate], surfaces: int) -> list[dict[
 
     The times are means over surfaces of the paper preset.
     """
-    new = new_surfaces(surfaces)
+    contacts = new_contacts(surfaces)
     remark(f"the solver on {surfaces} surfaces")
-    solve = partial(bem.solve, side=new.side)
-    single = mean_seconds(partial(solve, heights, delta=delta) for heights, delta in new.contacts)
+    single = mean_seconds(partial(bem.solve, each, SIDE, delta) for each, delta in contacts)
     timed = [
         ("bem.solve", "a surface and a displacement", single),
-        ("bem.ladder", f"{LOADS} displacements on a surface", ladder_seconds(new)),
+        ("bem.ladder", f"{LOADS} displacements on a surface", ladder_seconds(contacts)),
     ]
     for name, surrogate in surrogates.items():
         remark(name)
-        timed += [(name, *rest) for rest in _surrogate(surrogate, new)]
+        timed += [(name, *rest) for rest in _surrogate(surrogate, contacts)]
     return [
         {"what": what, "how": how, "seconds": seconds, "solves": single / seconds}
         for what, how, seconds in timed
@@ -118,12 +125,11 @@ def _rounded(number: float) -> str:
     return f"{number:.3g}" if number < 1000 else f"{float(f'{number:.3g}'):,.0f}"
 
 
-def _surrogate(surrogate: Surrogate, new: NewSurfaces) -> Iterator[tuple[str, float]]:
+def _surrogate(surrogate: Surrogate, contacts: Contacts) -> Iterator[tuple[str, float]]:
     """Time every way to call one: new surfaces, a surface that is known, rows of statistics."""
-    unknown = partial(surrogate.predict, side=new.side, delta=10.0)
-    calls = (partial(unknown, heights) for heights in new.heights)
+    calls = (partial(surrogate.predict, heights, SIDE, 10.0) for heights, _ in contacts)
     yield "a new surface, one displacement", mean_seconds(calls)
-    known = surrogate.for_surface(new.heights[0], new.side)
+    known = surrogate.for_surface(contacts[0][0], SIDE)
     known.predict(10.0)
     most = HYBRID_BATCH if surrogate.features.needs_surface else BATCH
     for count, counted in ((1, "1 displacement"), (most, f"{most:,} displacements")):
@@ -131,7 +137,10 @@ def _surrogate(surrogate: Surrogate, new: NewSurfaces) -> Iterator[tuple[str, fl
         for words, options in WAYS.items():
             seconds = median_seconds(partial(known.predict, deltas, **options)) / count
             yield f"for_surface, {counted}, {words}", seconds
-    yield from _rows(surrogate, known)
+    rows = _many(known)
+    for words, options in WAYS.items():
+        seconds = median_seconds(partial(surrogate.predict_rows, rows, **options)) / BATCH
+        yield f"{BATCH:,} rows of features, {words}", seconds
     deltas = np.linspace(*DELTAS, LAW)
     law = known.predict(deltas, level=None).values[next(iter(surrogate.learnt))]
     asked = np.linspace(*DELTAS, BATCH)
@@ -139,14 +148,11 @@ def _surrogate(surrogate: Surrogate, new: NewSurfaces) -> Iterator[tuple[str, fl
     yield f"its law, a table of {LAW} displacements, interpolated", seconds
 
 
-def _rows(surrogate: Surrogate, known: OnSurface) -> Iterator[tuple[str, float]]:
-    """Time rows whose features are there: all that is left is the model."""
+def _many(known: OnSurface) -> Rows:
+    """Return rows whose features are there: all that is left is the model."""
     few = known.rows(np.linspace(*DELTAS, 50))
-    rows = few._replace(
+    return few._replace(
         inputs=np.resize(few.inputs, (BATCH, few.inputs.shape[1])),
         statistics=np.resize(few.statistics, (BATCH, few.statistics.shape[1])),
         delta=np.resize(few.delta, BATCH),
     )
-    for words, options in WAYS.items():
-        seconds = median_seconds(partial(surrogate.predict_rows, rows, **options)) / BATCH
-        yield f"{BATCH:,} rows of features, {words}", seconds
