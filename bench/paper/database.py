@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from bench.page.content import Content, Figure, Table
@@ -19,7 +20,6 @@ from gen.runtime.errors import InputError
 from gen.schema import COLUMNS, Column, Status, statistics_columns
 
 Values = NDArray[np.float64]
-Rows = dict[str, Any]
 
 ENOUGH_INSIDE = 99.0
 """Share of rows inside the paper's range from which on only its ends differ [%]."""
@@ -33,35 +33,33 @@ SHOWN = [column for column in COLUMNS if column.name in RANGES]
 LABELS = {"delta": "far-field displacement Δ [µm]", "area_percent": "effective contact area [%]"}
 
 
-def read(path: Path) -> Rows:
-    """Read the finished rows: Table 1's columns, times of the solves, and places as `row`."""
+def read(path: Path) -> pd.DataFrame:
+    """Read the finished rows of a database: Table 1's columns, and the times of the solves."""
     with Reader(path) as reader:
-        done = np.flatnonzero(reader.column("status") == Status.DONE)
-        if done.size < 2:
-            raise InputError(f"{path} has {done.size} finished rows: two at least are needed")
-        columns = {name: reader.column(name)[done] for name in (*RANGES, "solve_seconds")}
-    return {"row": done, **columns}
+        names = ("status", *RANGES, "solve_seconds")
+        rows = pd.DataFrame({name: reader.column(name) for name in names})
+    done = rows[rows["status"] == Status.DONE].drop(columns="status")
+    if len(done) < 2:
+        raise InputError(f"{path} has {len(done)} finished rows: two at least are needed")
+    return done
 
 
 def solve_times(folder: Path, database: Path) -> list[Content]:
     """Draw the time of a solve against displacement and area (section 2.4)."""
     rows = read(database)
     seconds = rows["solve_seconds"]
-    tenths = [
-        (name, part)
-        for name in LABELS
-        for part in np.array_split(np.argsort(rows[name]), min(10, seconds.size))
-    ]
+    bins: list[tuple[Any, ...]] = []
+    for name in LABELS:
+        for part in np.array_split(rows[name].argsort(), min(10, len(rows))):
+            values, times = rows[name].iloc[part], 1000 * seconds.iloc[part]
+            told = times.agg(["mean", "median", "max"])
+            bins.append((name, values.min(), values.max(), len(part), *told))
     header = ("against", "from", "to", "rows", "mean_ms", "median_ms", "longest_ms")
-    bins = [
-        (name, *_ends(rows[name][part]), part.size, *(1000 * f(seconds[part]) for f in TIMES))
-        for name, part in tenths
-    ]
     table = write_table(folder / "solve-times.csv", header, bins, DIGITS)
     half = len(bins) // 2
     delta, area = (each[-1][4] / each[0][4] for each in (bins[:half], bins[half:]))
     caption = (
-        f"Section 2.4, solve times on 128 x 128 cells: {seconds.size:,} contacts of ours as dots"
+        f"Section 2.4, solve times on 128 x 128 cells: {len(rows):,} contacts of ours as dots"
         f" ({1000 * seconds.mean():.3g} ms in the mean, {1000 * seconds.max():.3g} ms at most, wall"
         " time as measured while the database was made), the paper's as lines:"
         f" {PAPER_SOLVE / seconds.mean():,.0f} times longer in the mean. As there, time grows with"
@@ -72,15 +70,7 @@ def solve_times(folder: Path, database: Path) -> list[Content]:
     return [Figure(picture, caption, data=(table, _points(folder, rows)))]
 
 
-TIMES = (np.mean, np.median, np.max)
-"""What is told of the times of a bin."""
-
-
-def _ends(values: Values) -> tuple[float, float]:
-    return float(values.min()), float(values.max())
-
-
-def _times_picture(rows: Rows) -> Any:
+def _times_picture(rows: pd.DataFrame) -> Any:
     figure = new_figure(10.5, 4.4)
     axes = figure.subplots(1, 2, sharey=True)
     seconds = rows["solve_seconds"]
@@ -101,11 +91,11 @@ def _times_picture(rows: Rows) -> Any:
     return figure
 
 
-def _points(folder: Path, rows: Rows) -> Path:
+def _points(folder: Path, rows: pd.DataFrame) -> Path:
     """Write the points of the pictures."""
-    columns = [rows[name] for name in ("row", "delta", "area_percent", "hurst", "solve_seconds")]
+    points = rows[["delta", "area_percent", "hurst", "solve_seconds"]].itertuples()
     header = ("row", "delta_um", "area_percent", "hurst", "solve_s")
-    return write_table(folder / "rows.csv", header, zip(*columns, strict=True), digits=5)
+    return write_table(folder / "rows.csv", header, points, digits=5)
 
 
 def distributions(folder: Path, database: Path) -> list[Content]:
@@ -125,7 +115,7 @@ def distributions(folder: Path, database: Path) -> list[Content]:
     figure.colorbar(shown, ax=right, label="Hurst exponent H")
     below = 100 * float((area <= AREA_MAX).mean())
     caption = (
-        f"Section 3.2, the database ({area.size:,} rows; the paper has {PAPER_ROWS:,}): (a)"
+        f"Section 3.2, the database ({len(rows):,} rows; the paper has {PAPER_ROWS:,}): (a)"
         " more rows at small displacements, as in the paper; (b) areas at one displacement differ"
         f" with the surface, smooth ones have more. {below:.1f} % of ours lie below the paper's"
         f" largest area, the others reach {area.max():.1f} %: {deviations.AREAS.format(AREA_MAX)}."
@@ -138,10 +128,12 @@ def table_1(folder: Path, database: Path) -> list[Content]:
     rows = read(database)
     ends = ("ours_low", "ours_high", "paper_low", "paper_high", "ours_inside_percent")
     header = ("parameter", "unit", *ends, "deviation", "explanation")
-    inside = {column: _inside(rows, column) for column in SHOWN}
-    ranges = [_range(column, rows[column.name], inside[column]) for column in SHOWN]
+    shown = rows[list(RANGES)]
+    low, high = pd.DataFrame(RANGES).to_numpy()
+    inside = 100 * ((shown >= low) & (shown <= high)).mean()
+    ranges = [_range(column, rows[column.name], inside[column.name]) for column in SHOWN]
     table = write_table(folder / "table-1.csv", header, ranges, DIGITS)
-    outside = [each.long_name for each, share in inside.items() if share < ENOUGH_INSIDE]
+    outside = [each.long_name for each in SHOWN if inside[each.name] < ENOUGH_INSIDE]
     return [
         Table(
             table,
@@ -159,28 +151,20 @@ def table_1(folder: Path, database: Path) -> list[Content]:
     ]
 
 
-def _inside(rows: Rows, column: Column) -> float:
-    """Return the share of the rows inside the paper's range [%]."""
-    (low, high), values = RANGES[column.name], rows[column.name]
-    return 100 * float(((values >= low) & (values <= high)).mean())
-
-
-def _range(column: Column, values: Values, inside: float) -> tuple[object, ...]:
+def _range(column: Column, values: pd.Series, inside: float) -> tuple[object, ...]:
     """Return a row of Table 1, which says why its ends differ."""
-    ends, (low, high) = _ends(values), RANGES[column.name]
-    apart = [
-        100 * (ours - theirs) / (high - low) for ours, theirs in zip(ends, (low, high), strict=True)
-    ]
+    (low, high), ours = RANGES[column.name], (values.min(), values.max())
+    apart = (ours[0] - low, ours[1] - high)
     why = {
         **dict.fromkeys(UNEXPLAINED, deviations.BANDWIDTH),
         **dict.fromkeys(("hurst", "delta"), ""),
         "area_percent": deviations.AREAS.format(AREA_MAX),
     }.get(column.name, deviations.EXTREMES)
-    shifts = ", ".join(f"{each:+.1f} %" for each in apart)
-    return column.long_name, column.unit, *ends, low, high, f"{inside:.1f}", shifts, why
+    shifts = ", ".join(f"{100 * each / (high - low):+.1f} %" for each in apart)
+    return column.long_name, column.unit, *ours, low, high, f"{inside:.1f}", shifts, why
 
 
-def _histograms(rows: Rows) -> Any:
+def _histograms(rows: pd.DataFrame) -> Any:
     """Draw every parameter of Table 1 with the paper's range."""
     figure = new_figure(11, 10.5)
     axes = figure.subplots(-(-len(SHOWN) // 5), 5).ravel()

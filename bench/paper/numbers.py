@@ -42,7 +42,7 @@ def numbers(
 
 def _of_the_database(path: Path) -> Iterator[Row]:
     rows = databases.read(path)
-    area, seconds, done = rows["area_percent"], rows["solve_seconds"], rows["row"].size
+    area, seconds, done = rows["area_percent"], rows["solve_seconds"], len(rows)
     with Reader(path) as reader:
         failed = int((reader.column("status") == Status.FAILED).sum())
     asked = "" if done == PAPER_ROWS else "as asked for"

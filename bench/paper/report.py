@@ -154,7 +154,7 @@ def _databases(
     if "fine" in needed and "fine" not in given:
         # The one that `bench generalisation` tests on too.
         (case,) = (case for case in CASES if case.name == FINE)
-        count = tests_of(max(100, database.read(found["database"])["row"].size))
+        count = tests_of(max(100, len(database.read(found["database"]))))
         text = f"samples = {count}\nseed = {OTHER_SEED}\n{case.scene}"
         found["fine"] = databases.generated(place, case.file, text)
     return found
