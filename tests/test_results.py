@@ -215,6 +215,7 @@ SHOWN = {
     "peers": (2, 3, 0xA54AF28B),
     "growth": (2, 1, 0xC69B18E1),
     "hertz": (1, 0, 0x00000000),
+    "theory": (2, 0, 0x00000000),
     "stability": (0, 3, 0xD2BCAC28),
     "scale": (1, 1, 0xCA82B964),
     "comparison": (0, 2, 0x878D84F1),

@@ -46,6 +46,14 @@ PARTS = (
         show=contents_of("bench.hertz:contents"),
     ),
     Part(
+        "theory",
+        SOLVER,
+        "Theories of random contact",
+        quick="-m bench theory --nodes 256 --surfaces 1 -o {folder}",
+        full="-m bench theory -o {folder}",
+        show=contents_of("bench.theory:contents"),
+    ),
+    Part(
         "stability",
         STABILITY,
         "Generators, statistics, solver, models",
