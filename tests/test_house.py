@@ -83,6 +83,7 @@ ROOMS = {
 
 TESTED_TOGETHER = {
     "tests/bem/test_convergence.py": "the study of orders of convergence, which only tests use",
+    "tests/bem/test_edgeless_references.py": "a property of all solves: dense references, images",
     "tests/bem/test_hardness_least_squares.py": "a property of all solves: bounded least squares",
     "tests/bem/test_indenters.py": "a property of all solves: pressed indenters",
     "tests/bem/test_invariances.py": "a property of all solves: symmetries and scalings",

@@ -124,7 +124,7 @@ def stability(
         list[str] | None,
         typer.Option(
             metavar="TABLE",
-            help="surfaces, solver, loads, hardness or models alone; may be repeated.",
+            help="surfaces, solver, loads, hardness, edgeless or models alone; may be repeated.",
         ),
     ] = None,
 ) -> int:

@@ -101,6 +101,15 @@ TABLES = {
         " by the dense matrix; then 1,000 surfaces of the paper preset at the default tolerance,"
         " none of which may fail, or touch at fewer nodes than the elastic contact.",
     ),
+    "edgeless": Sheet(
+        "Random contacts without edges",
+        "edgeless.csv",
+        ("edgeless",),
+        "Periodic and mirrored patches: 1,000 random contacts of up to 24 x 24 nodes, with and"
+        " without a hardness, beside the dense matrix of sines and cosines; then 200 mirrored"
+        " patches beside periodic ones of their mirror images, and 100 periodic ones that begin"
+        " elsewhere.",
+    ),
     "models": Sheet(
         "The nine models",
         "models.csv",

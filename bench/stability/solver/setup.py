@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 import bem
 from bem.influence import Kernel
 from bem.problem import MAX_ITERATIONS, FarField
+from bem.spacing import Boundary, node_spacing
 from bench.stability.solver.topographies import SIDE, Field
 from gen.material import plane_strain_modulus
 
@@ -25,6 +26,7 @@ SYMBOLS = {
     "force": "F",
     "kernel": "",
     "far_field": "",
+    "boundary": "",
 }
 """Arguments that a description names if they are not the default."""
 
@@ -48,6 +50,7 @@ class Setup:
     hardness: float | None = None
     pressure: float | None = None
     force: float | None = None
+    boundary: Boundary = "free"
 
     def solve(self) -> bem.Contact:
         """What `bem` makes of it."""
@@ -65,7 +68,10 @@ class Setup:
         if self.spacing is not None:
             return _pair(self.spacing)
         (length, width), (rows, columns) = _pair(self.side), self.surface.shape
-        return length / (rows - 1), width / (columns - 1)
+        return (
+            node_spacing(rows, length, self.boundary),
+            node_spacing(columns, width, self.boundary),
+        )
 
     @property
     def aspect(self) -> float:

@@ -1,0 +1,152 @@
+"""Contact of patches without edges, by the dense matrix of sines and cosines written out.
+
+Along each axis the modes are the sines and cosines that repeat with the patch, or the cosines of
+the patch continued by its mirror images. A mode of wave number |q| has the compliance 2 / (E* |q|),
+the mean has none, and that matrix is singular. Here the patch lies on a spring, too: this matrix is
+positive definite, each displacement of the spring has one pressure, and the displacement is found
+that has the given load.
+"""
+
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from bench.references import dense, yielding
+
+Field = NDArray[np.float64]
+Boundary = Literal["periodic", "mirror"]
+
+CLOSE = 4 * np.finfo(float).eps
+"""Relative accuracy of the spring's displacement."""
+
+
+class Solution(NamedTuple):
+    """Pressure [MPa], gap, negative at yielded nodes, and displacement from first touch [um]."""
+
+    pressure: Field
+    gap: Field
+    delta: float
+
+
+def axis_modes(nodes: int, side: float, boundary: Boundary) -> tuple[Field, Field]:
+    """Return wave numbers, (n,) [1/um], and orthonormal modes, (n, n), of the cells of an axis."""
+    cells, number = np.arange(nodes), np.arange(nodes)[:, None]
+    if boundary == "mirror":
+        order, waves = number, np.cos(np.pi * number * (cells + 0.5) / nodes)
+    else:
+        order = (number + 1) // 2  # 0, 1, 1, 2, 2 ...: a cosine and a sine each
+        angles = 2 * np.pi * order * cells / nodes
+        waves = np.where(number % 2 == 1, np.cos(angles), np.sin(angles))
+        waves[0] = 1
+    waves /= np.sqrt(np.square(waves).sum(axis=1, keepdims=True))
+    unit = (np.pi if boundary == "mirror" else 2 * np.pi) / side
+    return np.asarray(unit * order[:, 0]), np.asarray(waves)
+
+
+class Patch:
+    """A surface on a half-space of E* = 1 MPa, without edges.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights [um].
+    sides : tuple of float
+        Sides of the patch, n cells each [um].
+    boundary : {"periodic", "mirror"}
+        How the patch is continued.
+    hardness : float
+        Largest pressure, infinite for elastic bodies [MPa].
+    """
+
+    def __init__(
+        self,
+        heights: Field,
+        sides: tuple[float, float],
+        boundary: Boundary,
+        hardness: float = np.inf,
+    ) -> None:
+        self.below, self.hardness = (heights - heights.max()).reshape(-1), hardness
+        self.shape: tuple[int, int] = heights.shape[0], heights.shape[1]
+        along, across = (
+            axis_modes(*axis, boundary) for axis in zip(self.shape, sides, strict=True)
+        )
+        wave_numbers = np.hypot.outer(along[0], across[0]).reshape(-1)
+        self.modes: Field = np.asarray(np.kron(along[1], across[1]), np.float64)
+        self.compliances = np.ones(heights.size)  # the spring's is the largest of a mode
+        self.compliances[1:] = 2 / wave_numbers[1:]
+        self.compliances[0] = self.compliances[1:].max(initial=1.0)
+        self.spring = float(self.compliances[0]) / heights.size
+
+    @cached_property
+    def sprung(self) -> Field:
+        """(m, m) displacement of each node, on the spring, by unit pressure on each [um/MPa]."""
+        matrix: Field = (self.modes.T * self.compliances) @ self.modes
+        return matrix
+
+    @property
+    def matrix(self) -> Field:
+        """(m, m) the same without the spring, whose mean over the patch is zero [um/MPa]."""
+        return self.sprung - self.spring
+
+    @property
+    def full_contact_delta(self) -> float:
+        """Displacement at which elastic contact is full, whatever the load beyond [um]."""
+        return -float(self.below.mean())
+
+    @cached_property
+    def full_contact_load(self) -> float:
+        """Sum of the nodes' pressures from which on elastic contact is full [MPa]."""
+        amplitudes: Field = self.modes @ self.below / self.compliances
+        amplitudes[0] = 0
+        pressure: Field = amplitudes @ self.modes
+        return -float(pressure.min()) * pressure.size
+
+    def press(
+        self,
+        *,
+        delta: float = 0.0,
+        force: float | None = None,
+        method: yielding.Method | None = None,
+    ) -> Solution:
+        """Find the equilibrium at a displacement, below that of full elastic contact, or a load.
+
+        Parameters
+        ----------
+        delta : float
+            Displacement of the far field [um].
+        force : float, optional
+            Sum of the nodes' pressures instead, below the hardness on all of them [MPa].
+        method : callable, optional
+            Of `yielding`, to begin exchanges of nodes with; from all that overlap unless given.
+
+        Raises
+        ------
+        ArithmeticError
+            If the conditions of contact are not fulfilled.
+        """
+
+        def solve(sprung: float) -> Field:
+            interference = self.below + sprung
+            sides = None if method is None else method(self.sprung, interference, self.hardness)
+            return dense.solve(self.sprung, interference, sides, self.hardness)
+
+        def excess(sprung: float) -> float:
+            total = float(solve(sprung).sum())
+            return sprung - self.spring * total - delta if force is None else total - force
+
+        # No load takes more displacement than the range of heights, no displacement more load than
+        # that of full contact, or of the hardness on all nodes.
+        if force is None:
+            full, yielded = self.full_contact_load, self.hardness * self.below.size
+            most = full if np.isinf(yielded) else yielded
+            bounds = delta, delta + 1.001 * self.spring * most
+        else:
+            bounds = 0.0, 1.001 * (self.spring * force - float(self.below.min()))
+        sprung = float(brentq(excess, *bounds, xtol=CLOSE * bounds[1], rtol=CLOSE))
+        pressure = solve(sprung)
+        reached = sprung - self.spring * float(pressure.sum())
+        gap = self.matrix @ pressure - self.below - reached
+        return Solution(pressure.reshape(self.shape), gap.reshape(self.shape), reached)

@@ -1,0 +1,81 @@
+"""The references without edges: their matrices, two methods against each other, full contact."""
+
+import numpy as np
+import pytest
+
+from bench.references import yielding
+from bench.references.edgeless import Boundary, Patch
+from bench.references.surfaces import SURFACES, surface
+
+SIDES = (3.0, 5.0)
+BOTH: tuple[Boundary, ...] = ("periodic", "mirror")
+SHAPES = [(6, 7), (5, 8), (1, 4), (9, 1), (1, 1)]
+
+
+def images(field: np.ndarray) -> np.ndarray:
+    return np.block([[field, field[:, ::-1]], [field[::-1], field[::-1, ::-1]]])
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_periodic_matrix_is_a_product_of_transforms(shape: tuple[int, int]) -> None:
+    pressure = np.random.default_rng(0).random(shape)
+    found = Patch(pressure, SIDES, "periodic").matrix @ pressure.reshape(-1)
+    axes = [np.fft.fftfreq(nodes, side / nodes) for nodes, side in zip(shape, SIDES, strict=True)]
+    wave_numbers = 2 * np.pi * np.hypot.outer(*axes)
+    wave_numbers[0, 0] = np.inf
+    moved = np.fft.ifft2(np.fft.fft2(pressure) * (2 / wave_numbers)).real
+    np.testing.assert_allclose(found.reshape(shape), moved, atol=1e-14)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_mirrored_matrix_is_the_periodic_one_of_the_images(shape: tuple[int, int]) -> None:
+    pressure = np.random.default_rng(1).random(shape)
+    found = Patch(pressure, SIDES, "mirror").matrix @ pressure.reshape(-1)
+    whole = Patch(images(pressure), (6.0, 10.0), "periodic")
+    moved = (whole.matrix @ images(pressure).reshape(-1)).reshape(whole.shape)
+    np.testing.assert_allclose(images(found.reshape(shape)), moved, atol=1e-14)
+
+
+@pytest.mark.parametrize("ratio", [2.0, None])
+@pytest.mark.parametrize("boundary", BOTH)
+@pytest.mark.parametrize("kind", SURFACES)
+def test_both_methods_and_both_loads_agree(
+    kind: str, boundary: Boundary, ratio: float | None
+) -> None:
+    """The hardness is over the mean pressure; a displacement gives the load that has led to it."""
+    shape = (9, 6)
+    load = 0.1 * max(Patch(surface(kind, shape), SIDES, boundary).full_contact_load, 1.0)
+    hardness = np.inf if ratio is None else ratio * load / 54
+    patch = Patch(surface(kind, shape), SIDES, boundary, hardness)
+    found = patch.press(force=load)
+    largest = found.pressure.max()
+    assert found.pressure.sum() == pytest.approx(load, rel=1e-11)
+    other = patch.press(force=load, method=yielding.by_least_squares)
+    np.testing.assert_allclose(other.pressure, found.pressure, rtol=0, atol=1e-9 * largest)
+    if 1e-9 < found.delta < patch.full_contact_delta * (1 - 1e-6):
+        again = patch.press(delta=found.delta)
+        np.testing.assert_allclose(again.pressure, found.pressure, rtol=0, atol=1e-8 * largest)
+        assert again.delta == pytest.approx(found.delta, rel=1e-10)
+
+
+@pytest.mark.parametrize("boundary", BOTH)
+@pytest.mark.parametrize("kind", SURFACES)
+def test_conditions_of_contact_hold(kind: str, boundary: Boundary) -> None:
+    patch = Patch(surface(kind, (8, 7), seed=2), SIDES, boundary, 3.0)
+    pressure, gap, _ = patch.press(force=100.0)
+    yielded = pressure == 3.0
+    assert pressure.min() >= 0
+    assert pressure.max() <= 3.0
+    assert gap[~yielded].min(initial=0.0) >= -1e-10
+    assert gap[pressure > 0].max() <= 1e-10
+
+
+@pytest.mark.parametrize("boundary", BOTH)
+def test_full_contact_begins_at_its_load(boundary: Boundary) -> None:
+    patch = Patch(surface("self-affine", (8, 7)), SIDES, boundary)
+    short = patch.press(force=patch.full_contact_load * (1 - 1e-6))
+    beyond = patch.press(force=patch.full_contact_load * 2)
+    assert np.count_nonzero(short.pressure) == patch.below.size - 1
+    assert beyond.pressure.min() > 0
+    assert beyond.delta == pytest.approx(patch.full_contact_delta, rel=1e-9)
+    np.testing.assert_allclose(beyond.gap, 0, atol=1e-11)
