@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from bench.page.content import Content, Figure, Table
 from bench.paper import deviations
@@ -18,8 +17,6 @@ from bench.table import write_table
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.schema import COLUMNS, Column, Status, statistics_columns
-
-Values = NDArray[np.float64]
 
 ENOUGH_INSIDE = 99.0
 """Share of rows inside the paper's range from which on only its ends differ [%]."""
