@@ -38,15 +38,17 @@ AreaMax = Annotated[
 
 
 def numbers(name: str, text: str, kind: type[Number]) -> list[Number]:
-    """Numbers with commas between them."""
+    """Parse numbers with commas between them."""
     try:
         return [kind(part) for part in text.split(",")]
     except ValueError:
         raise InputError(f"{name} {text!r}: give numbers with commas between them") from None
 
 
-def require_place(folder: Path, *names: str) -> None:
+def require_place(folder: Path | None, *names: str) -> None:
     """Refuse a folder, or pictures without matplotlib, before any work is done for a report."""
+    if folder is None:
+        return
     if any(name.endswith(".png") for name in names):
         new_figure(1.0, 1.0)
     check_folder(folder, *names)

@@ -15,7 +15,6 @@ from bench.commands.options import (
     require_place,
     tell,
 )
-from gen.runtime.output import check_folder
 
 
 def models(
@@ -136,8 +135,7 @@ def throughput(
     """
     from bench.surrogates import throughput as calls
 
-    if output is not None:
-        require_place(output, "throughput.csv")
+    require_place(output, "throughput.csv")
     asked = calls.loaded(surrogate) if surrogate else calls.fitted(database, rows)
     tell(output, calls.report(calls.throughput(asked, surfaces)))
 
@@ -158,6 +156,5 @@ def memory(
     """
     from bench.memory import measure, report
 
-    if output is not None:
-        check_folder(output, "memory.csv")
+    require_place(output, "memory.csv")
     tell(output, report(measure(model or [], rows)))
