@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bench.peers.accuracy import find_errors, loosest
-from bench.peers.sample import SIGMA0, Sample
+from bench.peers.sample import SIGMA0
 from bench.remarks import remark
 from bench.solvers.case import Case, find_exact
 from bench.solvers.solver import REFERENCE_RTOL, Answer, Failure, Solver, back_and_forth
@@ -33,12 +33,11 @@ class Trial:
         Why there is none.
     """
 
-    def __init__(self, solver: Solver, sample: Sample) -> None:
-        self.solver, self.sample = solver, sample
+    def __init__(self, solver: Solver, case: Case) -> None:
+        self.solver, self._case = solver, case
         self.tolerance: float | None = None
         self.remark = ""
-        self._case = sample.case()
-        self._exact = find_exact(self._case, REFERENCE_RTOL)
+        self._exact = find_exact(case, REFERENCE_RTOL)
         self.contact_nodes = int(np.count_nonzero(self._exact.pressure > 0))
         self._tried: dict[float, Row] = {}
         self._seconds: list[float] = []
@@ -91,13 +90,13 @@ class Trial:
 
     def row(self, set_up_seconds: float, ours: float | None) -> Row:
         """Return the row of the table; `ours` is the time of the first solver [s]."""
-        sample, solver, seconds = self.sample, self.solver, self.seconds
+        case, solver, seconds = self._case, self.solver, self.seconds
         found = UNKNOWN if self.tolerance is None else self._tried[self.tolerance]
         return {
-            "nodes": sample.nodes,
-            "hurst": sample.hurst,
+            "nodes": case.nodes,
+            "hurst": case.hurst,
             "sigma0_um": SIGMA0,
-            "delta_um": sample.delta,
+            "delta_um": case.delta,
             "contact_nodes": self.contact_nodes,  # of the reference
             "solver": solver.name,
             "version": solver.version,
@@ -110,18 +109,18 @@ class Trial:
             "misplaced_nodes": found["misplaced_nodes"],
             "pressure_error": found["pressure_error"],
             "remark": self.remark,  # why there are no numbers
-            "hardness": sample.hardness,  # over E*, None for elastic bodies
-            "yielded_nodes": int(np.count_nonzero(self._case.yielded(self._exact.pressure))),
+            "hardness": case.hardness,  # over E*, None for elastic bodies
+            "yielded_nodes": int(np.count_nonzero(case.yielded(self._exact.pressure))),
             "convolutions": found["convolutions"],  # None if the solver does not count them
         }
 
 
-def compare(samples: Sequence[Sample], solvers: Sequence[Solver], rounds: int = 4) -> list[Row]:
+def compare(cases: Sequence[Case], solvers: Sequence[Solver], rounds: int = 4) -> list[Row]:
     """Bring solvers to the same accuracy on each contact, and time them there in turn.
 
     Parameters
     ----------
-    samples : sequence of Sample
+    cases : sequence of Case
         The contacts.
     solvers : sequence of Solver
         The first is ours, over whose time the others' are taken.
@@ -131,12 +130,11 @@ def compare(samples: Sequence[Sample], solvers: Sequence[Solver], rounds: int = 
     rows: list[Row] = []
     guesses = [FIRST_GUESS] * len(solvers)
     set_ups: dict[int, list[float]] = {}
-    for sample in samples:
-        case = sample.case()
+    for case in cases:
         remark(f"{case.nodes} nodes a side, {case.name}")
         if case.nodes not in set_ups:
             set_ups[case.nodes] = [_set_up_seconds(solver, case) for solver in solvers]
-        trials = [Trial(solver, sample) for solver in solvers]
+        trials = [Trial(solver, case) for solver in solvers]
         for trial, guess in zip(trials, guesses, strict=True):
             trial.find_tolerance(guess)
         guesses = [trial.tolerance or guess for trial, guess in zip(trials, guesses, strict=True)]

@@ -11,7 +11,7 @@ import numpy as np
 
 import bem
 from bench.peers.compare import Row
-from bench.peers.sample import HURST, Sample
+from bench.peers.sample import sample
 from bench.remarks import remark
 from bench.solvers.case import Case
 from bench.solvers.contact_mechanics import primal_gradients
@@ -36,7 +36,7 @@ def up_to_full_contact(nodes: int) -> Iterator[Row]:
     dict
         A load, and how both solvers did under it.
     """
-    case = Sample(nodes, HURST, 1.0, HARDNESS).case()
+    case = sample(nodes, 1.0, HARDNESS)
     for mean_pressure in MEAN_PRESSURES:
         remark(f"{nodes} nodes a side, mean pressure {mean_pressure:g} E*")
         contact = _ours(case, mean_pressure)

@@ -1,7 +1,6 @@
 """The contacts that are compared on."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 from bench.solvers.case import Case, Field
@@ -22,27 +21,18 @@ PAPERS_NODES = 129
 PAPERS_DELTAS = (5.0, 25.0)  # um
 
 
-@dataclass(frozen=True)
-class Sample:
-    """A contact."""
-
-    nodes: int  # a side, 2^k + 1
-    hurst: float
-    delta: float  # of the far field from first touch on [um]
-    hardness: float | None = None  # over E*, None for elastic bodies
-
-    def case(self) -> Case:
-        """Return surface and load."""
-        name = f"H = {self.hurst}, Delta = {self.delta:g} um"
-        if self.hardness is not None:
-            name += f", hardness {self.hardness:g} E*"
-        heights = _heights(self.nodes, self.hurst)
-        return Case(name, heights, SIDE, self.delta, hardness=self.hardness)
+@lru_cache(maxsize=64)  # the same case has its exact solution found once
+def sample(nodes: int, delta: float, hardness: float | None = None, hurst: float = HURST) -> Case:
+    """Return the surface, 2^k + 1 nodes a side, pressed by Delta [um]; the hardness is over E*."""
+    name = f"H = {hurst}, Delta = {delta:g} um"
+    if hardness is not None:
+        name += f", hardness {hardness:g} E*"
+    return Case(name, _heights(nodes, hurst), SIDE, delta, hardness=hardness, hurst=hurst)
 
 
 def samples(
     nodes: Sequence[int], deltas: Sequence[float], hardnesses: Sequence[float] = ()
-) -> list[Sample]:
+) -> list[Case]:
     """Return the peers' surface at every load on every grid, elastic and with every hardness.
 
     Without a hardness, contacts of the paper's algorithm are added at its grid.
@@ -50,9 +40,9 @@ def samples(
     bounds = (None, *sorted(hardnesses, reverse=True))
     found = []
     for size in nodes:
-        found += [Sample(size, HURST, delta, bound) for delta in deltas for bound in bounds]
+        found += [sample(size, delta, bound) for delta in deltas for bound in bounds]
         if size == PAPERS_NODES and not hardnesses:
-            found += [Sample(size, PAPERS_HURST, delta) for delta in PAPERS_DELTAS]
+            found += [sample(size, delta, hurst=PAPERS_HURST) for delta in PAPERS_DELTAS]
     return found
 
 

@@ -40,6 +40,7 @@ class Case:
     delta: float  # displacement of the far field from first touch on [um]
     kernel: Kernel = "uniform-pressure"
     hardness: float | None = None  # upper bound of the pressure, None for elastic bodies [MPa]
+    hurst: float | None = None  # Hurst exponent of the surface, if it matters
 
     @property
     def nodes(self) -> int:

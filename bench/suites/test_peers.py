@@ -11,23 +11,23 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from bench.peers.accuracy import find_errors
 from bench.peers.compare import Trial
-from bench.peers.sample import HURST, Sample
+from bench.peers.sample import sample
 from bench.solvers.case import find_exact
 from bench.solvers.others import OTHERS
 from bench.solvers.own import BEM, PAPERS
 from bench.solvers.solver import Solver
 
-SAMPLE = Sample(129, HURST, 15.0)
+CASE = sample(129, 15.0)
 
 
 @pytest.mark.parametrize("solver", [BEM, PAPERS, *OTHERS], ids=lambda solver: solver.name)
 def test_contact_by_solver(benchmark: BenchmarkFixture, solver: Solver) -> None:
     if not solver.version:
         pytest.skip(f"{solver.package} is not installed: {solver.install}")
-    case, trial = SAMPLE.case(), Trial(solver, SAMPLE)
+    trial = Trial(solver, CASE)
     trial.find_tolerance(1e-4)
     assert trial.tolerance is not None, trial.remark
-    pressure = benchmark(solver.solve, case, trial.tolerance).pressure
+    pressure = benchmark(solver.solve, CASE, trial.tolerance).pressure
     benchmark.extra_info["tolerance"] = trial.tolerance
-    errors = find_errors(pressure, solver.control, case, find_exact(case))
+    errors = find_errors(pressure, solver.control, CASE, find_exact(CASE))
     assert errors.good_enough(trial.contact_nodes)

@@ -13,7 +13,7 @@ from bench.peers.accuracy import Errors, find_errors, loosest
 from bench.peers.compare import compare
 from bench.peers.layout import LOADS, tables
 from bench.peers.report import contents, report, yielding_contents
-from bench.peers.sample import HURST, Sample, samples
+from bench.peers.sample import sample, samples
 from bench.solvers.case import Case, find_exact
 from bench.solvers.others import OTHERS
 from bench.solvers.own import BEM, PAPERS
@@ -21,12 +21,12 @@ from bench.solvers.solver import LADDER, Answer, Control, Failure, Solver
 from bench.table import read_table
 from gen.runtime.errors import InputError
 
-SMALL = Sample(33, HURST, 25.0)
+SMALL = sample(33, 25.0)
 
 
 @pytest.fixture(scope="module")
 def case() -> Case:
-    return SMALL.case()
+    return SMALL
 
 
 @pytest.mark.parametrize("contender", [BEM, PAPERS], ids=lambda own: own.name)
@@ -120,7 +120,7 @@ def test_each_is_timed_at_the_tolerance_that_it_needs(
     assert good["load_error"] == pytest.approx(1e-6, rel=1e-6)
     assert good["times_ours"] == 1
     assert good["seconds"] is not None
-    assert good["contact_nodes"] == np.count_nonzero(find_exact(SMALL.case()).pressure)
+    assert good["contact_nodes"] == np.count_nonzero(find_exact(SMALL).pressure)
     assert stub.asked[-1] == good["tolerance"]
     assert max(stub.asked) <= 1e-4
     assert (failing["seconds"], failing["remark"]) == (None, "tolerance 1e-04: stalled")
@@ -147,7 +147,7 @@ def test_tables_name_the_fastest_peer_and_what_was_left_out() -> None:
 
 def test_the_papers_algorithm_has_contacts_of_its_own_at_its_grid() -> None:
     plain = samples([33], [5.0, 45.0])
-    assert plain == [Sample(33, HURST, 5.0), Sample(33, HURST, 45.0)]
+    assert plain == [sample(33, 5.0, None), sample(33, 45.0, None)]
     assert [s.delta for s in samples([129], [45.0]) if s.hurst == 0.8] == [5.0, 25.0]
 
 
@@ -169,7 +169,7 @@ def test_command_writes_table_and_picture(tmp_path: Path) -> None:
 
 
 def test_yielded_nodes_are_misplaced_too() -> None:
-    case = Sample(33, HURST, 25.0, 0.05).case()
+    case = sample(33, 25.0, 0.05)
     exact = find_exact(case)
     pressure = np.where(case.yielded(exact.pressure), 0.04, exact.pressure)
     errors = find_errors(pressure, "displacement", case, exact)

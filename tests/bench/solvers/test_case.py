@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bem
-from bench.peers.sample import HURST, Sample
+from bench.peers.sample import sample
 from bench.references.dense import press
 from bench.solvers import case as cases
 from bench.solvers.case import Case, find_exact
@@ -20,7 +20,7 @@ def small() -> Case:
 
 @pytest.fixture(scope="module")
 def case() -> Case:
-    return Sample(33, HURST, 25.0).case()
+    return sample(33, 25.0)
 
 
 @pytest.mark.parametrize("kernel", ["uniform-pressure", "concentrated-force"])
@@ -82,7 +82,7 @@ def test_a_margin_changes_nothing_but_the_grid(nodes: int, case: Case) -> None:
 
 
 def test_a_wrong_guess_of_yielded_nodes_is_corrected(monkeypatch: pytest.MonkeyPatch) -> None:
-    case = Sample(33, HURST, 25.0, 0.1).case()
+    case = sample(33, 25.0, 0.1)
     right, elastic = find_exact(case), find_exact(replace(case, hardness=None))
     monkeypatch.setattr(Case, "solve", lambda case, rtol: elastic)
     found = find_exact(replace(case))  # another object: not found in the cache

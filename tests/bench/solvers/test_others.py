@@ -1,18 +1,14 @@
 """Solvers by other people: the same problem as ours, where they are installed."""
 
-from dataclasses import replace
-
 import pytest
 
 from bench.peers.accuracy import find_errors
-from bench.peers.sample import HURST, Sample
+from bench.peers.sample import sample
 from bench.solvers import aspher, contact_mechanics
 from bench.solvers.case import find_exact
 from bench.solvers.others import OTHERS, installed
 from bench.solvers.own import BEM, PAPERS
 from bench.solvers.solver import Failure, Solver
-
-SMALL = Sample(33, HURST, 25.0)
 
 
 @pytest.mark.parametrize("peer", OTHERS, ids=lambda peer: peer.name)
@@ -21,7 +17,7 @@ def test_peers_solve_the_same_problem(peer: Solver, delta: float) -> None:
     """To eight digits: the same coefficients, spacing, units and free boundaries."""
     if not peer.version:
         pytest.skip(f"{peer.package} is not installed: {peer.install}")
-    case = replace(SMALL, delta=delta).case()
+    case = sample(33, delta)
     exact = find_exact(case)
     errors = find_errors(peer.solve(case, 1e-10).pressure, peer.control, case, exact)
     assert errors.load_error < 1e-8
@@ -39,7 +35,7 @@ def test_grids_that_peers_like(nodes: int, nested: int, coarsest: int) -> None:
 @pytest.mark.parametrize("delta", [5.0, 25.0])
 def test_solvers_that_know_a_hardness_agree(delta: float, hardness: float) -> None:
     """With one another and with the dense reference, on nodes in contact and on yielded ones."""
-    case = Sample(33, HURST, delta, hardness).case()
+    case = sample(33, delta, hardness)
     exact = find_exact(case)
     assert exact.method == "dense"
     assert exact.pressure.max() <= hardness * (1 + 1e-15)

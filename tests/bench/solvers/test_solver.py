@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from bench.peers.sample import HURST, Sample
+from bench.peers.sample import sample
 from bench.solvers.case import Case
 from bench.solvers.others import installed, missing
 from bench.solvers.own import BEM
@@ -13,7 +13,7 @@ from bench.solvers.solver import Answer, Failure, Press, Solver
 
 @pytest.fixture(scope="module")
 def case() -> Case:
-    return Sample(33, HURST, 25.0).case()
+    return sample(33, 25.0)
 
 
 def broken(nodes: int, spacing: float) -> Press:
