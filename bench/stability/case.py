@@ -6,6 +6,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
+EXACT_FACTORS = {"2^-40": 2.0**-40, "2^40": 2.0**40}  # changes of units that round nothing
+FACTORS = EXACT_FACTORS | {"1e-12": 1e-12, "1e12": 1e12}
+
 
 class Finding(NamedTuple):
     """One number of a check, and the largest that passes; NaN counts as failed."""

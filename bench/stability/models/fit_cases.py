@@ -7,15 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from bench.stability.case import Answer, Case, Finding
+from bench.stability.case import EXACT_FACTORS, Answer, Case, Finding
 from bench.stability.models import fit_checks as judged
 from bench.stability.models import samples
 from bench.stability.models.fitted import WAYS, Asked, fitted
 from bench.stability.models.samples import SEEN, altered
 from learn.models import MODELS
-
-# About 1e-12 and 1e12, as powers of two: changes of units that round nothing.
-UNITS = {"2^-40": 2.0**-40, "2^40": 2.0**40}
 
 
 @dataclass(frozen=True)
@@ -66,25 +63,18 @@ def cases() -> Iterator[Case]:
             yield Case(f"models: {spoilt.family}", MODELS[name].title, spoilt.asked, examine)
 
 
-def _other_units() -> Iterator[Spoilt]:
-    """The force in other units, with and without scaling."""
-    for features, without, asked in (
-        ("paper", "", ""),
-        ("dimensionless", ", without units", "dimensionless features, "),
-    ):
-        for name, factor in UNITS.items():
-            yield Spoilt(
-                f"target in {'large' if factor < 1 else 'small'} units{without}",
-                f"{asked}force times {name}",
-                altered("target", ..., factor=factor),
-                (partial(judged.same_in_other_units, target=factor),),
-                features,
-                "force",
-            )
+def _other_units(features: str, family: str, asked: str) -> Iterator[Spoilt]:
+    """The force in other units."""
+    for (name, factor), unit in zip(EXACT_FACTORS.items(), ("large", "small"), strict=True):
+        checks = (partial(judged.same_in_other_units, target=factor),)
+        title, change = f"target in {unit} units{family}", altered("target", ..., factor=factor)
+        yield Spoilt(title, f"{asked}force times {name}", change, checks, features, "force")
 
 
 WITHOUT_UNITS = partial(Spoilt, features="dimensionless")
-CONSTANT = altered("target", ..., 3.7)
+SINGULAR = partial(Spoilt, models=("kernel-ridge",))
+CONSTANT, SAME = altered("target", ..., 3.7), (judged.same_in_other_units,)
+TO_SMALL, TO_LARGE = (altered("inputs", ..., factor=each) for each in EXACT_FACTORS.values())
 KINDS = (
     Spoilt("ordinary rows", "60 rows train", checks=(judged.saved,)),
     WITHOUT_UNITS("ordinary rows without units", "dimensionless features", checks=(judged.saved,)),
@@ -105,15 +95,8 @@ KINDS = (
     Spoilt(
         "a row of zeros", "cannot be scaled to unit length", altered("inputs", [3, SEEN + 15], 0.0)
     ),
-    *(
-        Spoilt(
-            f"inputs in {'small' if factor < 1 else 'large'} units",
-            f"all inputs times {name}",
-            altered("inputs", ..., factor=factor),
-            (judged.same_in_other_units,),
-        )
-        for name, factor in UNITS.items()
-    ),
+    Spoilt("inputs in small units", "all inputs times 2^-40", TO_SMALL, SAME),
+    Spoilt("inputs in large units", "all inputs times 2^40", TO_LARGE, SAME),
     Spoilt("one input in small units", "an input times 1e12", samples.DOMINANT_COLUMN),
     WITHOUT_UNITS(
         "one input in small units, standardised",
@@ -122,28 +105,20 @@ KINDS = (
     ),
     Spoilt("outlier among inputs", "one row times 1e9", altered("inputs", 3, factor=1e9)),
     Spoilt(
-        "outlier among targets",
-        "one force of 1e12 uN",
-        altered("target", 3, 1e12),
-        target="force",
+        "outlier among targets", "one force of 1e12 uN", altered("target", 3, 1e12), target="force"
     ),
     Spoilt(
         "few rows", "6 rows train, 2 calibrate, 2 test", lambda rows: rows.at(np.arange(10)), seen=6
     ),
-    *_other_units(),
-    Spoilt(
+    *_other_units("paper", "", ""),
+    *_other_units("dimensionless", ", without units", "dimensionless features, "),
+    SINGULAR(
         "nearly singular",
         "alpha 0, linear kernel or radial functions, 30 rows twice",
         samples.doubled,
         settings={"alpha": 0.0},
-        models=("kernel-ridge",),
     ),
-    Spoilt(
-        "nearly singular, other alphas",
-        "alpha 1e-300, 60 rows",
-        settings={"alpha": 1e-300},
-        models=("kernel-ridge",),
-    ),
+    SINGULAR("nearly singular, other alphas", "alpha 1e-300, 60 rows", settings={"alpha": 1e-300}),
     Spoilt(
         "nearly singular process",
         "alpha 1e-10, length 1e3: every row nearly the same to it; rows twice",

@@ -80,7 +80,7 @@ def same_in_other_units(asked: Asked, target: float = 1.0) -> Iterator[Finding]:
     other = fitted_ordinarily(asked.name, asked.way, train.features, train.target_name)
     expected = other.predicted(other.test) * target
     allowed = SINGLE_INSIDE if asked.name == "xgboost" else 0.0
-    error = _over_largest(asked.predicted(asked.test), expected)
+    error = _over(asked.predicted(asked.test) - expected, expected)
     yield Finding("off the same in other units", error, allowed)
 
 
@@ -105,13 +105,8 @@ def single(asked: Asked) -> Iterator[Finding]:
     """Rows in single precision are answered as the same rows in double."""
     short: Any = asked.test.inputs.astype(np.float32)
     learnt = asked.fit.learnt
-    error = _over_largest(learnt.raw(short), learnt.raw(short.astype(np.float64)))
-    yield Finding("off double precision", error, SINGLE)
-
-
-def _over_largest(found: Values, expected: Values) -> float:
-    """Largest deviation over the largest expected number."""
-    return float(np.abs(found - expected).max()) / (float(np.abs(expected).max()) or 1.0)
+    expected = learnt.raw(short.astype(np.float64))
+    yield Finding("off double precision", _over(learnt.raw(short) - expected, expected), SINGLE)
 
 
 def optimal(asked: Asked) -> Iterator[Finding]:
@@ -175,8 +170,8 @@ def _tree(asked: Asked) -> Iterator[Finding]:
     leaves = asked.estimator.apply(asked.scaled.astype(np.float32))
     means = {leaf: asked.target[leaves == leaf].mean() for leaf in np.unique(leaves)}
     expected = np.array([means[leaf] for leaf in leaves])
-    error = np.abs(asked.estimator.predict(asked.scaled) - expected).max()
-    yield Finding("off the means of its leaves", _over(error, asked.target), 1e-12)
+    error = _over(asked.estimator.predict(asked.scaled) - expected, asked.target)
+    yield Finding("off the means of its leaves", error, 1e-12)
 
 
 def _within(asked: Asked) -> Iterator[Finding]:
@@ -190,12 +185,12 @@ def _within(asked: Asked) -> Iterator[Finding]:
 def _boosted(asked: Asked) -> Iterator[Finding]:
     """Squared loss: what is left on the training rows has a mean of zero."""
     rest = asked.target - asked.estimator.predict(asked.scaled)
-    yield Finding("mean of what is left", _over(abs(float(rest.mean())), asked.target), 1e-11)
+    yield Finding("mean of what is left", _over(rest.mean(), asked.target), 1e-11)
 
 
-def _over(error: float, target: NDArray[np.float64]) -> float:
-    """Over the largest target."""
-    return float(error) / (float(np.abs(target).max()) or 1.0)
+def _over(errors: Any, target: Values) -> float:
+    """Largest error over the largest target."""
+    return float(np.abs(errors).max()) / (float(np.abs(target).max()) or 1.0)
 
 
 CONDITIONS: dict[str, Callable[[Asked], Iterator[Finding]]] = {

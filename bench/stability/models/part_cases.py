@@ -8,14 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from bench.stability.case import Answer, Case, Finding, Refusal
-from bench.stability.models.samples import (
-    CONSTANT_COLUMN,
-    DOMINANT_COLUMN,
-    Change,
-    Values,
-    ordinary,
-)
+from bench.stability.case import EXACT_FACTORS, FACTORS, Answer, Case, Finding, Refusal
+from bench.stability.models import samples
+from bench.stability.models.samples import Values, ordinary
 from bench.stability.surfaces.exact import fractions
 from gen.runtime.errors import InputError
 from gen.surface import generate
@@ -55,12 +50,8 @@ def _surface() -> Values:
 
 def _features() -> Iterator[Case]:
     for name in ("dimensionless", "hybrid"):
-        for what, factor, allowed in (
-            ("2^-40", 2.0**-40, 0.0),
-            ("2^40", 2.0**40, 0.0),
-            ("1e-12", 1e-12, 1e-9),
-            ("1e12", 1e12, 1e-9),
-        ):
+        for what, factor in FACTORS.items():
+            allowed = 0.0 if what in EXACT_FACTORS else 1e-9
             asked = f"65 x 65, Δ = {DELTA:g} um, beside the same in um"
             examine = partial(_other_unit, name, factor, allowed)
             yield Case("features: units", f"all lengths times {what}, {name}", asked, examine)
@@ -156,20 +147,19 @@ def _scores() -> Iterator[Case]:
     random = np.random.default_rng(4)
     truth = random.uniform(1, 16, 50)
     close = truth + random.normal(0, 0.1, 50)
-    for name, known, guessed, allowed in (
-        ("ordinary", truth, close, ROUNDING),
-        ("times 1e-12", truth * 1e-12, close * 1e-12, ROUNDING),
-        ("times 1e12", truth * 1e12, close * 1e12, ROUNDING),
-        ("times 1e-150", truth * 1e-150, close * 1e-150, ROUNDING),
-        ("times 1e150", truth * 1e150, close * 1e150, ROUNDING),
-        # The truth's own rounding, over what it varies by.
-        ("offset of 1e8", truth + 1e8, close + 1e8, 1e-6),
-        ("two rows", truth[:2], close[:2], ROUNDING),
-        ("predictions right", truth, truth, ROUNDING),
-        ("predictions 1e12 off", truth, truth + 1e12, ROUNDING),
+    sizes = {"1e-12": 1e-12, "1e12": 1e12, "1e-150": 1e-150, "1e150": 1e150}
+    for name, known, guessed in (
+        ("ordinary", truth, close),
+        *((f"times {name}", truth * size, close * size) for name, size in sizes.items()),
+        ("offset of 1e8", truth + 1e8, close + 1e8),
+        ("two rows", truth[:2], close[:2]),
+        ("predictions right", truth, truth),
+        ("predictions 1e12 off", truth, truth + 1e12),
     ):
-        asked = f"{known.size} rows, beside fractions"
-        yield Case("scores", name, asked, partial(_score, known, guessed, allowed))
+        # An offset costs the truth's own rounding, over what it varies by.
+        allowed, asked = 1e-6 if "offset" in name else ROUNDING, f"{known.size} rows"
+        examine = partial(_score, known, guessed, allowed)
+        yield Case("scores", name, f"{asked}, beside fractions", examine)
 
 
 def _score(truth: Values, guessed: Values, allowed: float) -> Answer:
@@ -206,14 +196,14 @@ def _scores_refused() -> Iterator[Case]:
 
 def _remarks() -> Iterator[Case]:
     for name, change, words in (
-        ("a constant input", CONSTANT_COLUMN, "constant over all"),
+        ("a constant input", samples.CONSTANT_COLUMN, "constant over all"),
         ("rows twice", lambda rows: rows.at(np.r_[:90, :45]), "repeat others exactly"),
-        ("one input dominant", DOMINANT_COLUMN, "say nothing"),
+        ("one input dominant", samples.DOMINANT_COLUMN, "say nothing"),
     ):
         yield Case("remarks", name, "90 rows", partial(_remarked, change, words))
 
 
-def _remarked(change: Change, words: str) -> Answer:
+def _remarked(change: samples.Change, words: str) -> Answer:
     """What is odd about inputs is said before a fit."""
     said = dataset.remarks(change(ordinary()), "l2")
     unsaid = not any(words in line for line in said)

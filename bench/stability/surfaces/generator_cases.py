@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.stability.case import Answer, Case, Finding, Refusal
+from bench.stability.case import EXACT_FACTORS, FACTORS, Answer, Case, Finding, Refusal
 from bench.stability.surfaces import exact
 from gen.runtime.errors import InputError
 from gen.surface import GENERATORS, generate
@@ -32,16 +32,8 @@ HURSTS = {
 }
 """As near to 0 and 1 as numbers go."""
 
-AMPLITUDES = {
-    "0": (0.0, 0.0),
-    "2^-40 um": (2.0**-40, 0.0),
-    "2^40 um": (2.0**40, 0.0),
-    "1e-12 um": (1e-12, ROUNDING),
-    "1e12 um": (1e12, ROUNDING),
-    "1e-300 um": (1e-300, ROUNDING),
-    "1e300 um": (1e300, ROUNDING),
-}
-"""Amplitudes [um], and what heights may be out of proportion to them [range]."""
+AMPLITUDES = {"0": 0.0} | FACTORS | {"1e-300": 1e-300, "1e300": 1e300}
+"""From nothing to all that numbers hold [um]."""
 
 
 def cases() -> Iterator[Case]:
@@ -80,15 +72,15 @@ def _as_in_fractions(generator: str, hurst: float, sigma0: float) -> Answer:
 
 
 def _amplitudes(generator: str) -> Iterator[Case]:
-    family = "generator: amplitude"
-    for name, (sigma0, allowed) in AMPLITUDES.items():
+    case = partial(Case, "generator: amplitude")
+    for name, sigma0 in AMPLITUDES.items():
         asked = "129 x 129, H = 0.65" + ", beside σ0 = 1 um" * bool(sigma0)
-        examine = partial(_scaled, generator, sigma0, allowed)
-        yield Case(family, f"σ0 = {name}, {generator}", asked, examine)
-    for name in ("1e-12 um", "1e12 um"):
-        asked = f"{NODES} x {NODES}, H = 0.65"
-        examine = partial(_as_in_fractions, generator, 0.65, AMPLITUDES[name][0])
-        yield Case(family, f"σ0 = {name} in fractions, {generator}", asked, examine)
+        allowed = 0.0 if name in {"0", *EXACT_FACTORS} else ROUNDING
+        title = f"σ0 = {name}{' um' * bool(sigma0)}, {generator}"
+        yield case(title, asked, partial(_scaled, generator, sigma0, allowed))
+    for name in ("1e-12", "1e12"):
+        title, asked = f"σ0 = {name} um in fractions, {generator}", f"{NODES} x {NODES}, H = 0.65"
+        yield case(title, asked, partial(_as_in_fractions, generator, 0.65, AMPLITUDES[name]))
 
 
 def _scaled(generator: str, sigma0: float, allowed: float) -> Answer:
