@@ -93,17 +93,27 @@ def judge(
         *honesty(asked, contact),
     ]
     numbers = {
-        "area_percent": contact.area_percent,
-        "force_uN": contact.force,
-        "residual": contact.residual,
-        "iterations": contact.iterations,
+        **_numbers(contact),
         "ordinary_iterations": first,
         "times_ordinary": times,
         "reason": reason if times > MOST_TIMES_ORDINARY else "",
     }
-    out = f"{contact.area_percent:.4g} %, {contact.force:.6g} µN, residual {contact.residual:.1e}"
-    out = one_line(raised) if raised else f"{out}, {contact.iterations} iterations"
+    out = one_line(raised) if raised else _in_words(contact)
     return Answer(out, findings, asked.describe(), numbers, raised)
+
+
+def _numbers(contact: bem.Contact) -> dict[str, object]:
+    return {
+        "area_percent": contact.area_percent,
+        "force_uN": contact.force,
+        "residual": contact.residual,
+        "iterations": contact.iterations,
+    }
+
+
+def _in_words(contact: bem.Contact) -> str:
+    numbers = f"{contact.area_percent:.4g} %, {contact.force:.6g} µN"
+    return f"{numbers}, residual {contact.residual:.1e}, {contact.iterations} iterations"
 
 
 @lru_cache(maxsize=64)
