@@ -41,8 +41,8 @@ def solver(
 def peers(
     output: Folder,
     nodes: Annotated[
-        str, typer.Option(metavar="N,...", help="Nodes a side of the grids, each 2^k + 1.")
-    ] = "129,257",
+        str, typer.Option(metavar="N,...", help="Nodes a side, each 2^k + 1, or 2^k if periodic.")
+    ] = "",
     deltas: Annotated[
         str, typer.Option(metavar="UM,...", help="Displacements of the far field.")
     ] = "5,25,45",
@@ -50,6 +50,9 @@ def peers(
     hardness: Annotated[
         str, typer.Option(metavar="RATIO,...", help="Over E*: bodies that yield, DIR/hardness.csv.")
     ] = "",
+    boundary: Annotated[
+        str, typer.Option(metavar="NAME", help="free, or periodic: DIR/periodic.csv.")
+    ] = "free",
 ) -> None:
     """Compare with other solvers, and with the paper's algorithm, at equal accuracy.
 
@@ -57,15 +60,23 @@ def peers(
     sigma0 = 20 um: each at the loosest tolerance that gives force and contact well enough, timed
     in turn. Minutes at 129 and 257 nodes, much longer beyond. Prints tables, writes
     DIR/peers.csv and DIR/peers.png. With --hardness, bodies that yield: the solvers that know a
-    hardness, DIR/hardness.csv and .png, and loads up to full contact, DIR/hardness-loads.csv.
+    hardness, DIR/hardness.csv and .png, and loads up to full contact, DIR/hardness-loads.csv. With
+    --boundary periodic, five surfaces under five loads: DIR/periodic.csv and .png.
     """
+    from bench.peers import periodic
     from bench.peers.report import report
 
-    sizes, loads = numbers("nodes", nodes, int), numbers("deltas", deltas, float)
+    if boundary not in {"free", "periodic"}:
+        raise InputError(f"boundary {boundary}: give free or periodic")
+    sizes = numbers("nodes", nodes or ("129,257" if boundary == "free" else "128,256"), int)
+    if boundary == "periodic":
+        require_place(output, "periodic.csv", "periodic.png")
+        return tell(output, periodic.report(periodic.compare(sizes, rounds)))
+    loads = numbers("deltas", deltas, float)
     ratios = numbers("hardness", hardness, float) if hardness else []
     names = ["hardness.csv", "hardness-loads.csv", "hardness.png"]
     require_place(output, *(names if ratios else ["peers.csv", "peers.png"]))
-    tell(output, report(sizes, loads, rounds, ratios))
+    return tell(output, report(sizes, loads, rounds, ratios))
 
 
 def growth(

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bench.page import content
+from bench.peers import periodic
 from bench.peers.compare import compare
 from bench.peers.layout import HARDNESSES, LOADS, draw, loads_table, tables
 from bench.peers.loads import up_to_full_contact
@@ -98,6 +99,7 @@ def contents(folder: Path) -> list[content.Content]:
         ),
         *(content.Absent(package, how) for package, how in absent.items()),
         *(yielding_contents(folder) if (folder / "hardness.csv").exists() else ()),
+        *(periodic.contents(folder) if (folder / "periodic.csv").exists() else ()),
     ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""ASPHER (Yastrebov, BSD) with its exact FFT convolution.
+"""ASPHER (Yastrebov, BSD) with its exact FFT convolution, or with its periodic operator.
 
 Controls force only. A source distribution: building it takes a C++17 compiler, CMake and the
 headers of Eigen, which it tries to download where it does not find them. Its nested grids need
@@ -29,19 +29,21 @@ def nested_grid(nodes: int) -> int:
     return -(-nodes // step) * step
 
 
-def single_grid(nodes: int, spacing: float) -> Press:
-    """Open Polonsky and Keer's method with its |q| preconditioner as a stencil.
+def single_grid(
+    nodes: int, spacing: float, precond: str = "fourier", backend: str = "fft"
+) -> Press:
+    """Open Polonsky and Keer's method with its |q| preconditioner, a stencil or "fourier-fft".
 
     In double precision. The tolerance is on Frank and Wolfe's duality gap over the force, and on
     the largest penetration, both over the range of heights.
     """
     solver = importlib.import_module("aspher").ContactSolver(
-        grid_size=nodes, domain_size=nodes * spacing, E_star=1.0, backend="fft"
+        grid_size=nodes, domain_size=nodes * spacing, E_star=1.0, backend=backend
     )
-    return partial(_press, partial(solver.solve, precond="fourier"))
+    return partial(_press, partial(solver.solve, precond=precond))
 
 
-def nested_grids(nodes: int, spacing: float, engine: str) -> Press:
+def nested_grids(nodes: int, spacing: float, engine: str, backend: str = "fft") -> Press:
     """Open the same from coarse to fine grids, in single and then double precision.
 
     Every call sets up every grid: that is in the time of the solve. The engine of the
@@ -53,7 +55,7 @@ def nested_grids(nodes: int, spacing: float, engine: str) -> Press:
         domain_size=nodes * spacing,
         coarsest=nodes // 2 ** levels(nodes),
         E_star=1.0,
-        backend="fft",
+        backend=backend,
         precision="float_then_double",
         precond_engine=engine,
     )

@@ -1,4 +1,4 @@
-"""ContactMechanics (Pastewka and others, MIT licence) on its free elastic half-space.
+"""ContactMechanics (Pastewka and others, MIT licence) on its free or periodic half-space.
 
 Controls displacement or force; here displacement. Physical sizes are nodes x spacing. Influence
 coefficients are Love's in closed form. It convolves on exactly twice the nodes a side, a period
@@ -18,8 +18,12 @@ from typing import Any
 import numpy as np
 from scipy import fft
 
+from bem.spacing import Boundary
 from bench.solvers.case import Case
 from bench.solvers.solver import MAX_ITERATIONS, Answer, Control, Failure, Press, Solver
+
+RIGID = 1e30
+"""Stiffness of the mean displacement of a periodic patch, which is to be zero [MPa / um]."""
 
 
 def fast_grid(nodes: int) -> int:
@@ -27,7 +31,9 @@ def fast_grid(nodes: int) -> int:
     return int(fft.next_fast_len(nodes, real=True))
 
 
-def primal_gradients(nodes: int, spacing: float, control: Control = "displacement") -> Press:
+def primal_gradients(
+    nodes: int, spacing: float, control: Control = "displacement", boundary: Boundary = "free"
+) -> Press:
     """Open its default, Polonsky and Keer's conjugate gradients.
 
     The tolerance is the largest penetration over Delta, and the last change of the force over the
@@ -35,7 +41,7 @@ def primal_gradients(nodes: int, spacing: float, control: Control = "displacemen
     hardness, nodes that have yielded leave the gradients, and where fewer than 1 % of the contact
     are left it relaxes towards the bearing area instead. A step takes two convolutions.
     """
-    system = _systems(nodes, spacing)
+    system = _systems(nodes, spacing, boundary)
 
     def press(case: Case, force: float, tolerance: float) -> Answer:
         by_force = {"external_force": force}
@@ -51,13 +57,13 @@ def primal_gradients(nodes: int, spacing: float, control: Control = "displacemen
     return press
 
 
-def dual_gradients(nodes: int, spacing: float) -> Press:
+def dual_gradients(nodes: int, spacing: float, boundary: Boundary = "free") -> Press:
     """Open its constrained conjugate gradients in pressures, after Bugnicourt and others (2018).
 
     The tolerance is the largest residual gap over Delta. Starts from the overlap as a pressure,
     with which it is faster than from zero.
     """
-    system = _systems(nodes, spacing)
+    system = _systems(nodes, spacing, boundary)
 
     def press(case: Case, force: float, tolerance: float) -> Answer:
         offset = case.delta - case.heights.max()
@@ -73,14 +79,20 @@ def dual_gradients(nodes: int, spacing: float) -> Press:
     return press
 
 
-def _systems(nodes: int, spacing: float) -> Callable[[Case], Any]:
+def _systems(nodes: int, spacing: float, boundary: Boundary) -> Callable[[Case], Any]:
     """Return what poses a case on the substrate, whose coefficients are kept for all contacts."""
     package, surface = map(importlib.import_module, ("ContactMechanics", "SurfaceTopography"))
     sides = nodes * spacing, nodes * spacing
-    substrate = package.FreeFFTElasticHalfSpace((nodes, nodes), young=1.0, physical_sizes=sides)
+    if boundary == "free":
+        half_space, more = package.FreeFFTElasticHalfSpace, {}
+    else:
+        half_space, more = package.PeriodicFFTElasticHalfSpace, {"stiffness_q0": RIGID}
+    substrate = half_space((nodes, nodes), young=1.0, physical_sizes=sides, **more)
 
     def system(case: Case) -> Any:
-        topography = surface.Topography(case.heights, physical_sizes=sides)
+        topography = surface.Topography(
+            case.heights, physical_sizes=sides, periodic=boundary == "periodic"
+        )
         if case.hardness is None:
             return package.Systems.NonSmoothContactSystem(substrate, topography)
         plastic = surface.PlasticTopography(topography, case.hardness)

@@ -1,4 +1,4 @@
-"""Tamaas (Frérot and others, AGPL) with its non-periodic operator.
+"""Tamaas (Frérot and others, AGPL) with its non-periodic or its periodic operator.
 
 Controls force only. It solves the periodic problem, without a word, unless the operator is
 registered and the solver is told to use it, both. Version 2.9: the displacement it leaves is
@@ -10,6 +10,7 @@ import importlib
 
 import numpy as np
 
+from bem.spacing import Boundary
 from bench.solvers.case import Case
 from bench.solvers.contact_mechanics import fast_grid
 from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Press, Solver
@@ -17,7 +18,7 @@ from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Press, Solver
 OPERATOR = "dcfft"
 
 
-def projected_gradients(nodes: int, spacing: float) -> Press:
+def projected_gradients(nodes: int, spacing: float, boundary: Boundary = "free") -> Press:
     """Open its projected conjugate gradients, `PolonskyKeerRey`.
 
     The tolerance is on its own measure of the sum of pressure times gap.
@@ -27,13 +28,15 @@ def projected_gradients(nodes: int, spacing: float) -> Press:
     sides = [nodes * spacing, nodes * spacing]
     model = package.ModelFactory.createModel(package.model_type.basic_2d, sides, [nodes, nodes])
     model.E, model.nu = 1.0, 0.0
-    package.ModelFactory.registerNonPeriodic(model, OPERATOR)
+    if boundary == "free":
+        package.ModelFactory.registerNonPeriodic(model, OPERATOR)
 
     def press(case: Case, force: float, tolerance: float) -> Answer:
         model.traction[:] = 0  # every solve starts afresh
         model.displacement[:] = 0
         solver = package.PolonskyKeerRey(model, case.heights, tolerance)
-        solver.setIntegralOperator(OPERATOR)
+        if boundary == "free":
+            solver.setIntegralOperator(OPERATOR)
         solver.max_iter = MAX_ITERATIONS
         error = solver.solve(case.mean_pressure(force))
         if not error <= tolerance:

@@ -9,6 +9,7 @@ from launch import launch
 
 from bench.__main__ import main
 from bench.page.content import Absent
+from bench.peers import periodic
 from bench.peers.accuracy import Errors, find_errors, loosest
 from bench.peers.compare import compare
 from bench.peers.layout import LOADS, tables
@@ -194,6 +195,33 @@ def test_command_compares_bodies_that_yield(tmp_path: Path, capsys: pytest.Captu
     assert all(each.data for each in yielding_contents(tmp_path))
 
 
+@pytest.mark.parametrize("solver", periodic.SOLVERS, ids=lambda solver: solver.name)
+@pytest.mark.parametrize("load", periodic.LOADS)
+def test_periodic_patches_are_the_same_problem_for_all(solver: Solver, load: float) -> None:
+    """Our own waves, spacing, units and zero mean displacement, up to nearly full contact."""
+    if not solver.version:
+        pytest.skip(f"{solver.package} is not installed: {solver.install}")
+    exact = periodic.contact_of(32, 0.8, load)
+    errors = periodic.Trial(solver, exact).errors(1e-11)
+    assert errors is not None
+    assert errors.load_error < 1e-8
+    assert errors.misplaced_nodes == 0
+    assert errors.pressure_error < 1e-8
+
+
+def test_command_compares_periodic_patches(tmp_path: Path) -> None:
+    arguments = ["--boundary", "periodic", "--nodes", "32", "--rounds", "1"]
+    assert main(["peers", "-o", str(tmp_path), *arguments]) == 0
+    _, rows = read_table(tmp_path / "periodic.csv")
+    ours = [row for row in rows if row["solver"] == "bem"]
+    assert len(ours) == 25
+    assert all(float(row["closest_pressure_error"]) < 1e-8 for row in ours)
+    assert [row["times_ours"] for row in ours] == ["1.0"] * 5 + [""] * 20
+    assert float(ours[0]["area_percent"]) < 5
+    assert float(ours[4]["area_percent"]) > 95
+    assert all(each.data for each in periodic.contents(tmp_path))
+
+
 def test_packages_without_a_line_are_named_on_the_page(tmp_path: Path) -> None:
     (tmp_path / "peers.csv").write_text("solver\nbem\nASPHER\n")
     absent = [each.what for each in contents(tmp_path) if isinstance(each, Absent)]
@@ -208,6 +236,8 @@ def test_packages_without_a_line_are_named_on_the_page(tmp_path: Path) -> None:
         (["--deltas", "0"], "delta 0.0: give a displacement above 0 um"),
         (["--hardness", "0.1,0"], "hardness 0.0: give a share of E* above 0"),
         (["--deltas", "nan"], "delta nan: give a displacement above 0 um"),
+        (["--boundary", "mirror"], "boundary mirror: give free or periodic"),
+        (["--boundary", "periodic", "--nodes", "129"], "nodes 129: give 2^k from 32 on"),
         (["--deltas", "5,"], "deltas '5,': give numbers with commas between them"),
     ],
 )
