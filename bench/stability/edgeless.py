@@ -29,6 +29,9 @@ MOST_MIRRORED = 40
 LARGEST_ASPECT = 30.0
 """Largest ratio of a cell's sides, either way [1]."""
 
+LARGEST_DELTA = 4.0
+"""Largest displacement of bodies that yield [displacement of full elastic contact]."""
+
 SECONDS = 60.0
 """Wall-clock time after which a solve counts as a loop."""
 
@@ -59,7 +62,7 @@ def problem(seed: int, most: int | None = None) -> Setup:
 
     The load is log-uniform, from 1e-3 of full elastic contact to twice as much. Half of the bodies
     yield, at 1 to 100 times the mean pressure. A given displacement is log-uniform up to that of
-    full elastic contact, or its distance from that is.
+    full elastic contact, or its distance from that is; bodies that yield are pressed further.
     """
     random = np.random.default_rng((SALT, seed))
     most = most or next(nodes for every, nodes in MOST_NODES.items() if seed % every == 0)
@@ -102,6 +105,8 @@ def _with_load(asked: Setup, random: Random) -> Setup:
         return replace(asked, force=pressure * asked.surface.size * asked.cell[0] * asked.cell[1])
     share = float(10 ** random.uniform(-5, 0))
     delta = patch.full_contact_delta * (share if random.random() < 0.5 else 1 - share)
+    if asked.hardness is not None:
+        delta *= float(LARGEST_DELTA ** random.random())
     return replace(asked, delta=delta) if delta > ROUNDING else replace(asked, pressure=pressure)
 
 
