@@ -70,7 +70,8 @@ def peers(
         raise InputError(f"boundary {boundary}: give free or periodic")
     sizes = numbers("nodes", nodes or ("129,257" if boundary == "free" else "128,256"), int)
     if boundary == "periodic":
-        require_place(output, "periodic.csv", "periodic.png")
+        names = ["periodic.csv", "periodic-agreement.csv", "periodic.png"]
+        require_place(output, *names)
         return tell(output, periodic.report(periodic.compare(sizes, rounds)))
     loads = numbers("deltas", deltas, float)
     ratios = numbers("hardness", hardness, float) if hardness else []
