@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bem.active_set import FROM_NEAR, FROM_SCRATCH, Pace, solve_complementarity
+from bem.active_set import FROM_NEAR, FROM_SCRATCH, Pace
 from bem.arrays import Values
 from bem.equilibrium import Equilibrium, Start
 from bem.first_contact import take_first_steps
 from bem.interface import Interface
-from bem.iterate import CONVOLUTION, Iterate, rescale
+from bem.iterate import CONVOLUTION, Iterate, YieldingIterate, rescale
 from bem.problem import NoSolution, Problem
-from bem.spectrum import inverse_filter
+from bem.whole_patch import Pressed, WholePatch, press_under_load
 from bem.yielding import excess_share, solve_within
 
 # Projected steps from no pressure at a given displacement.
@@ -31,14 +31,10 @@ NEAR = 0.15
 # Iterations of that solve, far more than it needs unless contact sets cycle.
 NEAR_ITERATIONS = 40
 
-# Share of nodes under pressure after the first projected step under a load from which a second one
-# gains nothing.
-LARGE_CONTACT = 0.35
-
 # Pace under a load: the preconditioner's eigenvalues are good enough for nearly whole steps.
 LOADED = Pace(first_steps=0, inner_reduction=0.2, advance=0.7)
 
-# Tolerance, over the depth, of the elastic solution from which bodies begin to yield under a load.
+# Tolerance, over the displacement, of the elastic solution from which bodies begin to yield.
 ELASTIC_RTOL = 1e-2
 
 # Share of a trial load above the hardness up to which the next one begins without the hardness.
@@ -166,35 +162,70 @@ def _on_grid(patch: _Patch, iterate: Iterate, converged: bool) -> Equilibrium:
 
 def _under_load(patch: _Patch, load: float, near: Start | None) -> tuple[Iterate, bool]:
     """Solve for a pressure that adds up to a load; its displacement is the iterate's shift."""
-    start = _start_of(patch, near) if near is not None else None
-    if start is None:
-        start = _full_contact(patch, load)
-        if start.pressure.min() >= 0 and start.pressure.max() <= patch.hardness:
-            return start, True
+    start = None if near is None else _start_of(patch, near)
     return _settle_under(patch, load, start, patch.problem.rtol)
 
 
-def _settle_under(patch: _Patch, load: float, start: Iterate, rtol: float) -> tuple[Iterate, bool]:
-    """Solve under a load from a start, to a tolerance relative to the displacement."""
-    operators, bound = patch.operators.under(load), patch.problem.max_iterations
-    start = Iterate(start.pressure, start.residual, start.effort, shift=start.shift)
-    iterate = start
-    if (start.pressure < 0).any():
-        _take_loaded_steps(operators, patch.below, start)
-        most = 1.0
+def _settle_under(
+    patch: _Patch, load: float, start: Iterate | None, rtol: float
+) -> tuple[Iterate, bool]:
+    """Solve under a load from a start or none, to a tolerance relative to the displacement."""
+    excess = 1.0
+    if start is not None:
+        start = Iterate(start.pressure, start.residual, start.effort, shift=start.shift)
+        rescale(patch.operators.under(load), patch.below, start)
+        excess = excess_share(start.pressure, patch.hardness)
+    iterate, converged = start, False
+    if start is None or excess <= MOSTLY_ELASTIC:
+        elastic = patch.problem.hardness is None
+        iterate, converged = _elastic(patch, load, start, rtol if elastic else ELASTIC_RTOL)
+    assert iterate is not None
+    if converged and (patch.problem.hardness is None or _is_full(iterate, patch.hardness)):
+        return iterate, True
+    return _settle(patch, load, iterate, rtol)
+
+
+def _is_full(iterate: Iterate, hardness: float) -> bool:
+    """Return whether all gaps are closed by pressures between zero and the hardness."""
+    closed = not iterate.residual.any()
+    return closed and bool(iterate.pressure.min() >= 0 and iterate.pressure.max() <= hardness)
+
+
+def _elastic(
+    patch: _Patch, load: float, start: Iterate | None, rtol: float
+) -> tuple[Iterate, bool]:
+    """Solve under a load on whole fields, as if the bodies did not yield."""
+    problem = patch.problem
+    shape = problem.heights.shape
+    whole = WholePatch(patch.below.reshape(shape), problem.boundary, problem.aspect, load)
+    if start is None:
+        pressed = whole.start()
     else:
-        rescale(operators, patch.below, start)
-        most = MOSTLY_ELASTIC
-    if 0 < excess_share(start.pressure, patch.hardness) <= most:
-        iterate = _nearly_elastic(patch, operators, start)
+        residual = start.residual.reshape(shape).astype(np.float32)
+        pressed = Pressed(start.pressure.reshape(shape), residual, start.shift, start.effort)
+    converged = not pressed.residual.any() or press_under_load(
+        whole, pressed, rtol=rtol, least=1e-3 * patch.depth, max_iterations=problem.max_iterations
+    )
+    patch.operators.field = whole.displacement
+    iterate = Iterate(
+        pressed.pressure.reshape(-1),
+        pressed.residual.reshape(-1).astype(np.float64),
+        pressed.effort,
+        exact=converged,
+        shift=pressed.shift,
+    )
+    return iterate, converged
+
+
+def _settle(patch: _Patch, load: float, iterate: Iterate, rtol: float) -> tuple[Iterate, bool]:
+    """Solve under a load on lists of nodes, as bodies that yield need it."""
     for _ in range(TIGHTENINGS):
-        tolerance = rtol * max(iterate.shift, 1e-3 * patch.depth) / 2
         iterate, converged = solve_within(
-            operators,
+            patch.operators.under(load),
             patch.below,
             patch.hardness,
-            rtol=tolerance,
-            max_iterations=bound,
+            rtol=rtol * max(iterate.shift, 1e-3 * patch.depth) / 2,
+            max_iterations=patch.problem.max_iterations,
             start=iterate,
             pace=LOADED,
             grow_under_load=True,
@@ -203,68 +234,6 @@ def _settle_under(patch: _Patch, load: float, start: Iterate, rtol: float) -> tu
         if settled or not converged:
             return iterate, settled
     return iterate, False
-
-
-def _nearly_elastic(patch: _Patch, operators: Interface, start: Iterate) -> Iterate:
-    """Solve loosely without the hardness: the sets of bodies that yield cycle from farther away."""
-    iterate, _ = solve_complementarity(
-        operators,
-        patch.below,
-        rtol=ELASTIC_RTOL * patch.depth,
-        max_iterations=patch.problem.max_iterations,
-        start=start,
-        pace=LOADED,
-    )
-    return iterate
-
-
-def _full_contact(patch: _Patch, load: float) -> Iterate:
-    """Return the pressure that closes all gaps under a load, with tension where it needs some."""
-    shape, boundary = patch.problem.heights.shape, patch.problem.boundary
-    closing = inverse_filter(shape, boundary, patch.problem.aspect)
-    pressure = closing(patch.below.reshape(shape)).reshape(-1)
-    pressure += (load - float(pressure.sum())) / pressure.size
-    residual = np.zeros_like(pressure)
-    return Iterate(pressure, residual, CONVOLUTION, exact=True, shift=patch.depth)
-
-
-def _take_loaded_steps(operators: Interface, below: Values, iterate: Iterate) -> None:
-    """Take projected steps under a load from the pressure of full contact.
-
-    The projection subtracts a constant before it cuts off tension, so that the rest carries the
-    load: under a small load only the highest pressures stay.
-    """
-    assert operators.load is not None
-    for step in range(2):
-        if step:
-            contact = iterate.contact()
-            correct = operators.approximate_inverse(contact)
-            iterate.pressure[contact] += correct(iterate.residual[contact])
-        iterate.pressure = _cut_to_load(iterate.pressure, operators.load)
-        loaded = np.flatnonzero(iterate.pressure)
-        iterate.residual = below - operators.displace_some(loaded, iterate.pressure[loaded])
-        iterate.shift, iterate.exact = 0.0, False
-        iterate.effort += CONVOLUTION
-        iterate.level(iterate.pressure, iterate.residual)
-        if len(loaded) > LARGE_CONTACT * len(below):
-            return
-
-
-def _cut_to_load(pressure: Values, load: float) -> Values:
-    """Return max(p - c, 0) with the constant c that leaves a load."""
-    constant = (float(pressure.sum()) - load) / pressure.size
-    above = pressure
-    for _ in range(50):  # each time from fewer nodes, so that the constant only rises
-        left = above[above > constant]
-        if len(left) in {0, len(above)}:  # none, where the load is lost to rounding
-            break
-        above = left
-        constant = (float(above.sum()) - load) / len(above)
-    cut: Values = np.maximum(pressure - constant, 0)
-    if not cut.any():
-        cut[np.argmax(pressure)] = load
-    cut *= load / float(cut.sum())
-    return cut
 
 
 def _start_of(patch: _Patch, near: Start) -> Iterate | None:
@@ -283,6 +252,8 @@ def _start_of(patch: _Patch, near: Start) -> Iterate | None:
 
 def _at_displacement(patch: _Patch, near: Start | None) -> tuple[Iterate, bool]:
     """Solve at a displacement of one, directly if the first steps come near, else through loads."""
+    if float(patch.below.min()) + 1 >= 0 and patch.hardness < np.inf:
+        return _all_yielded(patch), True
     start = None if near is None else _start_of(patch, near)
     if start is not None:
         start.residual += 1
@@ -297,6 +268,13 @@ def _at_displacement(patch: _Patch, near: Start | None) -> tuple[Iterate, bool]:
             return iterate, converged
         start = iterate
     return _through_loads(patch, start)
+
+
+def _all_yielded(patch: _Patch) -> Iterate:
+    """Return the hardness on all nodes, which displaces nothing: all of the surface penetrates."""
+    pressure = np.full_like(patch.below, patch.hardness)
+    residual, yielded = patch.below + 1, np.ones(len(pressure), dtype=bool)
+    return YieldingIterate(pressure, residual, exact=True, hardness=patch.hardness, yielded=yielded)
 
 
 def _solve_at(patch: _Patch, start: Iterate | None, most: int) -> tuple[Iterate, bool]:
@@ -321,10 +299,11 @@ def _through_loads(patch: _Patch, start: Iterate) -> tuple[Iterate, bool]:
     """
     loads = _Loads(patch, float(start.pressure.sum()))
     spent, rtol, close = start.effort, TRIAL_RTOL, CLOSE
-    iterate = _full_contact(patch, loads.load)
+    iterate, _ = _settle_under(patch, loads.load, None, rtol)
     iterate.effort += spent
-    for _ in range(TRIALS):
-        iterate, _ = _settle_under(patch, loads.load, iterate, rtol)
+    for trial in range(TRIALS):
+        if trial:
+            iterate, _ = _settle_under(patch, loads.load, iterate, rtol)
         excess = iterate.shift - 1
         if abs(excess) <= close:
             at = replace(iterate, residual=iterate.residual - excess, shift=0.0, exact=False)
@@ -359,6 +338,7 @@ class _Loads:
         self._low, self._high = 0.0, patch.hardness * len(patch.below)
         self._slope = self._scaled(float(patch.below.std()) / 2)
         self._last: tuple[float, float] | None = None
+        self._least = math.inf
         self.load = load if 0 < load < self._high else min(self._high, 1.0) / 2
 
     def _scaled(self, excess: float) -> float:
@@ -391,7 +371,10 @@ class _Loads:
             self._last = math.log(here), value
         step = value / self._slope if self._slope > 0 else math.copysign(math.inf, value)
         self.load = here * math.exp(-min(max(step, -LONGEST_STEP), LONGEST_STEP))
-        if not self._low < self.load < self._high:
+        slow = abs(excess) > self._least / 2
+        self._least = min(self._least, abs(excess))
+        between = self._low > 0 and self._high < math.inf
+        if not self._low < self.load < self._high or (slow and between):
             middle = math.sqrt(self._low * self._high) if self._low else self._high / 2
             self.load = middle if self._high < math.inf else 2 * self._low
         return self.load != here and self._low < self.load < self._high

@@ -74,11 +74,11 @@ def interface_preconditioner(
     """
     patch = whole_blocks(shape[0]), whole_blocks(shape[1])
     inverse = inverse_filter(patch, boundary, aspect, "float32")
-    means = kept_filter(_make_means, patch, boundary, aspect)
+    means = kept_filter(make_means, patch, boundary, aspect)
     return LevelPreconditioner(shape, nodes, inverse, means)
 
 
-def _make_means(patch: tuple[int, int], boundary: Boundary, aspect: float) -> FieldFilter:
+def make_means(patch: tuple[int, int], boundary: Boundary, aspect: float) -> FieldFilter:
     """Tabulate the spectrum of weighted means over blocks of a patch without edges."""
     blocks = patch[0] // BLOCK, patch[1] // BLOCK
     if boundary == "periodic":

@@ -79,7 +79,7 @@ class Preconditioner:
         field = inverse.field.reshape(-1)
         gathered: Values = field[places].astype(np.float64)
         field[places] = 0
-        np.multiply(weights, _block_sums(inverse.field), out=means.field)
+        np.multiply(weights, block_sums(inverse.field), out=means.field)
         means.transform()
         gathered += means.field.reshape(-1)[blocks]
         return gathered
@@ -205,7 +205,7 @@ def _fill_blocks(field: Real, values: Real) -> None:
     rows[:] = np.repeat(values, BLOCK, axis=1)[:, np.newaxis]
 
 
-def _block_sums(field: Real) -> Real:
+def block_sums(field: Real) -> Real:
     """Sum over blocks, by whole rows and columns at a time because a block's axes are short."""
     rows = np.array(field[::BLOCK])
     for node in range(1, BLOCK):

@@ -158,3 +158,15 @@ def test_a_load_far_below_the_rounding_of_full_contact_is_carried(height: float)
     light = bem.solve(peaked, 1.0, spacing=1.0, pressure=1e-19, boundary="mirror")
     assert light.contact_nodes == 1
     assert light.force == pytest.approx(1e-19 * flat.size, rel=1e-12)
+
+
+@pytest.mark.parametrize("boundary", EDGELESS)
+@pytest.mark.parametrize("spans", [1.0, 1.05, 3.0])
+def test_all_nodes_yield_where_all_of_the_surface_penetrates(
+    boundary: Boundary, spans: float
+) -> None:
+    heights = rough((16, 20), seed=7)
+    delta = spans * float(np.ptp(heights))
+    contact = bem.solve(heights, heights.shape, delta, boundary=boundary, hardness=0.01)
+    assert (contact.pressure == 0.01).all()
+    np.testing.assert_allclose(contact.yielded_depth, heights - heights.max() + delta, atol=1e-12)
