@@ -55,8 +55,8 @@ class Pressed:
 
     def violation(self) -> float:
         """Return the largest penetration, or gap under pressure."""
-        gap = -float(self.residual.min(initial=0.0, where=self.pressure > 0))
-        return max(float(self.residual.max(initial=0.0)), gap)
+        gap = -float((self.residual * (self.pressure > 0)).min())
+        return max(float(self.residual.max()), gap, 0.0)
 
 
 class WholePatch:
@@ -218,7 +218,7 @@ def press_under_load(
     rtol : float
         Largest violation accepted, over the displacement [1].
     least : float
-        Displacement below which the tolerance does not fall while it is unknown.
+        Displacement that the tolerance refers to while none is known.
     max_iterations : int
         Bound on the steps of conjugate gradients.
 
@@ -231,16 +231,17 @@ def press_under_load(
     smallest, patience = np.inf, PATIENCE
     reduction, energy = REDUCTION, np.inf
     following: Real | None = None
+    violation = pressed.violation()
     while True:
-        violation = pressed.violation()
-        wanted = rtol * max(pressed.shift, least)
+        wanted = rtol * (pressed.shift if pressed.shift > 0 else least)
         floor = max(BALANCED * wanted, ROUNDING * min(renewed, 1.0))
         ended = patience == 0 or pressed.effort.iterations >= max_iterations
         if violation <= floor or ended:
             if exact:
                 return violation <= rtol * pressed.shift
             _renew(patch, pressed)
-            exact, renewed = True, pressed.violation()
+            exact, violation = True, pressed.violation()
+            renewed = violation
             if renewed <= rtol * pressed.shift:
                 return True
             idle = 0 if renewed < smallest_renewed / 2 else idle + 1

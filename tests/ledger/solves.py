@@ -46,6 +46,11 @@ def surfaces(count: int = ROWS, nodes: int = 129) -> tuple[Heights, ...]:
     return tuple(surface_of(scene, plan, row) for row in range(count))
 
 
+def cells() -> Iterable[Heights]:
+    """Return the same surfaces without their last row and column, for patches without edges."""
+    return (heights[:-1, :-1] for heights in surfaces())
+
+
 def _each(
     heights: Iterable[Heights], side: float | tuple[float, float] = SIDE, **arguments: Any
 ) -> Iterator[bem.Contact]:
@@ -82,6 +87,14 @@ SOLVES: dict[str, Solves] = {
     "hardness of 0.05 E*, given pressure": lambda: _each(surfaces(), pressure=0.005, hardness=0.05),
     "hardness of 0.05 E*, ladder of 21 pressures": lambda: bem.ladder(
         surfaces()[0], SIDE, pressures=np.geomspace(1e-4, 1e-2, 21), hardness=0.05
+    ),
+    "periodic, given Delta": lambda: _each(cells(), delta=5.0, boundary="periodic"),
+    "periodic, given pressure": lambda: _each(cells(), pressure=0.02, boundary="periodic"),
+    "mirror, given Delta": lambda: _each(cells(), delta=5.0, boundary="mirror"),
+    "mirror, given pressure": lambda: _each(cells(), pressure=0.02, boundary="mirror"),
+    "mirror, nearly full contact": lambda: _each(cells(), pressure=0.2, boundary="mirror"),
+    "mirror, hardness of 0.05 E*": lambda: _each(
+        cells(), pressure=0.005, hardness=0.05, boundary="mirror"
     ),
 }
 """The items and their solves."""
