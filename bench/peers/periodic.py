@@ -229,7 +229,7 @@ def agreement(rows: Sequence[Row]) -> Iterator[Row]:
 def contents(folder: Path) -> list[content.Content]:
     """List what a folder holds of this comparison."""
     table = folder / "periodic.csv"
-    command = "python -m bench peers --boundary periodic --nodes 128,256,512,1024 -o DIR"
+    command = "python -m bench peers --boundary periodic --nodes 128,256 --rounds 2 -o DIR"
     return [
         content.Figure(
             folder / "periodic.png",
