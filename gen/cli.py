@@ -171,12 +171,17 @@ def _try_contact_outputs(
         Output(flattened, "--flattened", "heights"),
     ]
     check_outputs(outputs, [surface])
+    return _try_picture(picture, 11, 8.2)
+
+
+def _try_picture(picture: Path | None, width: float, height: float) -> Any:
+    """Refuse a picture of no known format; return the figure to draw into, sides in inches."""
     if picture is None:
         return None
     from gen.runtime.figure import new_figure, require_picture_name
 
     require_picture_name(picture)
-    return new_figure(11, 8.2, dpi=110)
+    return new_figure(width, height, dpi=110)
 
 
 @app.command()
@@ -193,15 +198,18 @@ def describe(
     invert: options.Invert = False,
     boundary: options.Boundary = "free",
     table: options.Table = None,
+    picture: options.SurfacePicture = None,
 ) -> None:
-    """Print the 22 roughness statistics of a surface with their units."""
+    """Print the 22 roughness statistics and the parameters of ISO 25178 with their units."""
     from gen import display
     from gen.measured import single
+    from gen.measured.areal import areal_parameters
     from gen.measured.preparation import prepare, surface_warnings, tilt
     from gen.measured.topography import read
     from gen.runtime.table import write_csv
 
-    check_outputs([Output(table, "--csv")], [surface])
+    check_outputs([Output(table, "--csv"), Output(picture, "--plot", "picture")], [surface])
+    figure = _try_picture(picture, 10.5, 8.6)
     measured = read(
         surface, side, unit, channel=channel, override_scale=override_scale, boundary=boundary
     )
@@ -212,8 +220,25 @@ def describe(
     display.print_preparation(topography, warnings)
     description = single.describe(topography)
     display.print_statistics(topography.heights, topography.spacing, tilt(measured), description)
+    areal = areal_parameters(topography)
+    display.print_areal(areal)
     if table is not None:
-        write_csv(table, [single.statistics_row(topography, description, warnings)])
+        row = single.statistics_row(topography, description, warnings)
+        write_csv(table, [{**row, **areal.values}])
+    if picture is not None:
+        _draw_description(figure, topography, picture)
+
+
+def _draw_description(figure: Any, topography: Any, picture: Path) -> None:
+    """Fit the self-affine law to a surface, print it, and draw both."""
+    from gen import display
+    from gen.measured.self_affine import fit_self_affine, radial_spectrum
+    from gen.measured.surface_picture import draw_surface
+
+    spectrum = radial_spectrum(topography)
+    fit = fit_self_affine(topography, spectrum)
+    display.print_self_affine(fit)
+    draw_surface(figure, topography, spectrum, fit, picture)
 
 
 @app.command()

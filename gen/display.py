@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
+from gen.measured.areal import PARAMETERS
 from gen.measured.single import border_remark, contact_warnings
 from gen.runtime.console import console as new_console
 from gen.runtime.memory import size
@@ -27,6 +28,7 @@ if TYPE_CHECKING:  # statistics are printed without the solver, contacts without
     from gen.database import Reader
     from gen.generation.forecast import Estimate, Plan
     from gen.generation.run import RunResult
+    from gen.measured.self_affine import SelfAffineFit
     from gen.measured.topography import Topography
     from gen.statistics import Description
 
@@ -341,6 +343,54 @@ def print_statistics(
     console.print(table)
     if description.reason:
         console.print(f"nan: {description.reason}")
+
+
+def print_areal(parameters: Description) -> None:
+    """Print the areal parameters of a surface.
+
+    Parameters
+    ----------
+    parameters : gen.statistics.Description
+        Values and reason, from `gen.measured.areal.areal_parameters`.
+    """
+    table = Table(box=None, pad_edge=False)
+    for title in ("ISO 25178", "value", "unit", "meaning"):
+        table.add_column(title, justify="right" if title == "value" else "left")
+    for name, unit, meaning in PARAMETERS:
+        table.add_row(name, f"{parameters.values[name]:.6g}", unit, meaning)
+    console = _console()
+    console.print(table)
+    if parameters.reason:
+        console.print(f"nan: {parameters.reason}")
+
+
+def print_self_affine(fit: SelfAffineFit | str) -> None:
+    """Print a self-affine law as the generator `spectral` takes it, or why there is none.
+
+    Parameters
+    ----------
+    fit : SelfAffineFit or str
+        Law or reason, from `gen.measured.self_affine.fit_self_affine`.
+    """
+    console = _console()
+    if isinstance(fit, str):
+        console.print(f"self-affine law: none, {fit}")
+        return
+    law = fit.spectrum
+    remarks = "".join(f"; {remark}" for remark in fit.remarks)
+    console.print(
+        f"self-affine law from {fit.longest:.4g} to {law.cut_off:.4g} um, the spectrum within a"
+        f" factor of {fit.scatter:.3g}{remarks}; as a start for the generator spectral:"
+    )
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for name, value, unit, meaning in (
+        ("hurst", law.hurst, "1", "Hurst exponent"),
+        ("roll_off", law.roll_off, "um", "longest wavelength of the power law"),
+        ("cut_off", law.cut_off, "um", "shortest wavelength"),
+        ("rms_height", fit.rms_height, "um", "root mean square height"),
+    ):
+        table.add_row(name, f"{value:.6g}", unit, meaning)
+    console.print(table)
 
 
 def _console() -> Console:

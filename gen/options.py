@@ -108,6 +108,12 @@ MaxIterations = Annotated[int, typer.Option(help="Bound on the solver's iteratio
 Picture = Annotated[
     Path | None, typer.Option("--plot", metavar="FILE", help="Draw heights, contact and a section.")
 ]
+SurfacePicture = Annotated[
+    Path | None,
+    typer.Option(
+        "--plot", metavar="FILE", help="Draw heights, distribution and spectrum; fit a law to it."
+    ),
+]
 NewPicture = Annotated[
     Path, typer.Option("--output", "-o", metavar="PNG", help="The picture to write.")
 ]

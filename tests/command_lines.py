@@ -141,7 +141,8 @@ COMMANDS: dict[str, dict[str, Command]] = {
             ),
         ),
         "describe": Command(
-            "<surface> --side 9 --csv >file", (*DESCRIBED, ("--boundary open", "open"))
+            "<surface> --side 9 --csv >file",
+            (*DESCRIBED, ("--boundary open", "open"), ("--plot one.jpg", ".png")),
         ),
         "plot": Command("<database> -o >file.png"),
         "columns": Command(""),

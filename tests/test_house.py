@@ -40,7 +40,7 @@ ROOMS = {
     "bem.analytic": {"bem.arrays"},
     "gen.runtime": set(),
     "gen.database": {"gen.runtime", "gen.scene", "gen.schema"},
-    "gen.measured": {"gen.arrays", "gen.maps", "gen.runtime", "gen.statistics"},
+    "gen.measured": {"gen.arrays", "gen.maps", "gen.runtime", "gen.spectral", "gen.statistics"},
     "gen.generation": {
         *("gen.arrays", "gen.database", "gen.runtime", "gen.scene", "gen.schema"),
         *("gen.statistics", "gen.surface"),
