@@ -104,6 +104,11 @@ def contact(
     level: options.Level = "",
     crop: options.Crop = "",
     invert: options.Invert = False,
+    mask: options.Mask = "",
+    despike: options.Despike = None,
+    form: options.Form = None,
+    filter_: options.Filter = "",
+    downsample: options.Downsample = None,
     boundary: options.Boundary = "free",
     kernel: options.Kernel = "uniform-pressure",
     far_field: options.FarField = "rigid",
@@ -122,6 +127,7 @@ def contact(
     from gen.material import combined_modulus, require_hardness
     from gen.measured import single
     from gen.measured.preparation import prepare, surface_warnings
+    from gen.measured.settings import Preparation
     from gen.measured.topography import read
     from gen.runtime.table import write_csv
 
@@ -137,12 +143,13 @@ def contact(
         "rtol": rtol,
         "max_iterations": max_iterations,
     }
+    preparation = Preparation(
+        crop, invert, mask, despike, level, form, fill, fill_most, filter_, downsample
+    )
     measured = read(
         surface, side, unit, channel=channel, override_scale=override_scale, boundary=boundary
     )
-    topography = prepare(
-        measured, crop=crop, invert=invert, level=level, fill=fill, fill_most=fill_most
-    )
+    topography = prepare(measured, preparation)
     contacts, warnings = display.follow_contacts(
         topography,
         surface_warnings(topography),
@@ -196,6 +203,11 @@ def describe(
     level: options.Level = "",
     crop: options.Crop = "",
     invert: options.Invert = False,
+    mask: options.Mask = "",
+    despike: options.Despike = None,
+    form: options.Form = None,
+    filter_: options.Filter = "",
+    downsample: options.Downsample = None,
     boundary: options.Boundary = "free",
     table: options.Table = None,
     picture: options.SurfacePicture = None,
@@ -205,17 +217,19 @@ def describe(
     from gen.measured import single
     from gen.measured.areal import areal_parameters
     from gen.measured.preparation import prepare, surface_warnings, tilt
+    from gen.measured.settings import Preparation
     from gen.measured.topography import read
     from gen.runtime.table import write_csv
 
     check_outputs([Output(table, "--csv"), Output(picture, "--plot", "picture")], [surface])
     figure = _try_picture(picture, 10.5, 8.6)
+    preparation = Preparation(
+        crop, invert, mask, despike, level, form, fill, fill_most, filter_, downsample
+    )
     measured = read(
         surface, side, unit, channel=channel, override_scale=override_scale, boundary=boundary
     )
-    topography = prepare(
-        measured, crop=crop, invert=invert, level=level, fill=fill, fill_most=fill_most
-    )
+    topography = prepare(measured, preparation)
     warnings = surface_warnings(topography)
     display.print_preparation(topography, warnings)
     description = single.describe(topography)

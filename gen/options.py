@@ -42,6 +42,32 @@ Crop = Annotated[
 Invert = Annotated[
     bool, typer.Option("--invert", help="Turn upside down: heights point into the material.")
 ]
+Mask = Annotated[
+    str, typer.Option(metavar="BELOW:ABOVE", help="Heights outside these, in um, become holes.")
+]
+Despike = Annotated[
+    float | None,
+    typer.Option(
+        metavar="THRESHOLD",
+        help="Replace nodes further from the local median than this times the scatter, as 7.",
+    ),
+]
+Form = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="Subtract the fitted polynomial of total degree N, 1 to 20."),
+]
+Filter = Annotated[
+    str,
+    typer.Option(
+        "--filter",
+        metavar="S:L",
+        help="Gaussian filter (ISO 16610-61): cut-offs of the S- and L-filter in um; one may be"
+        " left out.",
+    ),
+]
+Downsample = Annotated[
+    int | None, typer.Option(metavar="N", help="Take the means of N x N nodes as nodes.")
+]
 Table = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Also write a table.")]
 Scene = Annotated[
     str,

@@ -101,7 +101,35 @@ SURFACE = (
     ("--young 1 --e-star 1", "--e-star"),
     ("--poisson 2", "poisson"),
 )
-DESCRIBED = SURFACE[:6]
+PREPARED = (
+    ("--mask 5", "--mask"),
+    ("--mask :", "--mask"),
+    ("--mask a:b", "--mask"),
+    ("--mask 3:1", "--mask"),
+    ("--mask 500:600", "--mask 500:600"),
+    ("--mask 1:", "missing"),
+    ("--despike 0", "--despike"),
+    ("--despike -7", "--despike"),
+    ("--despike nan", "--despike"),
+    ("--despike much", "--despike"),
+    ("--form 0", "--form"),
+    ("--form 9", "--form"),
+    ("--form 21", "--form"),
+    ("--form 2.5", "--form"),
+    ("--form 2 --level plane", "--level plane and --form 2"),
+    ("--filter 3", "--filter"),
+    ("--filter :", "--filter"),
+    ("--filter 8:5", "--filter"),
+    ("--filter 0:5", "--filter"),
+    ("--filter x:", "--filter"),
+    ("--filter 1:", "S-filter"),
+    ("--filter :99", "L-filter"),
+    ("--downsample 1", "--downsample"),
+    ("--downsample -2", "--downsample"),
+    ("--downsample 5", "--downsample"),
+    ("--downsample two", "--downsample"),
+)
+DESCRIBED = (*SURFACE[:6], *PREPARED)
 ASKED = (*SURFACE, ("--delta deep", "deep"), ("--delta 1:2", "1:2"), ("--interval 2", "--interval"))
 
 COMMANDS: dict[str, dict[str, Command]] = {
@@ -126,6 +154,7 @@ COMMANDS: dict[str, dict[str, Command]] = {
             "<surface> --side 9 --delta 1 --csv >file --plot >file.png",
             (
                 *SURFACE,
+                *PREPARED,
                 ("--delta nan", "delta"),
                 ("--delta deep", "deep"),
                 ("--delta 1:2:0", "1:2:0"),

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
+from gen.measured import steps
+from gen.measured.settings import Preparation
 from gen.measured.topography import Topography, intervals
 from gen.runtime.errors import InputError
-
-LEVELS = ("mean", "plane", "quadratic")
 
 SPIKE = 7.0
 """Height of the highest node above the median of its neighbours from which it is called a spike, in
@@ -39,33 +39,21 @@ TRIPLES = 100
 """Rows from which a file with three columns is a list of points rather than a narrow map."""
 
 
-def prepare(
-    topography: Topography,
-    *,
-    crop: str = "",
-    invert: bool = False,
-    level: str = "",
-    fill: bool = False,
-    fill_most: bool = False,
-) -> Topography:
-    """Crop, invert, level and fill a topography, in this order.
+def prepare(topography: Topography, settings: Preparation) -> Topography:
+    """Crop, invert, mask, despike, level, fill, filter and downsample a map, in this order.
 
-    A surface of which more than `MANY_HOLES` is filled gets a warning.
+    The order is a metrologist's. Heights out of range are no part of any median, so the mask comes
+    before the spikes. Spikes would bend a fit, and stand at the rims of holes, which are filled
+    from there. The level or form is fitted to measured nodes only. A filter needs all nodes, and
+    no slope that its weights would cut off at the borders. Means come last, when the S-filter has
+    taken out the waves that they would fold back.
 
     Parameters
     ----------
     topography : Topography
         Surface as it was measured.
-    crop : str
-        Part to keep, "x0:x1,y0:y1" from the first node on [um].
-    invert : bool
-        Turn the surface upside down, for files whose heights point into the material.
-    level : {"", "mean", "plane", "quadratic"}
-        Least-squares fit of the measured nodes to subtract.
-    fill : bool
-        Close holes harmonically: no filled node is above or below the rim of its hole.
-    fill_most : bool
-        Fill even if more than half of the heights are missing.
+    settings : Preparation
+        Steps to take. A surface of which more than `MANY_HOLES` is filled gets a warning.
 
     Returns
     -------
@@ -75,22 +63,43 @@ def prepare(
     Raises
     ------
     InputError
-        If the part is empty, the level is unknown, holes are left, or there are more holes than
-        heights.
+        If a setting is not allowed or does not suit the map, holes are left, there are more holes
+        than heights, or heights are too large to compute with.
     """
-    if crop:
-        topography = _cropped(topography, crop)
-    if invert:
-        topography = _changed(topography, -topography.heights, "turned upside down")
-    if level:
-        topography = _levelled(topography, level)
-    if (fill or fill_most) and topography.missing:
-        topography = _filled(topography, insisted=fill_most)
+    settings.check()
+    if settings.despike or settings.form or settings.filter or settings.downsample:
+        steps.require_useful_heights(topography)
+    topography = _with_measured_nodes(topography, settings)
     if topography.missing:
         raise InputError(
             f"{topography.name}: {topography.missing} of {topography.heights.size} heights are"
             " missing (NaN): --fill closes holes, --crop leaves them out"
         )
+    short, long = settings.cutoffs()
+    if short is not None or long is not None:
+        topography = steps.filtered(topography, short, long)
+    if settings.downsample is not None:
+        topography = steps.downsampled(topography, settings.downsample)
+    return topography
+
+
+def _with_measured_nodes(topography: Topography, settings: Preparation) -> Topography:
+    """Take the steps for which measured nodes are enough, up to the filling of the others."""
+    if settings.crop:
+        topography = steps.cropped(topography, settings.crop)
+    if settings.invert:
+        topography = steps.changed(topography, -topography.heights, "turned upside down")
+    kept = settings.kept_heights()
+    if kept is not None:
+        topography = steps.masked(topography, kept)
+    if settings.despike is not None:
+        topography = steps.despiked(topography, settings.despike)
+    if settings.level:
+        topography = _levelled(topography, settings.level)
+    if settings.form is not None:
+        topography = steps.without_form(topography, settings.form)
+    if (settings.fill or settings.fill_most) and topography.missing:
+        topography = _filled(topography, insisted=settings.fill_most)
     return topography
 
 
@@ -223,11 +232,6 @@ def _laplace_equations(
     return coo_matrix((np.concatenate(weights), places)).tocsc(), right
 
 
-def _changed(topography: Topography, heights: Heights, step: str) -> Topography:
-    """Return the topography with new heights and one more recorded step."""
-    return replace(topography, heights=heights, steps=(*topography.steps, step))
-
-
 def _filled(topography: Topography, *, insisted: bool) -> Topography:
     """Fill holes; warn of many, and refuse more holes than heights unless the user insists."""
     missing, size = topography.missing, topography.heights.size
@@ -238,39 +242,11 @@ def _filled(topography: Topography, *, insisted: bool) -> Topography:
             " make up more than was measured; crop, measure again, or insist by --fill-most"
         )
     heights = filled_harmonically(topography.heights, topography.spacing)
-    filled = _changed(topography, heights, f"filled {missing} nodes ({share}) harmonically")
+    filled = steps.changed(topography, heights, f"filled {missing} nodes ({share}) harmonically")
     if missing <= MANY_HOLES * size:
         return filled
     warning = f"{share} of the heights were missing and are filled: filled parts are too smooth"
     return replace(filled, warnings=(*filled.warnings, warning))
-
-
-def _cropped(topography: Topography, text: str) -> Topography:
-    """Cut out the nodes within "x0:x1,y0:y1" [um]."""
-    try:
-        limits = [[float(end) for end in part.split(":")] for part in text.split(",")]
-    except ValueError:
-        limits = []
-    if len(limits) != 2 or any(len(ends) != 2 for ends in limits):
-        raise InputError(f"--crop {text!r}: give x0:x1,y0:y1 in um, as 100:900,0:500")
-    parts, sides = [], []
-    for (low, high), spacing, nodes in zip(
-        limits, topography.spacing, topography.heights.shape, strict=True
-    ):
-        positions = np.arange(nodes) * spacing
-        rounding = 1e-9 * spacing
-        within = np.flatnonzero((positions >= low - rounding) & (positions <= high + rounding))
-        if within.size < 2:
-            whole = " x ".join(f"{side:.6g}" for side in topography.sides)
-            raise InputError(f"--crop {text!r}: holds fewer than 2 x 2 nodes of {whole} um")
-        parts.append(slice(int(within[0]), int(within[-1]) + 1))
-        sides.append(intervals(within.size, topography.boundary) * spacing)
-    heights = np.ascontiguousarray(topography.heights[tuple(parts)])
-    if np.isnan(heights).all():
-        raise InputError(f"--crop {text!r}: all heights are missing there")
-    step = f"cropped to {heights.shape[0]} x {heights.shape[1]} nodes, {text} um"
-    cropped = replace(topography, sides=(sides[0], sides[1]))
-    return _changed(cropped, heights, step)
 
 
 def _plane(x: Values, y: Values) -> list[Values]:
@@ -308,16 +284,14 @@ def _least_squares(
 
 def _levelled(topography: Topography, level: str) -> Topography:
     """Subtract a least-squares fit of the measured nodes."""
-    if level not in LEVELS:
-        raise InputError(f"--level {level!r}: give one of {', '.join(LEVELS)}")
     heights = topography.heights
     if level == "mean":
         mean = float(np.nanmean(heights))
-        return _changed(topography, heights - mean, f"levelled by the mean, {mean:.6g} um")
+        return steps.changed(topography, heights - mean, f"levelled by the mean, {mean:.6g} um")
     slopes = tilt(topography)
     fit, _ = _least_squares(heights, _plane if level == "plane" else _quadratic)
     tilted = f"tilt {slopes[0]:.4g} along x, {slopes[1]:.4g} along y"
-    return _changed(topography, heights - fit, f"levelled by a {level}, {tilted}")
+    return steps.changed(topography, heights - fit, f"levelled by a {level}, {tilted}")
 
 
 def _spike(heights: Heights) -> tuple[int, int, float] | None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bem.spacing import Boundary
 from gen.measured.preparation import prepare, surface_warnings
+from gen.measured.settings import Preparation
 from gen.measured.topography import OWN_SUFFIXES, Topography, read, sides_from
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
@@ -165,14 +166,14 @@ def read_surface(
             override_scale=reading.override_scale,
             boundary=boundary,
         )
-        topography = prepare(
-            measured,
+        settings = Preparation(
             crop=reading.crop,
             invert=reading.invert,
             level=reading.level,
             fill=reading.fill,
             fill_most=reading.fill_most,
         )
+        topography = prepare(measured, settings)
     except InputError as error:
         named = "" if str(error).startswith(("--", str(path))) else f"{path}: "
         raise InputError(f"{named}{error}") from None

@@ -14,6 +14,7 @@ from gen import cli
 from gen.material import combined_modulus
 from gen.measured import preparation
 from gen.measured.preparation import filled_harmonically, prepare, rms_slope, surface_warnings, tilt
+from gen.measured.settings import Preparation
 from gen.measured.topography import Topography
 from gen.runtime.errors import InputError
 from gen.surface import generate
@@ -59,7 +60,7 @@ def test_holes_in_a_plane_are_filled_with_the_plane() -> None:
 def test_a_level_takes_its_shape_away_whatever_is_missing(level: str, shape: np.ndarray) -> None:
     holes = shape.copy()
     holes[4, 4] = holes[0, 8] = np.nan
-    levelled = prepare(topography(holes), level=level, fill=True)
+    levelled = prepare(topography(holes), Preparation(level=level, fill=True))
     np.testing.assert_allclose(levelled.heights, 0, atol=1e-11)
     assert any(level in step for step in levelled.steps)
 
@@ -70,7 +71,7 @@ def test_tilt_is_the_slope_of_the_plane() -> None:
 
 
 def test_crop_keeps_nodes_and_spacing() -> None:
-    cropped = prepare(topography(X + 100 * Y), crop="4:10,1:3.2", invert=True)
+    cropped = prepare(topography(X + 100 * Y), Preparation(crop="4:10,1:3.2", invert=True))
     assert np.array_equal(cropped.heights, -(X + 100 * Y)[2:6, 2:7])
     assert cropped.spacing == pytest.approx((2.0, 0.5))
     assert len(cropped.steps) == 2
@@ -81,7 +82,7 @@ def test_a_crop_without_edges_keeps_the_pixels(boundary: Boundary) -> None:
     heights = np.add.outer(np.arange(10.0), 3 * np.arange(8.0))
     whole = Topography("scan", heights, (20.0, 4.0), boundary=boundary)
     assert tilt(whole) == pytest.approx((0.5, 6.0))
-    part = prepare(whole, crop="4:12,1:3")
+    part = prepare(whole, Preparation(crop="4:12,1:3"))
     assert part.heights.shape == (5, 5)
     assert part.sides == (10.0, 2.5)
     assert part.spacing == whole.spacing == (2.0, 0.5)
@@ -91,14 +92,87 @@ def test_a_crop_without_edges_keeps_the_pixels(boundary: Boundary) -> None:
 @pytest.mark.parametrize("crop", ["4:10", "a:b,0:1", "4:5,0:4", "10:4,0:4", "90:99,0:4"])
 def test_crops_that_hold_nothing_are_refused(crop: str) -> None:
     with pytest.raises(InputError, match="--crop"):
-        prepare(topography(X), crop=crop)
+        prepare(topography(X), Preparation(crop=crop))
 
 
 def test_holes_that_stay_and_unknown_levels_are_refused() -> None:
     with pytest.raises(InputError, match=r"scan: 1 of 108 heights are missing .* --fill"):
-        prepare(topography(np.where((X == 4) & (Y == 1), np.nan, X)))
+        prepare(topography(np.where((X == 4) & (Y == 1), np.nan, X)), Preparation())
     with pytest.raises(InputError, match="--level 'cubic': give one of mean, plane, quadratic"):
-        prepare(topography(X), level="cubic")
+        prepare(topography(X), Preparation(level="cubic"))
+
+
+def test_no_step_is_taken_unless_it_is_asked_for() -> None:
+    surface = topography(0.1 * X + np.sin(Y))
+    assert prepare(surface, Preparation()) is surface
+
+
+def test_steps_are_taken_in_their_order_whatever_is_asked_for() -> None:
+    random = np.random.default_rng(0)
+    x, y = np.meshgrid(np.arange(41.0), np.arange(33.0), indexing="ij")
+    heights = -(2 + 0.1 * x - 0.02 * y + 1e-4 * x**3) + random.normal(0, 0.01, x.shape)
+    heights[10, 12] -= 50  # masked: it is below -40
+    heights[20, 8] += 9  # a spike
+    heights[30:33, 20:24] = np.nan
+    settings = Preparation("0:39,0:32", True, ":40", 12, "", 3, True, False, "4:30", 3)
+    prepared = prepare(topography(heights, (40.0, 32.0)), settings)
+    words = ["cropped", "turned", "masked", "despiked", "form", "filled", "filtered", "downsampled"]
+    assert [step.split()[0].strip(":") for step in prepared.steps] == words
+    told = ["masked 1 node ", "despiked: 1 node ", "filled 13 nodes", "13 x 11 means of 3 x 3"]
+    assert all(any(words in step for step in prepared.steps) for words in told)
+    assert np.abs(prepared.heights).max() < 0.02
+    assert prepared.spacing == pytest.approx((3, 3))
+
+
+def test_a_filled_hole_knows_nothing_of_spikes_at_its_rim() -> None:
+    random = np.random.default_rng(1)
+    heights = random.normal(size=(30, 31))
+    heights[10:14, 12:18] = np.nan
+    heights[9, 13] = heights[14, 16] = 900.0
+    prepared = prepare(topography(heights), Preparation(despike=20, fill=True))
+    assert prepared.heights.max() < 5
+
+
+@pytest.mark.parametrize("settings", [{"filter": "8:"}, {"downsample": 2}, {"mask": "0:20"}])
+def test_holes_are_refused_before_a_filter_sees_them(settings: dict[str, str]) -> None:
+    with pytest.raises(InputError, match=r"heights are missing .* --fill closes holes"):
+        prepare(topography(np.where(X == 4, np.nan, X)), Preparation(**settings))
+
+
+def test_a_spiked_scan_gives_the_contacts_of_the_clean_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rough = generate("diamond-square", 65, 0.65, 2.0, np.random.default_rng(0))
+    spiked = rough.copy()
+    spiked[[5, 30, 44], [50, 20, 3]] += [80, -90, 100]
+    areas = {}
+    for name, heights, options in (("clean", rough, []), ("spiked", spiked, ["--despike", "9"])):
+        np.save(tmp_path / f"{name}.npy", heights)
+        table = tmp_path / f"{name}.csv"
+        arguments = [str(tmp_path / f"{name}.npy"), "--side", "1000", "--delta", "2", *options]
+        assert cli.main(["contact", *arguments, "--csv", str(table)]) == 0
+        areas[name] = pd.read_csv(table).area_percent[0]
+    said = capsys.readouterr()
+    assert "despiked: 3 nodes" in said.out
+    assert "spike" not in said.err
+    assert areas["spiked"] == pytest.approx(areas["clean"], rel=0.02)
+
+
+def test_describe_takes_every_step(
+    scanned_sphere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "row.csv"
+    arguments = ["--side", "160,120", "--unit", "nm", "--fill", "--csv", str(table)]
+    arguments += ["--mask", "-9:9", "--despike", "8", "--form", "2", "--filter", "4:60"]
+    assert cli.main(["describe", str(scanned_sphere), *arguments, "--downsample", "2"]) == 0
+    row = pd.read_csv(table).iloc[0]
+    assert (row.nodes_x, row.nodes_y) == (80, 80)
+    assert (row.side_x_um, row.side_y_um) == pytest.approx((158, 118.5))
+    said = capsys.readouterr().out
+    for words in ("masked", "despiked", "form taken out", "S-filter 4 um", "downsampled"):
+        assert words in row.prepared
+        assert words in said
+    assert row.height_rms < 1e-4
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -135,8 +209,8 @@ def test_much_that_is_missing_is_warned_of_and_more_refused() -> None:
         heights = np.where(np.random.default_rng(1).random(X.shape) < share, np.nan, 0.1 * X)
         if refused:
             with pytest.raises(InputError, match=r"are missing \(.* %\): .* insist by --fill-most"):
-                prepare(topography(heights), fill=True)
-        filled = prepare(topography(heights), fill=True, fill_most=refused)
+                prepare(topography(heights), Preparation(fill=True))
+        filled = prepare(topography(heights), Preparation(fill=True, fill_most=refused))
         told = [line for line in surface_warnings(filled) if "were missing and are filled" in line]
         assert len(told) == warned
 
