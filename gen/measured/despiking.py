@@ -88,4 +88,4 @@ def _medians(values: Values) -> Values:
     lower, upper = (
         ordered[entries, np.maximum(place, 0)] for place in ((count - 1) // 2, count // 2)
     )
-    return np.where(count % 2 == 1, lower, lower / 2 + upper / 2)
+    return np.asarray(np.where(count % 2 == 1, lower, lower / 2 + upper / 2))
