@@ -228,7 +228,6 @@ def _settle(patch: _Patch, load: float, iterate: Iterate, rtol: float) -> tuple[
             max_iterations=patch.problem.max_iterations,
             start=iterate,
             pace=LOADED,
-            grow_under_load=True,
         )
         settled = iterate.violation() <= rtol * iterate.shift
         if settled or not converged:

@@ -58,7 +58,11 @@ class HalfSpace:
     field : ndarray, shape (nx, ny), or None
         Displacement of every node of the grid by the last pressure given to `displace`, on a
         rigid far field; None before that and where `keep_field` is False.
+    edgeless : bool
+        Whether a uniform pressure displaces nothing; a free patch has edges.
     """
+
+    edgeless = False
 
     def __init__(
         self,

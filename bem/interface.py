@@ -33,6 +33,8 @@ class Interface(HalfSpace):
         Whether `displace` keeps the displacement of the whole grid as `field`.
     """
 
+    edgeless = True
+
     def __init__(
         self,
         shape: tuple[int, int],

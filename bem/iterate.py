@@ -29,12 +29,15 @@ class Operators(Protocol):
         contacts are nearly singular.
     load : float or None
         Sum of the pressure if it is given, so that the displacement of the far field follows.
+    edgeless : bool
+        Whether a uniform pressure displaces nothing, so that less load on one node raises others.
     """
 
     norm: float
     softening: float
     few_nodes: int
     load: float | None
+    edgeless: bool
 
     def among(self, some: Nodes) -> "Operators":
         """Return the operators of some of the nodes alone, on a rigid far field."""

@@ -104,7 +104,6 @@ def solve_within(
     max_iterations: int,
     start: Iterate | None = None,
     pace: Pace = FROM_SCRATCH,
-    grow_under_load: bool = False,
 ) -> tuple[Iterate, bool]:
     """Find 0 <= p <= P with w >= 0 where p = 0, w = 0 between, and w <= 0 where p = P.
 
@@ -118,9 +117,6 @@ def solve_within(
         Largest pressure P, inf for an elastic body [reduced].
     rtol, max_iterations, start, pace
         As in `bem.active_set.solve_complementarity`.
-    grow_under_load : bool
-        Whether the yielded set grows under a given load too where both sets cycle; by default the
-        solve ends there.
 
     Returns
     -------
@@ -128,7 +124,8 @@ def solve_within(
         The solution, a `YieldingIterate` where nodes have yielded; otherwise the elastic solution,
         the same to the last bit as without a hardness. Or the best that was reached.
     converged : bool
-        Whether the tolerance is met. Under a given load, cycling sets end the solve too.
+        Whether the tolerance is met. Under a given load, cycling sets end the solve of a free patch
+        too.
     """
     if hardness == np.inf:
         return solve_complementarity(
@@ -149,7 +146,7 @@ def solve_within(
         _take_capped_steps(operators, interference, capped)
     _cap(operators, capped)
     converged = _exchange_sets(operators, interference, capped, rtol, max_iterations)
-    grow = operators.load is None or grow_under_load
+    grow = operators.load is None or operators.edgeless
     if not converged and grow and not capped.stalled:
         converged = _grow_yielded(operators, interference, capped, rtol, max_iterations)
     if not converged or capped.depth() > rtol:
@@ -389,7 +386,7 @@ def _solve_loosely(
     known = iterate.pressure[free]
     weights = known if known.any() else np.ones_like(known)
     share = None if operators.load is None else weights / float(weights.sum())
-    if share is not None:  # nodes may have been released since the far field was last shifted
+    if share is not None and operators.edgeless:  # yielded nodes may have been released since
         iterate.level(weights, iterate.residual[free])
 
     def correct(residual: Values) -> Values:
