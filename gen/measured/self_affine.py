@@ -188,7 +188,7 @@ def fit_self_affine(topography: Topography, spectrum: RadialSpectrum) -> SelfAff
     weights = 1.0 / (1.0 / spectrum.waves + MISFIT**2)
     roll, level, slope, bins, error = _best_law(q, c, weights)
     if math.exp(error) > LARGEST_SCATTER:
-        return f"the spectrum is off every such law by a factor of {math.exp(error):.2g}"
+        return f"the spectrum is off the nearest one by a factor of {math.exp(error):.2g}"
     longest = float(2 * math.pi / spectrum.wavenumbers[0])
     cut_off = float(2 * math.pi / spectrum.edges[bins - 1, 1])
     remarks = _remarks(roll <= q[1], bins == q.size, slope)

@@ -109,6 +109,10 @@ def _draw_spectrum(axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str
     axis.set_ylim(bottom=max(float(spectrum.density[seen].min()), 1e-3 * float(law.min())) / 2)
     longer = axis.secondary_xaxis("top", functions=(_opposite, _opposite))
     longer.set_xlabel("wavelength [µm]")
+    shortest, longest = sorted(_opposite(np.array(axis.get_xlim())))
+    ticks = [n * 10.0**k for k in range(-15, 16) for n in (1, 2, 5)]
+    longer.set_xticks([tick for tick in ticks if shortest <= tick <= longest])
+    longer.minorticks_off()
     longer.xaxis.set_major_formatter("{x:g}")
     axis.legend(loc="lower left", fontsize="small")
 
@@ -116,7 +120,7 @@ def _draw_spectrum(axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str
 def _spectrum_title(fit: SelfAffineFit | str) -> str:
     """Return the title of the spectrum: the law's numbers, or why there is none."""
     if isinstance(fit, str):
-        return f"radial power spectrum: {fit}"
+        return f"radial power spectrum; no self-affine law: {fit}"
     numbers = f"Hurst exponent {fit.spectrum.hurst:.3g}, rms height {fit.rms_height:.4g} µm"
     return "; ".join((f"radial power spectrum: {numbers}", *fit.remarks))
 
