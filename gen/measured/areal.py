@@ -73,9 +73,10 @@ def areal_parameters(topography: Topography) -> Description:
         return Description(values | shape | {"Sdq": 0.0, "Sdr": 0.0}, "flat surface")
     if is_lost(heights):
         return Description(values | shape, "heights lost in rounding beside their offset")
-    square = np.mean(scaled**2)
-    shape["Ssk"] = float(np.mean(scaled**3) / square**1.5)
-    shape["Sku"] = float(np.mean(scaled**4) / square**2)
+    squares = scaled**2
+    square = squares.mean()
+    shape["Ssk"] = float(np.mean(squares * scaled) / square**1.5)
+    shape["Sku"] = float(np.mean(squares**2) / square**2)
     shape["Sdq"], shape["Sdr"] = gradients(scaled * unit, topography.spacing, periodic=periodic)
     shape["Sal"], shape["Str"], reason = _lengths(scaled, topography.spacing, periodic=periodic)
     return Description(values | shape, reason)
