@@ -43,6 +43,11 @@ MOSTLY_ELASTIC = 0.1
 # Times that the tolerance follows the displacement that a load turns out to need.
 TIGHTENINGS = 8
 
+# Unit of length under the smallest loads, over the displacement of one cell that carries all of the
+# load. Nodes deeper than the unit stay open whatever the surface, and count as this deep: single
+# precision holds pressures and depths at once only where they are not too far apart.
+REACH = 1e8
+
 # Tolerance [Delta] of solves under trial loads, and the distance [Delta] from the displacement from
 # which it is solved for.
 TRIAL_RTOL = 2e-2
@@ -64,7 +69,7 @@ class _Patch:
     length : float
         Unit of displacements [um].
     below : ndarray, shape (m,)
-        Heights less the highest [length].
+        Heights less the highest [length]; nodes out of reach of a given load at -1, see `REACH`.
     operators : Interface
         The influence matrix of all nodes.
     hardness : float
@@ -80,10 +85,13 @@ class _Patch:
     @classmethod
     def of(cls, problem: Problem, length: float, operators: Interface) -> "_Patch":
         """Return a problem in units of a length [um]."""
+        below = (problem.heights - problem.heights.max()).reshape(-1)
+        if problem.delta is None and length == REACH * _load(problem):
+            below = np.maximum(below, -length)
         return cls(
             problem=problem,
             length=length,
-            below=((problem.heights - problem.heights.max()) / length).reshape(-1),
+            below=below / length,
             operators=operators,
             hardness=problem.reduced_hardness(length),
         )
@@ -117,9 +125,11 @@ def without_edges(
     if problem.delta is not None and problem.hardness is None and problem.delta >= depth:
         raise NoSolution(
             f"delta = {problem.delta:g} um has no equilibrium on a patch without edges: the contact"
-            f" is full at {depth:.10g} um, where the force is given instead"
+            f" is full at {depth:.10g} um: give a smaller delta, or the force or pressure"
         )
     length = problem.delta or depth or problem.spacing[0]
+    if problem.delta is None:
+        length = min(length, REACH * _load(problem))
     operators = Interface(
         problem.heights.shape, problem.boundary, problem.aspect, keep_field=keep_displacement
     )
@@ -224,7 +234,7 @@ def _settle(patch: _Patch, load: float, iterate: Iterate, rtol: float) -> tuple[
             patch.operators.under(load),
             patch.below,
             patch.hardness,
-            rtol=rtol * max(iterate.shift, 1e-3 * patch.depth) / 2,
+            rtol=rtol * (iterate.shift if iterate.shift > 0 else 1e-3 * patch.depth) / 2,
             max_iterations=patch.problem.max_iterations,
             start=iterate,
             pace=LOADED,

@@ -188,12 +188,17 @@ def section_line(contact: Contact) -> tuple[int, int]:
     return longer, int(contact.pressure.sum(axis=longer).argmax())
 
 
+def _first_node(contact: Contact) -> float:
+    """Return the distance from the border to the first node along an axis [spacing]."""
+    return 0.0 if contact.problem.boundary == "free" else 0.5
+
+
 def _draw_section(axis: Any, contact: Contact) -> None:
     """Draw both bodies along a line through the contact."""
     along, place = section_line(contact)
     line: tuple[Any, ...] = (slice(None), place) if along == 0 else (place, slice(None))
-    spacing = contact.problem.spacing
-    position = spacing[along] * np.arange(contact.pressure.shape[along])
+    spacing, first = contact.problem.spacing, _first_node(contact)
+    position = spacing[along] * (first + np.arange(contact.pressure.shape[along]))
     # The half-space's surface is at 0 before contact, and the rough body comes down from above.
     deformed = -contact.displacement[line]
     rough = deformed + contact.gap[line]
@@ -210,10 +215,10 @@ def _draw_section(axis: Any, contact: Contact) -> None:
         axis.plot(position, yielding, ".", ms=4, color=CYAN, label="yielded")
     axis.axhline(0, color="k", lw=0.6, ls=":")
     names = "xy"
-    where = f"section at {names[1 - along]} = {spacing[1 - along] * place:.4g} µm"
+    where = f"section at {names[1 - along]} = {spacing[1 - along] * (first + place):.4g} µm"
     axis.set_title(where, loc="left", fontsize=10)
     axis.set(xlabel=f"{names[along]} [µm]", ylabel="z [µm], stretched")
-    axis.set(xlim=(position[0], position[-1]), ylim=(bottom, top))
+    axis.set(xlim=(0, patch_sides(contact)[along]), ylim=(bottom, top))
     axis.legend(
         loc="lower right",
         bbox_to_anchor=(1, 1),

@@ -170,3 +170,25 @@ def test_all_nodes_yield_where_all_of_the_surface_penetrates(
     contact = bem.solve(heights, heights.shape, delta, boundary=boundary, hardness=0.01)
     assert (contact.pressure == 0.01).all()
     np.testing.assert_allclose(contact.yielded_depth, heights - heights.max() + delta, atol=1e-12)
+
+
+@pytest.mark.parametrize("hardness", [None, 0.1])
+@pytest.mark.parametrize("boundary", EDGELESS)
+def test_vanishing_loads_rest_on_the_highest_nodes(
+    boundary: Boundary, hardness: float | None
+) -> None:
+    """Single precision has no numbers for pressures of 1e-60 beside heights of 1."""
+    heights = np.minimum(rough((24, 20), seed=3), 1.0)
+    contacts = [
+        bem.solve(heights, heights.shape, pressure=mean, boundary=boundary, hardness=hardness)
+        for mean in (1e-12, 1e-20, 1e-60, 1e-150)
+    ]
+    first = contacts[0]
+    np.testing.assert_array_equal(first.pressure > 0, heights == 1.0)
+    for contact, mean in zip(contacts[1:], (1e-20, 1e-60, 1e-150), strict=True):
+        np.testing.assert_allclose(
+            contact.pressure / mean, first.pressure / 1e-12, rtol=1e-5, atol=1e-5
+        )
+        assert contact.delta / mean == pytest.approx(first.delta / 1e-12, rel=1e-5)
+        assert contact.residual < 2e-7
+        assert contact.mean_gap == pytest.approx(1.0 - heights.mean(), rel=1e-12)

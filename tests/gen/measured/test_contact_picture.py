@@ -170,3 +170,17 @@ def test_sections_run_through_the_contact(
     heights: np.ndarray, sides: tuple[float, float], expected: tuple[int, int]
 ) -> None:
     assert section_line(bem.solve(heights, side=sides, delta=0.1)) == expected
+
+
+@pytest.mark.parametrize(("boundary", "first"), [("free", 0.0), ("mirror", 0.5)])
+def test_sections_place_nodes_on_the_borders_or_at_the_centres_of_cells(
+    boundary: Any, first: float
+) -> None:
+    contact = bem.solve(ROUGH, 100.0, 1.0, boundary=boundary)
+    section = titled(drawn([contact]), "section at")
+    (along, place), spacing = section_line(contact), contact.problem.spacing
+    touching = section.lines[0].get_xdata()
+    np.testing.assert_allclose(touching, (first + np.arange(33)) * spacing[along])
+    assert section.get_xlim() == pytest.approx((0.0, 100.0))
+    expected = f"= {(first + place) * spacing[1 - along]:.4g} µm"
+    assert section.get_title(loc="left").endswith(expected)
