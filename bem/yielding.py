@@ -88,6 +88,10 @@ MOST_CHANGES = 40
 # Residual asked of the first one-sided solves while the yielded set grows.
 LOOSEST = 1e-1
 
+# Tolerance [unit of displacement] to which the yielded set grows under a load before both sets are
+# changed once more.
+GROWN_RTOL = 1e-2
+
 # Factor on that residual each time that the set stands.
 STRICTER = 0.1
 
@@ -146,6 +150,9 @@ def solve_within(
         _take_capped_steps(operators, interference, capped)
     _cap(operators, capped)
     converged = _exchange_sets(operators, interference, capped, rtol, max_iterations)
+    if not converged and operators.edgeless and operators.load and not capped.stalled:
+        _grow_yielded(operators, interference, capped, GROWN_RTOL, max_iterations)
+        converged = _exchange_sets(operators, interference, capped, rtol, max_iterations)
     grow = operators.load is None or operators.edgeless
     if not converged and grow and not capped.stalled:
         converged = _grow_yielded(operators, interference, capped, rtol, max_iterations)
