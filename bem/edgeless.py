@@ -27,6 +27,9 @@ from bem.yielding import excess_share, solve_within
 NESTED = 500
 NESTED_RTOL = 3e-2
 
+# Share of the displacement or of the nodes of full contact from which that gains nothing.
+NEARLY_FULL = 0.97
+
 # Projected steps from no pressure at a given displacement.
 FIRST_STEPS = range(4)
 
@@ -153,9 +156,8 @@ def without_edges(
 def _on_coarser_cells(problem: Problem) -> tuple[Start | None, Effort]:
     """Solve loosely for the means of two by two cells; None if the grid is small or odd.
 
-    Bodies that yield gain nothing from it.
-
-    The effort is in convolutions of the whole grid.
+    Bodies that yield gain nothing from it, nor does a contact that is nearly full. The effort is in
+    convolutions of the whole grid.
     """
     rows, columns = problem.heights.shape
     if min(rows, columns) < NESTED or rows % 2 or columns % 2:
@@ -164,13 +166,15 @@ def _on_coarser_cells(problem: Problem) -> tuple[Start | None, Effort]:
     delta = problem.delta
     if delta is not None:
         delta -= float(problem.heights.max() - heights.max())
-        if delta <= 0:
+        if not 0 < delta < NEARLY_FULL * float((heights.max() - heights).mean()):
             return None, Effort()
     spacing = 2 * problem.spacing[0], 2 * problem.spacing[1]
     coarse = replace(problem, heights=heights, spacing=spacing, delta=delta, rtol=NESTED_RTOL)
     loose = without_edges(coarse)
     pressure = loose.pressure * (loose.length / spacing[0])
     convolutions = -(-loose.iterate.effort.convolutions // 4)
+    if np.count_nonzero(pressure) > NEARLY_FULL * pressure.size:
+        return None, Effort(convolutions=convolutions)
     return Start(pressure.repeat(2, axis=0).repeat(2, axis=1)), Effort(convolutions=convolutions)
 
 

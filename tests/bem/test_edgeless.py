@@ -192,3 +192,19 @@ def test_vanishing_loads_rest_on_the_highest_nodes(
         assert contact.delta / mean == pytest.approx(first.delta / 1e-12, rel=1e-5)
         assert contact.residual < 2e-7
         assert contact.mean_gap == pytest.approx(1.0 - heights.mean(), rel=1e-12)
+
+
+@pytest.mark.parametrize("boundary", EDGELESS)
+@pytest.mark.parametrize("load", [0.01, 0.3, 1.5, 8.0])
+def test_a_start_from_coarser_cells_leads_to_the_same_contact(
+    boundary: Boundary, load: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heights = rough((64, 96), seed=8)
+    alone = press(heights, boundary, load, rtol=1e-9)
+    monkeypatch.setattr("bem.edgeless.NESTED", 32)
+    nested = press(heights, boundary, load, rtol=1e-9)
+    assert nested.contact_nodes == alone.contact_nodes
+    assert nested.delta == pytest.approx(alone.delta, rel=1e-8)
+    if alone.area_percent < 100:
+        by_delta = bem.solve(heights, heights.shape, alone.delta, boundary=boundary, rtol=1e-9)
+        assert by_delta.force == pytest.approx(alone.force, rel=1e-5)
