@@ -17,6 +17,9 @@ COLUMNS = {
 }
 """Quantities of a table by what they are tabulated against."""
 
+OUTSIDE_WEIGHT = 1e-9
+"""Weight of a point outside the training, over one inside, where curves are made monotone."""
+
 
 @dataclass(frozen=True, eq=False)
 class Curve:
@@ -142,10 +145,12 @@ def _summary(reasons: Sequence[str]) -> str:
 def monotone(points: Points) -> tuple[Points, Points]:
     """Make the curves of one surface monotone, by least squares; return the corrections too.
 
-    Area, force and pressure rise with Delta, and the mean gap falls. The corrections are the
-    changes of the values.
+    Area, force and pressure rise with Delta, and the mean gap falls. Points outside the training
+    follow those inside, which they hardly move. The corrections are the changes of the values.
     """
     from scipy.optimize import isotonic_regression
+
+    weights = np.array([OUTSIDE_WEIGHT if reason else 1.0 for reason in points.reasons])
 
     def smooth(part: dict[str, Values]) -> dict[str, Values]:
         made = {}
@@ -154,7 +159,8 @@ def monotone(points: Points) -> tuple[Points, Points]:
             rising = name != "mean_gap_um"
             made[name] = values
             if finite and name != "delta_um":
-                made[name] = np.asarray(isotonic_regression(values, increasing=rising).x)
+                fit = isotonic_regression(values, weights=weights, increasing=rising)
+                made[name] = np.asarray(fit.x)
         return made
 
     values, low, high = smooth(points.values), smooth(points.low), smooth(points.high)
