@@ -68,6 +68,8 @@ def peers(
 
     if boundary not in {"free", "periodic"}:
         raise InputError(f"boundary {boundary}: give free or periodic")
+    if boundary == "periodic" and hardness:
+        raise InputError("hardness with boundary periodic: no other solver knows both, give one")
     sizes = numbers("nodes", nodes or ("129,257" if boundary == "free" else "128,256"), int)
     if boundary == "periodic":
         names = ["periodic.csv", "periodic-agreement.csv", "periodic.png"]

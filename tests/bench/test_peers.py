@@ -238,6 +238,7 @@ def test_packages_without_a_line_are_named_on_the_page(tmp_path: Path) -> None:
         (["--hardness", "0.1,0"], "hardness 0.0: give a share of E* above 0"),
         (["--deltas", "nan"], "delta nan: give a displacement above 0 um"),
         (["--boundary", "mirror"], "boundary mirror: give free or periodic"),
+        (["--boundary", "periodic", "--hardness", "0.1"], "hardness with boundary periodic"),
         (["--boundary", "periodic", "--nodes", "129"], "nodes 129: give 2^k from 32 on"),
         (["--deltas", "5,"], "deltas '5,': give numbers with commas between them"),
     ],
