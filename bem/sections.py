@@ -31,13 +31,18 @@ class _Sections:
             thread = threading.get_ident()
             self.depths[thread] = self.depths.get(thread, 0) + 1
 
-    def leave(self) -> None:
-        """Count the current thread as outside, and wake a fork that waits for it."""
+    def depth(self) -> int:
+        """Return the number of sections that the current thread is inside."""
+        return self.depths.get(threading.get_ident(), 0)
+
+    def leave(self, depth: int) -> None:
+        """Return the current thread to a depth; at 0, wake a fork that waits for it."""
         with self.changed:
             thread = threading.get_ident()
-            self.depths[thread] -= 1
-            if not self.depths[thread]:
-                del self.depths[thread]
+            if depth:
+                self.depths[thread] = depth
+            else:
+                self.depths.pop(thread, None)
                 self.changed.notify_all()
 
     def limit(self) -> None:
@@ -80,11 +85,12 @@ if hasattr(os, "register_at_fork"):  # on every system that has fork
 @contextmanager
 def unforked() -> Iterator[None]:
     """Run compiled code that holds locks; a fork waits until it has ended."""
-    _SECTIONS.enter()
+    depth = _SECTIONS.depth()
     try:
+        _SECTIONS.enter()
         yield
-    finally:
-        _SECTIONS.leave()
+    finally:  # on Ctrl-C before or after `enter` has counted too
+        _SECTIONS.leave(depth)
 
 
 @contextmanager

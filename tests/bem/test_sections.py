@@ -155,3 +155,22 @@ def test_children_forked_beside_solving_threads_solve_too() -> None:
         for thread in threads:
             thread.join()
     assert codes == [0] * 24
+
+
+def test_an_interrupt_on_the_way_into_a_section_leaves_no_thread_inside(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Else forks of other threads would wait for this one forever."""
+    known = sections._SECTIONS
+    entered = known.enter
+
+    def interrupted() -> None:
+        entered()
+        raise KeyboardInterrupt
+
+    with sections.unforked():
+        monkeypatch.setattr(known, "enter", interrupted)
+        with pytest.raises(KeyboardInterrupt), sections.unforked():
+            pass
+        assert known.depth() == 1
+    assert known.depth() == 0
