@@ -485,6 +485,8 @@ def _grow_yielded(
             return False
         else:
             goal *= STRICTER
+    if operators.load is not None:  # the last change may have left another load
+        iterate.renew(operators, interference)
     return False
 
 
