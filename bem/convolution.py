@@ -167,11 +167,11 @@ class Filter:
 
 
 class Selection:
-    """A `Filter` applied to values on some nodes, with zero on all other nodes.
+    """A filter applied to values on some nodes, with zero on all other nodes.
 
     Parameters
     ----------
-    operator : Filter
+    operator : FieldFilter
         The filter of the whole field.
     nodes : ndarray, shape (m,), or None
         Flat indices into its (nx, ny); None for all nodes of an unpadded filter.
@@ -199,11 +199,6 @@ class Selection:
         if self._places is None:
             return self._apply(some, values).copy()
         return self._apply(self._places[some], values)[self._places]
-
-    def within(self, some: Nodes, values: Real) -> Real:
-        """Filter (a,) values on nodes[some], and return (a,) values on the same nodes."""
-        places = some if self._places is None else self._places[some]
-        return self._apply(places, values)[places]
 
     def _apply(self, places: Nodes | slice, values: Real) -> Real:
         """Filter values at some places; the result is the filter's own buffer."""

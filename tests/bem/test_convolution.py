@@ -95,8 +95,6 @@ def test_selections_share_a_filter_and_agree_with_it(dtype: str) -> None:
     np.testing.assert_array_equal(selection(values), reference(nodes, values)[nodes])
     spread = selection.spread(some, values[some])
     np.testing.assert_array_equal(spread, reference(nodes[some], values[some])[nodes])
-    within = selection.within(some, values[some])
-    np.testing.assert_array_equal(within, spread[some])
 
 
 def test_kept_filters_count_all_that_they_hold() -> None:
