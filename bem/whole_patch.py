@@ -84,7 +84,7 @@ class WholePatch:
         patch = whole_blocks(shape[0]), whole_blocks(shape[1])
         self.below, self.load = below, load
         self.displacement: Field | None = None
-        self._closing = inverse_filter(shape, boundary, aspect)
+        self._patch = shape, boundary, aspect
         self._double = spectral_filter(shape, boundary, aspect)
         self._working = spectral_filter(shape, boundary, aspect, "float32")
         self._inverse = inverse_filter(patch, boundary, aspect, "float32")
@@ -115,7 +115,7 @@ class WholePatch:
         Pressed
             The solution if the contact is full.
         """
-        pressure = self._closing(self.below)
+        pressure = inverse_filter(*self._patch)(self.below)
         pressure += self.load / pressure.size
         if pressure.min() >= 0:
             flat = np.zeros(pressure.shape, np.float32)
