@@ -71,7 +71,7 @@ def spectral_filter(
 def inverse_filter(
     shape: tuple[int, int], boundary: Boundary, aspect: float = 1.0, dtype: str = "float64"
 ) -> FieldFilter:
-    """Return the pressure of zero mean that displaces a patch without edges as a given field does.
+    """Return the inverse of the influence matrix on fields of zero mean as a filter.
 
     Parameters
     ----------
@@ -81,7 +81,8 @@ def inverse_filter(
     Returns
     -------
     Filter or CosineFilter
-        Maps an (nx, ny) displacement to an (nx, ny) pressure [E* / first side of a cell].
+        Maps an (nx, ny) displacement to the (nx, ny) pressure of zero mean that causes it but for
+        its mean [E* / first side of a cell]. All callers on one thread share it.
     """
     return kept_filter(_make_inverse, shape, boundary, aspect, dtype)
 
