@@ -18,7 +18,7 @@ from bem.equilibrium import Equilibrium, Start
 from bem.first_contact import take_first_steps
 from bem.interface import Interface
 from bem.iterate import CONVOLUTION, Effort, Iterate, YieldingIterate, rescale
-from bem.problem import NoSolution, Problem
+from bem.problem import Problem
 from bem.whole_patch import Pressed, WholePatch, press_under_load
 from bem.yielding import excess_share, solve_within
 
@@ -123,18 +123,8 @@ def without_edges(
         A pressure to start from.
     keep_displacement : bool
         Whether the result has the displacement of the half-space.
-
-    Raises
-    ------
-    NoSolution
-        If a given displacement is that of full contact or more, and the bodies do not yield.
     """
     depth = float((problem.heights.max() - problem.heights).mean())
-    if problem.delta is not None and problem.hardness is None and problem.delta >= depth:
-        raise NoSolution(
-            f"delta = {problem.delta:g} um has no equilibrium on a patch without edges: the contact"
-            f" is full at {depth:.10g} um: give a smaller delta, or the force or pressure"
-        )
     length = problem.delta or depth or problem.spacing[0]
     if problem.delta is None:
         length = min(length, REACH * _load(problem))

@@ -131,7 +131,8 @@ def pose(
     ValueError
         One line that says what was given and what is allowed.
     NoSolution
-        If the load is more than the hardness on all nodes carries.
+        If the load is more than the hardness on all nodes carries, or the displacement of elastic
+        bodies on a patch without edges is that of full contact or more.
     """
     surface = _checked_heights(heights)
     boundary = _checked_choice("boundary", boundary, BOUNDARIES)
@@ -173,7 +174,7 @@ def _checked_hardness(hardness: Any) -> float | None:
 
 
 def _check_edgeless(problem: Problem) -> None:
-    """Refuse what only a free patch has: point forces, and a body that moves under its force."""
+    """Refuse what only a free patch has, and displacements of full contact or more."""
     if problem.kernel == "concentrated-force":
         raise ValueError(
             f"kernel = 'concentrated-force' is not solved with boundary = {problem.boundary!r}:"
@@ -183,6 +184,16 @@ def _check_edgeless(problem: Problem) -> None:
         raise ValueError(
             f"far_field = 'compliant' is not solved with boundary = {problem.boundary!r}:"
             " use far_field = 'rigid'"
+        )
+    depth = float((problem.heights.max() - problem.heights).mean())
+    if (
+        problem.delta is not None
+        and problem.hardness is None
+        and problem.delta >= max(depth, 1e-300)
+    ):
+        raise NoSolution(
+            f"delta = {problem.delta:g} um has no equilibrium on a patch without edges: the contact"
+            f" is full at {depth:.10g} um: give a smaller delta, or the force or pressure"
         )
 
 

@@ -94,6 +94,8 @@ def solve_loads(
     memory.require_for_contacts(len(values), topography.heights.shape)
     began = time.perf_counter()
     try:
+        if len(values) > 1:  # the largest load is refused before the first is solved
+            _pose(topography, load, max(values), settings)
         for contact in _contacts(topography, load, values, settings):
             yield contact, time.perf_counter() - began
             began = time.perf_counter()
@@ -265,6 +267,15 @@ def write_flattened(path: Path, contact: Contact) -> None:
     content = BytesIO()
     np.save(content, contact.flattened)
     write(path, content.getvalue(), "heights")
+
+
+def _pose(topography: Topography, load: str, value: float, settings: dict[str, Any]) -> None:
+    """Check one load as `bem.solve` does."""
+    from bem.problem import pose
+
+    loads: dict[str, Any] = {"delta": None, load: value}
+    boundary = topography.boundary
+    pose(topography.heights, topography.sides, **loads, boundary=boundary, **settings)
 
 
 def _contacts(

@@ -220,3 +220,21 @@ def test_statistics_of_a_patch_without_edges_have_the_spacing_of_its_pixels(wide
     assert (mirror.pop("side_x_um"), free.pop("side_x_um")) == (330, 320)
     assert (mirror.pop("side_y_um"), free.pop("side_y_um")) == (300, 290)
     assert mirror.equals(free)
+
+
+@pytest.mark.parametrize(
+    ("loads", "refusal"),
+    [
+        (["--delta", "1,100", "--boundary", "mirror"], "delta = 100 um has no equilibrium"),
+        (["--pressure", "1,3000", *STEEL, "--hardness", "2000"], "pressure = 3000 MPa has no"),
+    ],
+)
+def test_a_load_without_equilibrium_is_refused_before_any_is_solved(
+    surface, capsys, monkeypatch: pytest.MonkeyPatch, loads: list[str], refusal: str
+) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(bem, "ladder", never)
+    assert contact(surface, *loads) == 2
+    assert refusal in capsys.readouterr().err
