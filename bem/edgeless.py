@@ -52,8 +52,9 @@ MOSTLY_ELASTIC = 0.1
 TIGHTENINGS = 8
 
 # Unit of length under the smallest loads, over the displacement of one cell that carries all of the
-# load. Nodes deeper than the unit stay open whatever the surface, and count as this deep: single
-# precision holds pressures and depths at once only where they are not too far apart.
+# load. Nodes deeper than the unit stay open whatever the surface, if that cell does not yield, and
+# count as this deep: single precision holds pressures and depths at once only where they are not
+# too far apart.
 REACH = 1e8
 
 # Tolerance [Delta] of solves under trial loads, and the distance [Delta] from the displacement from
@@ -94,7 +95,7 @@ class _Patch:
     def of(cls, problem: Problem, length: float, operators: Interface) -> "_Patch":
         """Return a problem in units of a length [um]."""
         below = (problem.heights - problem.heights.max()).reshape(-1)
-        if problem.delta is None and length == REACH * _load(problem):
+        if _cannot_yield(problem) and length == REACH * _load(problem):
             below = np.maximum(below, -length)
         return cls(
             problem=problem,
@@ -126,7 +127,7 @@ def without_edges(
     """
     depth = float((problem.heights.max() - problem.heights).mean())
     length = problem.delta or depth or problem.spacing[0]
-    if problem.delta is None:
+    if _cannot_yield(problem):
         length = min(length, REACH * _load(problem))
     spent = Effort()
     if near is None and problem.hardness is None:
@@ -166,6 +167,13 @@ def _on_coarser_cells(problem: Problem) -> tuple[Start | None, Effort]:
     if np.count_nonzero(pressure) > NEARLY_FULL * pressure.size:
         return None, Effort(convolutions=convolutions)
     return Start(pressure.repeat(2, axis=0).repeat(2, axis=1)), Effort(convolutions=convolutions)
+
+
+def _cannot_yield(problem: Problem) -> bool:
+    """Return whether a load is given that a single cell carries without yielding."""
+    if problem.delta is not None:
+        return False
+    return problem.hardness is None or _load(problem) <= problem.reduced_hardness(1.0)
 
 
 def _load(problem: Problem) -> float:

@@ -208,3 +208,17 @@ def test_a_start_from_coarser_cells_leads_to_the_same_contact(
     if alone.area_percent < 100:
         by_delta = bem.solve(heights, heights.shape, alone.delta, boundary=boundary, rtol=1e-9)
         assert by_delta.force == pytest.approx(alone.force, rel=1e-5)
+
+
+@pytest.mark.parametrize("boundary", EDGELESS)
+@pytest.mark.parametrize("scale", [1e6, 1e8, 1e12])
+def test_soft_bodies_on_high_peaks_flatten_as_many_nodes_as_the_load_needs(
+    boundary: Boundary, scale: float
+) -> None:
+    """Beside the heights, elastic displacement is nothing: 13 nodes yield, and one does not."""
+    heights = rough((4, 4), seed=8) * scale
+    contact = bem.solve(heights, heights.shape, pressure=0.05, hardness=0.06, boundary=boundary)
+    order = np.argsort(-heights, axis=None)
+    np.testing.assert_allclose(contact.pressure.flat[order[:13]], 0.06, rtol=1e-12)
+    assert contact.pressure.flat[order[13]] == pytest.approx(0.02, rel=1e-9)
+    assert contact.delta == pytest.approx(np.ptp(heights.flat[order[:14]]), rel=1e-5)
