@@ -147,6 +147,16 @@ class SurfaceFeatures:
             *_above(interference - deflection - LOOSE * delta, delta),
         )
 
+    @property
+    def full_contact(self) -> float:
+        """Displacement of full contact of elastic bodies, inf on a free patch [um].
+
+        A patch without edges has no equilibrium from there on.
+        """
+        if self.boundary == "free":
+            return math.inf
+        return float((self.heights.max() - self.heights).mean())
+
     def coarse_contact(self, depth: float, hardness_ratio: float | None = None) -> bem.Contact:
         """Solve the contact of the block means, `depth` [um] below the highest, with E* = 1 MPa."""
         (step_x, step_y), (nx, ny) = self.steps, self.heights.shape

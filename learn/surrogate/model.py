@@ -335,7 +335,13 @@ class OnSurface:
         statistics = np.broadcast_to(surface.statistics, (deltas.size, surface.statistics.size))
         shape = (surface.heights.shape[0], surface.heights.shape[1])
         note = surrogate.note(shape, surface.sides)
-        return Rows(inputs, statistics, deltas, surface.length, (note,), hardness_ratio)
+        limit = surface.full_contact if hardness_ratio is None else np.inf
+        full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
+        notes: tuple[str, ...] = (note,)
+        if (deltas >= limit).any():
+            beyond = np.where(deltas >= limit, full, "")
+            notes = tuple("; ".join(filter(None, (own, note))) for own in beyond)
+        return Rows(inputs, statistics, deltas, surface.length, notes, hardness_ratio)
 
     def predict(
         self,

@@ -281,6 +281,10 @@ def test_a_surrogate_knows_the_boundary_of_its_patches(cells, ridge, heights, tm
     ]
     np.testing.assert_allclose(answer.force, [each.force for each in solved], rtol=0.5)
     assert not any("spacing" in reason or "nodes" in reason for reason in answer.reasons)
+    full = float((heights[:-1, :-1].max() - heights[:-1, :-1]).mean())
+    below, beyond = on_surface.predict([0.9 * full, 1.1 * full]).reasons
+    assert "no equilibrium" not in below
+    assert beyond.startswith(f"no equilibrium: the contact is full at delta = {full:.6g} um")
     with pytest.raises(InputError, match="table: has a free boundary, the surrogate was"):
         loaded.require_boundary("free", "table")
 
