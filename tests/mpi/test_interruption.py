@@ -16,6 +16,9 @@ pytestmark = [
 ]
 
 SCENE = "samples = {}\n[surface]\nnodes = 33\n"
+ROWS = 3000
+"""Rows of a run that is not at its end when its signal comes, on a machine that is busy too."""
+
 SHORT = 300
 """Rows of a run that is soon done, wherever in its start a signal has met it."""
 
@@ -27,7 +30,7 @@ LONG = 200_000
 def folder(tmp_path_factory):
     """A folder with the scenes, and a database that a serial run has made undisturbed."""
     folder = tmp_path_factory.mktemp("interruption")
-    for name, samples in (("scene", 1200), ("short", SHORT), ("long", LONG)):
+    for name, samples in (("scene", ROWS), ("short", SHORT), ("long", LONG)):
         (folder / f"{name}.toml").write_text(SCENE.format(samples))
     assert run_here(folder, "scene", "whole.h5") == 0
     return folder
@@ -36,6 +39,14 @@ def folder(tmp_path_factory):
 def run_here(folder, scene, output):
     """Run a scene, or go on with it, in this process; return the exit code."""
     return cli.main(["run", str(folder / f"{scene}.toml"), "-o", str(folder / output)])
+
+
+def go_on_here(folder, scene, output):
+    """Go on in this process, once the last rank is gone: Open MPI's launcher ends before it."""
+    limit = time.monotonic() + TIMEOUT
+    while (code := run_here(folder, scene, output)) == 2 and time.monotonic() < limit:
+        time.sleep(0.2)
+    return code
 
 
 def start(folder, ranks, output, scene="scene.toml"):
@@ -65,7 +76,7 @@ def test_a_signal_stops_in_order_and_the_same_command_goes_on(folder, ranks, num
     out, err = run.communicate(timeout=TIMEOUT)
     assert "Traceback" not in err
     finished = status(folder / output) != 0
-    assert 0 < finished.sum() < 1200
+    assert 0 < finished.sum() < ROWS
     if ranks and number != signal.SIGUSR1 and is_open_mpi():  # it may kill before all is in order
         assert run.returncode
     else:
@@ -77,9 +88,9 @@ def test_a_signal_stops_in_order_and_the_same_command_goes_on(folder, ranks, num
         assert again.returncode == 0, again.stderr
         said = again.stderr
     else:  # any number of ranks goes on with the rows of any other: here one, without a new start
-        assert run_here(folder, "scene", output) == 0
+        assert go_on_here(folder, "scene", output) == 0
         said = capsys.readouterr().err
-    assert f"{1200 - finished.sum()} to do" in said
+    assert f"{ROWS - finished.sum()} to do" in said
     assert deterministic_bytes(folder / output) == deterministic_bytes(folder / "whole.h5")
 
 
@@ -121,4 +132,4 @@ def test_an_early_signal_leaves_no_rank_waiting(folder, delay):
         run.communicate(timeout=30)
     finally:
         run.kill()
-    assert run_here(folder, "short", f"early-{delay}.h5") == 0
+    assert go_on_here(folder, "short", f"early-{delay}.h5") == 0
