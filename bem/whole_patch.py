@@ -1,8 +1,8 @@
 """Elastic contact of a patch without edges under a load: an active set on whole fields.
 
-The method is that of `bem.active_set`. Here all nodes may touch, so that sets are masks, and no
-field is gathered or scattered: lists of nodes would take about twice the time. Search directions
-and residuals are in single precision; they refine a pressure in double precision.
+The method is that of `bem.active_set`. Here all nodes may touch, so that sets are masks: no field
+is gathered or scattered, as lists of nodes would need it. Search directions and residuals are in
+single precision; they refine a pressure in double precision.
 """
 
 from dataclasses import dataclass
@@ -27,8 +27,8 @@ BALANCED, REACHED = 0.9, 0.55
 # Factor by which conjugate gradients reduce the residual before the contact set is checked.
 REDUCTION = 0.45
 
-# Share of the preconditioned residual that is added when tension is cut off. Of reductions of 0.15
-# to 0.45 and shares of 0.6 to 1 these take the fewest convolutions, by a twentieth.
+# Share of the preconditioned residual that is added when tension is cut off. Reductions from 0.15
+# to 0.45 and shares from 0.6 to 1 take nearly the same number of convolutions.
 ADVANCE = 0.85
 
 
