@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: quickstart test slurm-test campaign check browser debian parallel test-parallel clean
+.PHONY: quickstart test docs slurm-test campaign check browser calculix debian parallel test-parallel wheel clean
 
 quickstart: .venv/quickstart-installed
 	$(BIN)/mpiexec -n 3 $(BIN)/python -m mpi4py -m gen run quick -o quick.h5
@@ -13,6 +13,12 @@ quickstart: .venv/quickstart-installed
 # On two processors; the batch scripts' tests and the fault campaign stand apart.
 test: .venv/test-installed
 	$(BIN)/python -m pytest -m "not slurm and not campaign" -n 2 --dist loadfile
+
+# The manual, docs/_build/html/index.html: tables from bench/results, the gallery run, links checked.
+docs: .venv/docs-installed
+	rm -rf docs/_build docs/api/generated
+	OMP_NUM_THREADS=1 $(BIN)/sphinx-build --fail-on-warning --keep-going --fresh-env --write-all --quiet --jobs 2 docs docs/_build/html
+	@echo "made: docs/_build/html/index.html"
 
 # The batch scripts on a Slurm of their own, which is installed where root may do so.
 slurm-test: .venv/test-installed
@@ -29,6 +35,25 @@ check: .venv/test-installed
 	$(BIN)/python -m pytest bench/suites --benchmark-disable
 	$(BIN)/python -m tests.ledger
 
+# What people install: built, checked, alone in an environment, and tried in an empty folder.
+WHEEL := build/wheel
+wheel: .venv/bin/python
+	rm -rf build
+	$(BIN)/python -m venv $(WHEEL)/tools
+	$(WHEEL)/tools/bin/python -m pip install --quiet build twine cffconvert "setuptools>=77"
+	$(WHEEL)/tools/bin/python -m build --quiet --no-isolation --wheel --outdir $(WHEEL)/made
+	$(WHEEL)/tools/bin/python -m twine check --strict $(WHEEL)/made/*
+	$(WHEEL)/tools/bin/cffconvert --validate
+	$(BIN)/python -m venv $(WHEEL)/installed
+	$(WHEEL)/installed/bin/python -m pip install --quiet --no-compile "$$(ls $(WHEEL)/made/*.whl)[mpich,plot]"
+	mkdir $(WHEEL)/empty
+	cd $(WHEEL)/empty && export PATH="$(CURDIR)/$(WHEEL)/installed/bin:$$PATH" && set -x && \
+	  asperity --version && \
+	  mpiexec -n 3 asperity gen run quick -o quick.h5 && \
+	  asperity gen check quick.h5 --recompute 4 && \
+	  asperity gen plot quick.h5 -o quick.png && \
+	  asperity learn --help && asperity bench --help
+
 # On Debian: .venv-parallel, in which h5py writes from all MPI ranks. No wheel does that: h5py is
 # built once for these versions of Debian's HDF5 and Open MPI, and its wheel is kept in WHEELS.
 WHEELS ?= $(HOME)/.cache/asperity-wheels
@@ -41,6 +66,11 @@ browser:
 	@dpkg -s chromium > /dev/null 2>&1 || { test "$$(id -u)" = 0 && apt-get update --quiet && \
 	  DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends chromium; }
 
+# The finite-element program that reads the tables of laws.
+calculix:
+	@command -v ccx > /dev/null || { test "$$(id -u)" = 0 && apt-get update --quiet && \
+	  DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends calculix-ccx; }
+
 debian:
 	@dpkg -s $(DEBIAN) > /dev/null 2>&1 || { test "$$(id -u)" = 0 && apt-get update --quiet && \
 	  DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(DEBIAN); }
@@ -52,7 +82,7 @@ test-parallel: .venv-parallel/installed
 	$(PARALLEL)/python -m pytest tests/mpi
 
 clean:
-	rm -rf .venv .venv-parallel build *.egg-info quick.h5 quick.png
+	rm -rf .venv .venv-parallel build docs/_build docs/gallery docs/api/generated *.egg-info quick.h5 quick.png
 
 .venv/quickstart-installed: .venv/bin/python pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable ".[mpich,plot]"
@@ -60,6 +90,10 @@ clean:
 
 .venv/test-installed: .venv/bin/python pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable ".[test]"
+	touch $@ .venv/quickstart-installed
+
+.venv/docs-installed: .venv/bin/python pyproject.toml
+	$(BIN)/python -m pip install --quiet --editable ".[docs]"
 	touch $@ .venv/quickstart-installed
 
 .venv/bin/python:
@@ -71,7 +105,7 @@ clean:
 .venv-parallel/installed: pyproject.toml
 	@command -v mpicc.openmpi mpiexec.openmpi > /dev/null && test -d "$(HDF5)" || { echo \
 	"make parallel needs packages of Debian: apt-get install --no-install-recommends $(DEBIAN)" \
-	"(no Debian, no root: see Parallel HDF5 in the README)"; exit 2; }
+	"(no Debian, no root: see docs/how-to/parallel-hdf5.md)"; exit 2; }
 	$(PYTHON) -m venv .venv-parallel
 	@printf '#!/bin/sh\nexec mpiexec.openmpi "$$@"\n' | tee $(PARALLEL)/mpiexec > $(PARALLEL)/mpirun
 	chmod +x $(PARALLEL)/mpiexec $(PARALLEL)/mpirun

@@ -15,6 +15,7 @@ from bem.arrays import Nodes, Values
 from bem.first_contact import settle_few, take_first_steps
 from bem.gradients import run_stage
 from bem.iterate import CONVOLUTION, STEP, Iterate, Operators, inner, rescale
+from bem.vectors import add_scaled, anywhere, combined, keep_positive, put, take, where
 
 # Factor on the wanted reduction of the residual whenever a new contact set raises the energy: the
 # previous set was then left too early.
@@ -233,7 +234,10 @@ def _solve_in_contact(
         return deflate(precondition(residual), residual)
 
     def has_to_change(pressure: Values, _: float) -> bool:
-        return bool(pressure.min() < 0 or np.any(iterate.residual[outside] > goals[1]))
+        if pressure.min() < 0:
+            return True
+        residual, small = iterate.residual, goals[1]
+        return anywhere(lambda piece: (residual[piece] > small) & outside[piece], residual.size)
 
     run_stage(operators, iterate, contact, correct, has_to_change, goals, max_iterations)
 
@@ -258,14 +262,16 @@ def _deflation(
     if operators.load is not None:
         share = iterate.pressure[contact] / operators.load
         return lambda correction, _: correction - float(correction.sum()) * share
-    known, image = iterate.pressure[contact], (interference - iterate.residual)[contact]
+    known, image = take(iterate.pressure, contact), take(interference, contact)
+    image -= take(iterate.residual, contact)
     stiffness = inner(known, image)
     if not stiffness > 0:
         return lambda correction, _: correction
 
     def deflate(correction: Values, residual: Values) -> Values:
         along = (inner(residual, known) - inner(correction, image)) / stiffness
-        return correction + along * known
+        add_scaled(correction, along, known)
+        return correction
 
     return deflate
 
@@ -280,28 +286,48 @@ def _cut_off_tension(
 ) -> Nodes | None:
     """Set negative pressures to zero, and take a step on the next contact set.
 
+    No pressure outside the present contact set is negative.
+
     Both together cost one convolution. It is applied to the change of pressure, or to the whole
     pressure if the residual has to be recomputed because working precision no longer suffices.
     """
-    tension = contact[iterate.pressure[contact] < 0]
-    if not tension.size:
+    pressure, residual = iterate.pressure, iterate.residual
+    held = take(pressure, contact)
+    pulled = where(lambda piece: held[piece] < 0, held.size)
+    if not pulled.size:
         return None
-    before = iterate.pressure.copy()
-    iterate.pressure[tension] = 0
-    following = np.flatnonzero((iterate.pressure > 0) | ((iterate.residual > 0) & (before == 0)))
-    step = advance * operators.approximate_inverse(following)(iterate.residual[following])
-    iterate.pressure[following] = np.maximum(iterate.pressure[following] + step, 0)
+    following = where(
+        lambda piece: (pressure[piece] > 0) | ((residual[piece] > 0) & (pressure[piece] == 0)),
+        pressure.size,
+    )
+    step = operators.approximate_inverse(following)(take(residual, following))
+    before = take(pressure, following)
+    advanced = before.copy()
+    add_scaled(advanced, advance, step)
+    keep_positive(advanced)
+    tension = take(contact, pulled)
+    pressure[tension] = 0
+    put(advanced, following, pressure)
     if renewing:
         iterate.renew(operators, interference)
     else:
-        change = iterate.pressure - before
-        changed = np.flatnonzero(change)
-        iterate.residual -= operators.displace_some(changed, change[changed])
+        changed = np.concatenate([following, tension])
+        change = np.concatenate([combined(np.subtract, advanced, before, before), -held[pulled]])
+        if operators.softening:  # the last bits of their sum depend on their order
+            changed, change = _ascending(changed, change)
+        operators.image_of(changed, change).add_to(residual, -1.0)
         iterate.effort += CONVOLUTION
     if operators.load is not None:
         rescale(operators, interference, iterate)
         return following
     return None
+
+
+def _ascending(nodes: Nodes, values: Values) -> tuple[Nodes, Values]:
+    """Return the nodes whose values are not zero, in ascending order, and their values."""
+    order = np.argsort(nodes)
+    order = order[values[order] != 0]
+    return nodes[order], values[order]
 
 
 def descend(operators: Operators, interference: Values, iterate: Iterate, steps: int) -> None:
@@ -324,7 +350,6 @@ def descend(operators: Operators, interference: Values, iterate: Iterate, steps:
         Number of steps to take.
     """
     length = 1 / operators.norm
-    everywhere = np.arange(iterate.pressure.size)
     last, iterate.exact = iterate.effort.iterations + steps, False
     direction = _free_gradient(iterate)
     while iterate.effort.iterations < last and iterate.violation() > 0:
@@ -334,7 +359,7 @@ def descend(operators: Operators, interference: Values, iterate: Iterate, steps:
         proportional = inner(released, released) <= inner(reduced, free)
         if not proportional:
             direction = released
-        image = operators.displace_some(everywhere, direction)
+        image = operators.displace_some(slice(None), direction)
         stiffness = inner(direction, image)
         if not stiffness > 0:  # only rounding is left
             return

@@ -1,5 +1,8 @@
 """The contact of a rigid rough surface with an elastic half-space: `solve` and its `Contact`."""
 
+from __future__ import annotations  # short signatures in help()
+
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -8,6 +11,8 @@ from numpy.typing import ArrayLike
 
 from bem.arrays import Field, Mask
 from bem.convolution import FieldFilter, displacement_filter
+from bem.derived.spots import Spots, spots_of
+from bem.derived.stiffness import Punch, patch_stiffness, punch_of, without_patch
 from bem.displacement_control import on_compliant_far_field, on_rigid_far_field
 from bem.edgeless import without_edges
 from bem.equilibrium import Equilibrium, Start
@@ -23,9 +28,17 @@ from bem.problem import (
 )
 from bem.spacing import Boundary
 from bem.spectrum import spectral_filter
+from bem.workers import checked_threads, on_threads
 
 # Relative distance below which a pressure is the hardness: a few roundings.
 ULPS = 1e-15
+
+# Relative difference of its sides up to which a cell is square.
+SQUARE = 1e-9
+
+# Share of perimeter times spacing by which counting nodes overrates the area of contact (Yastrebov,
+# Anciaux and Molinari 2017, Tribology International 114).
+PERIMETER_SHARE = (math.pi - 1 + math.log(2)) / 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +62,8 @@ class Contact:
     approach : float
         Total displacement of the far field: Delta, plus F / K if it is compliant [um].
     residual : float
-        Largest |gap| in contact or penetration outside, over Delta, or over the approach if the
-        force was given [1].
+        Largest absolute gap in contact, or penetration outside, over Delta, or over the approach
+        if the force was given [1].
     iterations : int
         Steps of conjugate gradients, and contact sets tried by dense algebra.
     convolutions : int
@@ -151,6 +164,146 @@ class Contact:
         )
         return float(sum(edges))
 
+    @property
+    def corrected_area_percent(self) -> float:
+        """Contact area less the share of it that cells along the perimeter add [%].
+
+        A_e counts whole cells, of which those at the edges of spots touch in part (Yastrebov,
+        Anciaux and Molinari 2017).
+
+        Raises
+        ------
+        ValueError
+            If the cells are not square.
+        """
+        along, across = self.problem.spacing
+        if not math.isclose(along, across, rel_tol=SQUARE):
+            raise ValueError(
+                f"the area is corrected for square cells, the spacing is {along:g} x {across:g} um"
+            )
+        added = PERIMETER_SHARE * self.perimeter / (across * self.pressure.size)
+        return self.area_percent - 100.0 * added
+
+    @cached_property
+    def spots(self) -> Spots:
+        """Connected regions of contact, and whether contact and gap cross the patch."""
+        along, across = self.problem.spacing
+        periodic = self.problem.boundary == "periodic"
+        return spots_of(self.pressure > 0, along * across, periodic=periodic)
+
+    @cached_property
+    def punch(self) -> Punch:
+        """The flat punch of the contact set, by one linear solve."""
+        return punch_of(self.problem, np.flatnonzero(self.pressure > 0))
+
+    @property
+    def stiffness(self) -> float:
+        """Stiffness S of unloading: that of the contact set as a flat punch [MPa um].
+
+        Bodies that have yielded unload elastically, the yielded nodes too. For an elastic contact
+        on a rigid far field S is also dF/dDelta. A full contact without edges is infinitely stiff.
+
+        Raises
+        ------
+        ArithmeticError
+            If the linear solve does not converge.
+        """
+        return self.punch.stiffness
+
+    @property
+    def interface_stiffness(self) -> float:
+        """Stiffness of the interface alone, without the patch's own compliance [MPa um].
+
+        The contact of a free patch lies in series with the half-space behind the whole patch:
+        1/S - 1/S(patch), with the flat punch that fills the patch. It is infinite at full contact,
+        and loses its digits near it. Without edges the patch has no compliance of its own.
+
+        Raises
+        ------
+        ArithmeticError
+            If a linear solve does not converge.
+        """
+        return without_patch(self.stiffness, patch_stiffness(self.problem))
+
+    @cached_property
+    def loading_stiffness(self) -> float:
+        """Stiffness dF/dDelta of further loading, while the contact set stands [MPa um].
+
+        Yielded nodes keep their pressure, so that this is the flat punch of the others.
+
+        Raises
+        ------
+        ArithmeticError
+            If a linear solve does not converge.
+        """
+        if self.problem.far_field == "compliant":  # Delta leaves out what the patch gives way
+            return self.interface_stiffness
+        yielded = self._yielded
+        if not yielded.any():
+            return self.stiffness
+        return punch_of(self.problem, np.flatnonzero((self.pressure > 0) & ~yielded)).stiffness
+
+    def conductance(self, k1: float, k2: float) -> float:
+        """Compute the conductance of the contact between two half-spaces for heat or current.
+
+        It is k S / E* with k = 2 k1 k2 / (k1 + k2), exactly for spots that conduct and a gap that
+        does not (Barber 2003).
+
+        Parameters
+        ----------
+        k1, k2 : float
+            Conductivities of the bodies, above 0; one may be infinite.
+
+        Returns
+        -------
+        float
+            Conductance [unit of k1 times um: 1e-6 W/K for W/(m K)].
+
+        Raises
+        ------
+        ValueError
+            If a conductivity is not above 0, or both are infinite.
+        ArithmeticError
+            If the linear solve does not converge.
+        """
+        return mean_conductivity(k1, k2) * self.stiffness / self.problem.modulus
+
+    def interface_conductance(self, k1: float, k2: float) -> float:
+        """Compute the conductance of the interface alone, see `interface_stiffness`.
+
+        Parameters
+        ----------
+        k1, k2 : float
+            Conductivities of the bodies, above 0; one may be infinite.
+
+        Returns
+        -------
+        float
+            Conductance of the interface [unit of k1 times um: 1e-6 W/K for W/(m K)].
+
+        Raises
+        ------
+        ValueError
+            If a conductivity is not above 0, or both are infinite.
+        ArithmeticError
+            If the linear solve does not converge.
+        """
+        return mean_conductivity(k1, k2) * self.interface_stiffness / self.problem.modulus
+
+
+def mean_conductivity(k1: float, k2: float) -> float:
+    """Compute 2 k1 k2 / (k1 + k2), the conductivity of two bodies in series.
+
+    Raises
+    ------
+    ValueError
+        If one is not above 0, or both are infinite.
+    """
+    if not (k1 > 0 and k2 > 0 and min(k1, k2) < math.inf):
+        raise ValueError(f"conductivities {k1:g} and {k2:g}: both must be above 0, one finite")
+    low, high = sorted((k1, k2))
+    return 2 * low / (1 + low / high)
+
 
 class NotConverged(ArithmeticError):
     """The tolerance was not met; `contact` carries the numbers that were reached.
@@ -176,7 +329,7 @@ class NotConverged(ArithmeticError):
             f" {problem.rtol:.1e}: {remedy}"
         )
 
-    def __reduce__(self) -> tuple[type["NotConverged"], tuple[Contact, bool]]:
+    def __reduce__(self) -> tuple[type[NotConverged], tuple[Contact, bool]]:
         """Let the error be pickled, so that worker processes can raise it."""
         return NotConverged, (self.contact, self.stalled)
 
@@ -198,6 +351,7 @@ def solve(
     rtol: float = RTOL,
     max_iterations: int = MAX_ITERATIONS,
     near: Field | None = None,
+    threads: int | None = None,
 ) -> Contact:
     """Press a rigid rough surface into an elastic half-space, without friction or adhesion.
 
@@ -236,21 +390,25 @@ def solve(
         "free": the patch is all that there is, as in the paper. "periodic": the patch repeats
         itself along both axes without end. "mirror": its mirror images continue it, which leaves
         no step at its borders whatever the surface is. The last two stand for a piece of a larger
-        interface: waves of pressure p(q) displace the half-space by 2 p(q) / (E* |q|) (Johnson
-        1985, section 13.2), with zero mean, from which Delta is counted. They have no kernel to
-        choose, and a rigid far field only.
+        interface: waves of pressure p(q) of wavenumber q displace the half-space by
+        2 p(q) / (E* q) (Johnson 1985, section 13.2), with zero mean, from which Delta is counted.
+        They have no kernel to choose, and a rigid far field only.
     hardness : float, optional
         Largest contact pressure P, the hardness of the softer body [MPa]; on a rigid far field
         only. Without it the bodies are elastic.
     rtol : float
-        Largest |gap| in contact or penetration outside that is accepted, over Delta [1]. The
-        default is the loosest of a ladder that counts the contact nodes of 99.9 % of the paper
-        preset's samples exactly (`python -m bench solver --default-tolerance`).
+        Largest absolute gap in contact, or penetration outside, that is accepted, over Delta
+        [1]. The default is the loosest of a ladder that counts the contact nodes of 99.9 % of the
+        paper preset's samples exactly (`python -m bench solver --default-tolerance`).
     max_iterations : int
         Bound on the steps of conjugate gradients and contact sets of dense algebra.
     near : ndarray, shape (nx, ny), optional
         Pressure near the solution to start from, as `ladder` does [MPa]. A compliant far field
         and a given force do not use it.
+    threads : int, optional
+        Threads that share the work of grids with some 500 nodes a side or more; smaller ones take
+        one. The results are the same to the last bit on any number. By default as many as the
+        environment variable OMP_NUM_THREADS says, or one.
 
     Returns
     -------
@@ -287,7 +445,8 @@ def solve(
         max_iterations=max_iterations,
     )
     start = None if near is None else Start(checked_start(near, problem) / problem.modulus)
-    return contact_of(problem, equilibrium_of(problem, start))
+    with on_threads(checked_threads(threads)):
+        return contact_of(problem, equilibrium_of(problem, start))
 
 
 def equilibrium_of(

@@ -4,11 +4,12 @@ Every plan is made with FFTW_ESTIMATE, because FFTW_MEASURE chooses by timing, s
 could differ in the last bits of a result.
 """
 
+import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from functools import lru_cache
-from typing import Any, ClassVar, Protocol, TypeVar
+from copy import copy
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 from weakref import WeakSet
 
 import numpy as np
@@ -17,7 +18,10 @@ from scipy import fft
 
 from bem.arrays import Field, Nodes, Real
 from bem.influence import Kernel, influence_coefficients
+from bem.places import node_places
 from bem.sections import unforked
+from bem.vectors import pieces
+from bem.workers import workers
 
 # Memory of the filters that all threads keep for later solves.
 KEPT_BYTES = 256 * 2**20
@@ -30,6 +34,20 @@ PLAN_BYTES = 5 * 2**10
 
 # Memory of the columns that are filtered at a time: they stay in the processor's cache.
 BATCH_BYTES = 256 * 2**10
+
+# Entries of a field from which on threads share its transforms, and rows that they take at a time.
+SHARED_ENTRIES = 2**18
+SHARED_ROWS = 64
+
+# Entries of a field from which on columns are kept without rows of zeros whatever their number:
+# less memory is then read and written, which takes longer than to copy columns in the cache.
+PACKED_ENTRIES = 2**22
+
+# Columns of a spectrum that are tabulated at a time.
+TABULATED_COLUMNS = 16
+
+# Period over rows from which on columns of a shared field are kept so.
+PACKED_PERIOD = 1.5
 
 Kind = TypeVar("Kind", bound="FieldFilter")
 
@@ -97,42 +115,130 @@ class Filter:
     ) -> None:
         period, columns = spectrum.shape[0], spectrum.shape[1]
         across = 2 * (columns - 1) if across is None else across
-        # Coefficients are repeated, so that a real product serves real and imaginary parts.
-        self._factors = np.repeat(spectrum.T / (period * across), 2, axis=1).astype(dtype)
-        self.shape = shape
-        self.largest = float(spectrum.max())
-        self.field = pyfftw.zeros_aligned((shape[0], across), dtype)
-        waves = "complex64" if dtype == "float32" else "complex128"
-        whole = pyfftw.zeros_aligned((columns, period + COLUMN_GAP), waves)
-        self._waves = whole[:, :period]
-        rows = self._waves[:, : shape[0]].T
-        self._rows_in = _plan(self.field, rows, 1)
-        self._rows_out = _plan(rows, self.field, 1, backward=True)
-        self._batches = self._plan_columns()
-        buffer = self._batches[0][1]
-        arrays = self._factors, self.field, whole, buffer
-        plans = 2 + 2 * len(self._batches)
+        self.shape, self.largest = shape, float(spectrum.max())
+        scaled = spectrum.T / (period * across)
+        self._open(across, scaled.astype(dtype, copy=False))
+
+    def in_single_precision(self) -> "Filter":
+        """Return the same filter in single precision.
+
+        The two must not be used at once: buffers of large filters lie in the same memory.
+        """
+        single = copy(self)
+        repeats = self._factors.shape[1] // self._period
+        single._open(self.field.shape[1], self._factors[:, ::repeats].astype(np.float32))
+        return single
+
+    def _open(self, across: int, factors: Real) -> None:
+        """Make the buffers and plans of a filter from factors for (columns, px) waves."""
+        shape, dtype, (columns, period) = self.shape, factors.dtype, factors.shape
+        waves = "complex64" if dtype == np.float32 else "complex128"
+        entries = shape[0] * across
+        self._shared = entries >= SHARED_ENTRIES
+        pruned = self._shared and period >= PACKED_PERIOD * shape[0]
+        self._packed = pruned or entries >= max(PACKED_ENTRIES, SHARED_ENTRIES)
+        # Coefficients are repeated, so that a real product serves real and imaginary parts. Large
+        # filters in double precision, which are applied a few times in a solve, save the memory.
+        spare = self._packed and dtype == np.float64
+        self._factors = factors if spare else np.repeat(factors, 2, axis=1)
+        self.field = self._buffer("_fields", (shape[0], across), dtype)
+        self._many, self._period = columns, period
+        self._stripes = self._open_stripes(waves)
+        self._rows_in, self._rows_out = self._plan_rows()
+        self._lists = self._plan_columns(1)
+        first = self._lists[0][0]
+        ends = (first.source, first.target) if self._packed else ()
+        buffer = first.products[0][0]
+        arrays = self._factors, self.field, self._waves, *(end.base for end in (buffer, *ends))
+        plans = len(self._rows_in) + len(self._rows_out) + 2 * len(self._lists[0])
         self.bytes = sum(array.nbytes for array in arrays) + plans * PLAN_BYTES
 
-    def _plan_columns(self) -> list[tuple[Callable[[], None], Real, Real, Callable[[], None], Any]]:
-        """Plan each batch of columns: forward, waves, factors, backward, rows to clear."""
-        columns, period = self._waves.shape
-        size = min(max(BATCH_BYTES // (period * self._waves.itemsize), 1), columns)
-        buffer = pyfftw.empty_aligned((size, period), self._waves.dtype)
-        batches = []
-        for first in range(0, columns, size):
-            here = self._waves[first : first + size]
-            there = buffer[: len(here)]
-            batches.append(
-                (
-                    _plan(here, there, 1),
-                    there.view(self.field.dtype),
-                    self._factors[first : first + size],
-                    _plan(there, here, 1, backward=True),
-                    here[:, self.shape[0] :],
+    def _buffer(self, name: str, shape: tuple[int, ...], dtype: Any) -> Any:
+        """Return a buffer, in the memory of the copied filter's if columns are packed."""
+        room = vars(self).get(name) if self._packed else None
+        if room is None:
+            buffer = pyfftw.zeros_aligned(shape, dtype)
+            setattr(self, name, buffer.reshape(-1))
+            return buffer
+        return room.view(dtype)[: math.prod(shape)].reshape(shape)
+
+    def _open_stripes(self, dtype: str) -> list[Any]:
+        """Make the waves of the rows, and return them as (stripes, columns, rows of a stripe).
+
+        Packed columns are cut into stripes of the rows that are transformed together, which the
+        processor's cache then holds while the transforms fill them row by row. What is left of the
+        rows is a last, narrower stripe. Other columns are a single stripe.
+        """
+        rows, columns = self.shape[0], self._many
+        size = SHARED_ROWS if self._packed else rows
+        many, rest = divmod(rows, size)
+        wide = (SHARED_ROWS if self._packed else self._period) + COLUMN_GAP
+        left = columns * (rest + COLUMN_GAP) if rest else 0
+        self._waves = self._buffer("_columns", (many * columns * wide + left,), dtype)
+        stripes = []
+        if many:
+            whole = self._waves[: many * columns * wide].reshape(many, columns, wide)
+            stripes.append(whole[:, :, :size])
+            self._whole = whole[0, :, : self._period]  # all of the columns, unless they are packed
+        if rest:
+            narrow = self._waves[many * columns * wide :].reshape(1, columns, -1)
+            stripes.append(narrow[:, :, :rest])
+        return stripes
+
+    def _plan_rows(self) -> tuple[list[Callable[[], None]], list[Callable[[], None]]]:
+        """Plan the transforms of all rows there and back, in several pieces if they are shared."""
+        there, back, last = [], [], 0
+        for stripe in (stripe for stripes in self._stripes for stripe in stripes):
+            rows = stripe.shape[1]
+            size = SHARED_ROWS if self._shared else rows
+            for first in range(0, rows, size):
+                waves = stripe[:, first : first + size].T
+                field = self.field[last + first : last + first + len(waves)]
+                there.append(_plan(field, waves, 1))
+                back.append(_plan(waves, field, 1, backward=True))
+            last += rows
+        return there, back
+
+    def _plan_columns(self, threads: int) -> list[list["_Batch"]]:
+        """Plan all batches of columns, as a list for each thread, which has a buffer of its own."""
+        columns, period, dtype = self._many, self._period, self._waves.dtype
+        fitting = max(BATCH_BYTES // (period * dtype.itemsize), 1)
+        size = fitting if columns > 2 * fitting else -(-columns // max(round(columns / fitting), 1))
+        lists: list[list[_Batch]] = []
+        for thread in range(threads):
+            buffer = pyfftw.empty_aligned((size, period), dtype)
+            wide = size, period + COLUMN_GAP
+            ends = [pyfftw.zeros_aligned(wide, dtype)[:, :period] for _ in range(2 * self._packed)]
+            batches = []
+            for first in range(thread * size, columns, threads * size):
+                some = slice(first, min(first + size, columns))
+                there = buffer[: some.stop - first]
+                whole: Any = None if ends else self._whole[some]
+                source, target = (end[: len(there)] for end in ends) if ends else (whole, whole)
+                batches.append(
+                    _Batch(
+                        packed=self._between(source, some) if ends else [],
+                        source=source[:, : self.shape[0]],
+                        forward=_plan(source, there, 1),
+                        products=_products(there, self._factors[some]),
+                        backward=_plan(there, target, 1, backward=True),
+                        target=target[:, : self.shape[0]],
+                        beyond=target[:, self.shape[0] :],
+                        unpacked=self._between(target, some) if ends else [],
+                    )
                 )
-            )
-        return batches
+            lists.append(batches)
+        return lists
+
+    def _between(self, buffer: Any, some: slice) -> list[tuple[Any, Any]]:
+        """Pair the rows of a buffer for some columns with the same rows of the packed columns."""
+        pairs, last = [], 0
+        for stripes in self._stripes:
+            many, _, rows = stripes.shape
+            here = buffer[:, last : last + many * rows].reshape(len(buffer), many, rows)
+            pairs.append((here, stripes[:, some].transpose(1, 0, 2)))
+            last += many * rows
+        return pairs
 
     def transform(self) -> None:
         """Filter `field`[:, :ny] in place; the rest must be zero and is undefined afterwards."""
@@ -144,13 +250,18 @@ class Filter:
 
     def _transform(self) -> None:
         """Transform rows, filter columns, transform rows back."""
-        self._rows_in()
-        for forward, waves, factors, backward, beyond in self._batches:
-            forward()
-            np.multiply(waves, factors, out=waves)
-            backward()
-            beyond.fill(0)  # rows beyond nx are zero in the next input
-        self._rows_out()
+        if not self._shared:
+            self._rows_in[0]()
+            _filter_columns(self._lists[0])
+            self._rows_out[0]()
+            return
+        team = workers()
+        if team.threads > len(self._lists):
+            with unforked():
+                self._lists = self._plan_columns(team.threads)
+        team.share(_execute, self._rows_in)
+        team.share(_filter_packed if self._packed else _filter_columns, self._lists)
+        team.share(_execute, self._rows_out)
 
     def __call__(self, field: Real) -> Real:
         """Filter a whole (nx, ny) field."""
@@ -163,56 +274,71 @@ class Filter:
 
     def places(self, nodes: Nodes) -> Nodes:
         """Return the indices in the flat `field` of nodes given as flat indices of (nx, ny)."""
-        return node_places(self.shape, self.field.shape[1])[nodes]
+        return node_places(self.shape, self.field.shape[1], nodes)
 
 
-class Selection:
-    """A filter applied to values on some nodes, with zero on all other nodes.
+class _Batch(NamedTuple):
+    """Some columns of waves that are filtered together, in a buffer that the cache holds.
 
-    Parameters
+    Attributes
     ----------
-    operator : FieldFilter
-        The filter of the whole field.
-    nodes : ndarray, shape (m,), or None
-        Flat indices into its (nx, ny); None for all nodes of an unpadded filter.
+    packed, unpacked : list of tuple
+        Rows of the source, and of the target, with the same rows of the packed columns; empty if
+        columns are not packed.
+    source, target : ndarray, shape (columns, nx)
+        Rows of the field before and after, where the transforms read and write them: in further
+        buffers if columns are packed.
+    forward, backward : callable
+        Transforms from the source into the buffer, and from there into the target.
+    products : list of tuple
+        Views of the buffer and the factors that multiply them.
+    beyond : ndarray, shape (columns, px - nx)
+        Rows of the target beyond the field.
     """
 
-    def __init__(self, operator: FieldFilter, nodes: Nodes | None) -> None:
-        self._operator = operator
-        self._places = None if nodes is None else operator.places(nodes)
-        self._field = operator.field.reshape(-1)
-
-    def __call__(self, values: Real) -> Real:
-        """Filter (m,) values on the nodes, and return (m,) values on the same nodes."""
-        if self._places is None:
-            return self._apply(slice(None), values).copy()
-        return self._apply(self._places, values)[self._places]
-
-    def everywhere(self, values: Real) -> Real:
-        """Filter (m,) values on the nodes into a new (nx, ny) field on all nodes of the grid."""
-        self._apply(slice(None) if self._places is None else self._places, values)
-        field: Real = self._operator.field[:, : self._operator.shape[1]].copy()
-        return field
-
-    def spread(self, some: Nodes, values: Real) -> Real:
-        """Filter (a,) values on nodes[some], and return (m,) values on all the nodes."""
-        if self._places is None:
-            return self._apply(some, values).copy()
-        return self._apply(self._places[some], values)[self._places]
-
-    def _apply(self, places: Nodes | slice, values: Real) -> Real:
-        """Filter values at some places; the result is the filter's own buffer."""
-        self._field.fill(0)  # the filter is shared: clear the last input
-        self._field[places] = values
-        self._operator.transform()
-        filtered: Real = self._field
-        return filtered
+    packed: list[tuple[Any, Any]]
+    source: Any
+    forward: Callable[[], None]
+    products: list[tuple[Any, Real]]
+    backward: Callable[[], None]
+    target: Any
+    beyond: Any
+    unpacked: list[tuple[Any, Any]]
 
 
-@lru_cache(maxsize=4)
-def node_places(shape: tuple[int, int], across: int) -> Nodes:
-    """Return the index of every node of (nx, ny) in a flat field with `across` columns."""
-    return np.arange(shape[0] * across).reshape(shape[0], across)[:, : shape[1]].reshape(-1)
+def _products(buffer: Any, factors: Real) -> list[tuple[Any, Real]]:
+    """Pair views of complex waves with real factors, one for each number or for each wave."""
+    if factors.shape == buffer.shape:
+        return [(buffer.real, factors), (buffer.imag, factors)]
+    return [(buffer.view(factors.dtype), factors)]
+
+
+def _filter_columns(batches: list[_Batch]) -> None:
+    """Filter batches of columns in place; rows beyond the field are zero in the next input."""
+    for batch in batches:
+        batch.forward()
+        for waves, factors in batch.products:
+            np.multiply(waves, factors, out=waves)
+        batch.backward()
+        batch.beyond.fill(0)
+
+
+def _filter_packed(batches: list[_Batch]) -> None:
+    """Filter batches of packed columns; rows beyond the field stay zero in the source."""
+    for batch in batches:
+        for rows, columns in batch.packed:
+            rows[:] = columns
+        batch.forward()
+        for waves, factors in batch.products:
+            np.multiply(waves, factors, out=waves)
+        batch.backward()
+        for rows, columns in batch.unpacked:
+            columns[:] = rows
+
+
+def _execute(plan: Callable[[], None]) -> None:
+    """Execute one of FFTW's plans."""
+    plan()
 
 
 def _plan(source: Real, target: Real, axis: int, *, backward: bool = False) -> Callable[[], None]:
@@ -270,14 +396,27 @@ def fast_period(nodes: int) -> int:
 def _make_displacement_filter(
     shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str
 ) -> Filter:
-    """Tabulate the spectrum of H."""
+    """Tabulate the spectrum of H, a real transform of its even table in both directions."""
+    if dtype == "float32":
+        return displacement_filter(shape, kernel, aspect).in_single_precision()
     table = influence_coefficients(shape, kernel, aspect)
     offsets = []
     for nodes in shape:
         index = np.arange(fast_period(nodes))
         # Offsets beyond the grid never connect two nodes, so that any value will do there.
         offsets.append(np.minimum(np.minimum(index, len(index) - index), nodes - 1))
-    return Filter(shape, fft.rfft2(table[np.ix_(*offsets)]).real, dtype)
+    rows = np.empty((shape[0], fast_period(shape[1]) // 2 + 1), np.complex128)
+    spectrum = np.empty((rows.shape[1], fast_period(shape[0])))
+
+    def transform_rows(some: slice) -> None:
+        rows[some] = fft.rfft(table[some, offsets[1]])
+
+    def transform_columns(some: slice) -> None:
+        spectrum[some] = fft.fft(rows[:, some].T[:, offsets[0]]).real
+
+    workers().share(transform_rows, pieces(len(rows), SHARED_ROWS))
+    workers().share(transform_columns, pieces(len(spectrum), TABULATED_COLUMNS))
+    return Filter(shape, spectrum.T, dtype)
 
 
 class _Kept:

@@ -7,6 +7,8 @@ from scipy import fft
 
 from bem.arrays import Field, Nodes, Real
 from bem.sections import unforked
+from bem.vectors import SHORT, each_row
+from bem.workers import workers
 
 
 class CosineFilter:
@@ -48,9 +50,16 @@ class CosineFilter:
     def transform(self) -> None:
         """Filter `field` in place."""
         with unforked():
-            waves: Any = fft.dctn(self.field, type=2)
-            waves *= self._factors
-            self.field[:] = fft.idctn(waves, type=2, overwrite_x=True)
+            many = workers().threads if self.field.size >= SHORT else 1
+            waves: Any = fft.dctn(self.field, type=2, overwrite_x=True, workers=many)
+
+            def multiply(some: slice) -> None:
+                waves[some] *= self._factors[some]
+
+            each_row(multiply, *self.shape)
+            filtered: Any = fft.idctn(waves, type=2, overwrite_x=True, workers=many)
+            if not np.may_share_memory(filtered, self.field):
+                self.field[:] = filtered
 
     def __call__(self, field: Real) -> Real:
         """Filter a whole (nx, ny) field."""

@@ -91,6 +91,7 @@ def on_rigid_far_field(
         near, spent = _on_coarser_grid(problem, delta)
         pace = NESTED_PACE
     start = _usable_start(problem, operators, touching, delta, near)
+    del near  # as large as the grid
     if start is None:
         pace = FROM_SCRATCH
     else:

@@ -8,18 +8,18 @@ follows.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from bem.active_set import FROM_NEAR, FROM_SCRATCH, Pace
-from bem.arrays import Values
+from bem.edgeless_patch import REACH, Patch, cannot_yield, reduced_load
+from bem.elastic_load import Coarser, press_elastic
 from bem.equilibrium import Equilibrium, Start
 from bem.first_contact import take_first_steps
-from bem.interface import Interface
 from bem.iterate import CONVOLUTION, Effort, Iterate, YieldingIterate, rescale
 from bem.problem import Problem
-from bem.whole_patch import Pressed, WholePatch, press_under_load
 from bem.yielding import excess_share, solve_within
 
 # Cells a side from which on a solve starts from a loose solve for the means of two by two cells,
@@ -51,12 +51,6 @@ MOSTLY_ELASTIC = 0.1
 # Times that the tolerance follows the displacement that a load turns out to need.
 TIGHTENINGS = 8
 
-# Unit of length under the smallest loads, over the displacement of one cell that carries all of the
-# load. Nodes deeper than the unit stay open whatever the surface, if that cell does not yield, and
-# count as this deep: single precision holds pressures and depths at once only where they are not
-# too far apart.
-REACH = 1e8
-
 # Tolerance [Delta] of solves under trial loads, and the distance [Delta] from the displacement from
 # which it is solved for.
 TRIAL_RTOL = 2e-2
@@ -65,50 +59,6 @@ CLOSE = 1e-3
 # Trial loads at most, and the longest step of the logarithm of the load between two of them.
 TRIALS = 60
 LONGEST_STEP = 1.0
-
-
-@dataclass(frozen=True, eq=False)
-class _Patch:
-    """A problem in reduced units.
-
-    Attributes
-    ----------
-    problem : Problem
-        The problem.
-    length : float
-        Unit of displacements [um].
-    below : ndarray, shape (m,)
-        Heights less the highest [length]; nodes out of reach of a given load at -1, see `REACH`.
-    operators : Interface
-        The influence matrix of all nodes.
-    hardness : float
-        Largest pressure [reduced].
-    """
-
-    problem: Problem
-    length: float
-    below: Values
-    operators: Interface
-    hardness: float
-
-    @classmethod
-    def of(cls, problem: Problem, length: float, operators: Interface) -> "_Patch":
-        """Return a problem in units of a length [um]."""
-        below = (problem.heights - problem.heights.max()).reshape(-1)
-        if _cannot_yield(problem) and length == REACH * _load(problem):
-            below = np.maximum(below, -length)
-        return cls(
-            problem=problem,
-            length=length,
-            below=below / length,
-            operators=operators,
-            hardness=problem.reduced_hardness(length),
-        )
-
-    @property
-    def depth(self) -> float:
-        """Displacement at which the contact is full, if the bodies stay elastic [length]."""
-        return -float(self.below.mean())
 
 
 def without_edges(
@@ -127,32 +77,41 @@ def without_edges(
     """
     depth = float((problem.heights.max() - problem.heights).mean())
     length = problem.delta or depth or problem.spacing[0]
-    if _cannot_yield(problem):
-        length = min(length, REACH * _load(problem))
+    if cannot_yield(problem):
+        length = min(length, REACH * reduced_load(problem))
     spent = Effort()
-    if near is None and problem.hardness is None:
+    if near is None and problem.delta is not None and _nests(problem):
         near, spent = _on_coarser_cells(problem)
-    operators = Interface(
-        problem.heights.shape, problem.boundary, problem.aspect, keep_field=keep_displacement
-    )
-    patch = _Patch.of(problem, length, operators)
+    patch = Patch.of(problem, length, keep_displacement=keep_displacement)
     if problem.delta is None:
-        iterate, converged = _under_load(patch, _load(problem) / length, near)
+        iterate, converged = _under_load(patch, reduced_load(problem) / length, near)
     else:
         iterate, converged = _at_displacement(patch, near)
     iterate.effort += spent
     return _on_grid(patch, iterate, converged)
 
 
-def _on_coarser_cells(problem: Problem) -> tuple[Start | None, Effort]:
-    """Solve loosely for the means of two by two cells; None if the grid is small or odd.
+def _nests(problem: Problem) -> bool:
+    """Return whether a solve gains from one on coarser cells; bodies that yield do not."""
+    rows, columns = problem.heights.shape
+    return (
+        problem.hardness is None and min(rows, columns) >= NESTED and not (rows % 2 or columns % 2)
+    )
 
-    Bodies that yield gain nothing from it, nor does a contact that is nearly full. The effort is in
-    convolutions of the whole grid.
+
+def _coarser(problem: Problem) -> Coarser | None:
+    """Return what finds a start on coarser cells under the load of a problem, if that gains."""
+    if problem.delta is not None or not _nests(problem):
+        return None
+    return partial(_on_coarser_cells, problem)
+
+
+def _on_coarser_cells(problem: Problem) -> tuple[Start | None, Effort]:
+    """Solve loosely for the means of two by two cells; None for a contact that is nearly full.
+
+    The effort is in convolutions of the whole grid.
     """
     rows, columns = problem.heights.shape
-    if min(rows, columns) < NESTED or rows % 2 or columns % 2:
-        return None, Effort()
     heights = problem.heights.reshape(rows // 2, 2, columns // 2, 2).mean(axis=(1, 3))
     delta = problem.delta
     if delta is not None:
@@ -169,24 +128,11 @@ def _on_coarser_cells(problem: Problem) -> tuple[Start | None, Effort]:
     return Start(pressure.repeat(2, axis=0).repeat(2, axis=1)), Effort(convolutions=convolutions)
 
 
-def _cannot_yield(problem: Problem) -> bool:
-    """Return whether a load is given that a single cell carries without yielding."""
-    if problem.delta is not None:
-        return False
-    return problem.hardness is None or _load(problem) <= problem.reduced_hardness(1.0)
-
-
-def _load(problem: Problem) -> float:
-    """Return the force over E* and the second side of a cell [um]."""
-    assert problem.force is not None
-    return problem.force / problem.modulus / problem.spacing[1]
-
-
-def _on_grid(patch: _Patch, iterate: Iterate, converged: bool) -> Equilibrium:
+def _on_grid(patch: Patch, iterate: Iterate, converged: bool) -> Equilibrium:
     """Put the pressure on the grid; make a displacement that followed from a load the unit."""
     problem, length = patch.problem, patch.length
     delta = problem.delta
-    displacement = patch.operators.field
+    displacement = patch.operators.field if patch.keep_displacement else None
     if delta is None:
         delta = iterate.shift * length
         unit = iterate.shift if iterate.shift > 0 else 1.0
@@ -205,14 +151,14 @@ def _on_grid(patch: _Patch, iterate: Iterate, converged: bool) -> Equilibrium:
     )
 
 
-def _under_load(patch: _Patch, load: float, near: Start | None) -> tuple[Iterate, bool]:
+def _under_load(patch: Patch, load: float, near: Start | None) -> tuple[Iterate, bool]:
     """Solve for a pressure that adds up to a load; its displacement is the iterate's shift."""
     start = None if near is None else _start_of(patch, near)
     return _settle_under(patch, load, start, patch.problem.rtol)
 
 
 def _settle_under(
-    patch: _Patch, load: float, start: Iterate | None, rtol: float
+    patch: Patch, load: float, start: Iterate | None, rtol: float
 ) -> tuple[Iterate, bool]:
     """Solve under a load from a start or none, to a tolerance relative to the displacement."""
     excess = 1.0
@@ -223,7 +169,10 @@ def _settle_under(
     iterate, converged = start, False
     if start is None or excess <= MOSTLY_ELASTIC:
         elastic = patch.problem.hardness is None
-        iterate, converged = _elastic(patch, load, start, rtol if elastic else ELASTIC_RTOL)
+        coarser = _coarser(patch.problem) if start is None else None
+        iterate, converged = press_elastic(
+            patch, load, start, rtol if elastic else ELASTIC_RTOL, coarser
+        )
     assert iterate is not None
     if converged and (patch.problem.hardness is None or _is_full(iterate, patch.hardness)):
         return iterate, True
@@ -236,33 +185,7 @@ def _is_full(iterate: Iterate, hardness: float) -> bool:
     return closed and bool(iterate.pressure.min() >= 0 and iterate.pressure.max() <= hardness)
 
 
-def _elastic(
-    patch: _Patch, load: float, start: Iterate | None, rtol: float
-) -> tuple[Iterate, bool]:
-    """Solve under a load on whole fields, as if the bodies did not yield."""
-    problem = patch.problem
-    shape = problem.heights.shape
-    whole = WholePatch(patch.below.reshape(shape), problem.boundary, problem.aspect, load)
-    if start is None:
-        pressed = whole.start()
-    else:
-        residual = start.residual.reshape(shape).astype(np.float32)
-        pressed = Pressed(start.pressure.reshape(shape), residual, start.shift, start.effort)
-    converged = not pressed.residual.any() or press_under_load(
-        whole, pressed, rtol=rtol, least=1e-3 * patch.depth, max_iterations=problem.max_iterations
-    )
-    patch.operators.field = whole.displacement
-    iterate = Iterate(
-        pressed.pressure.reshape(-1),
-        pressed.residual.reshape(-1).astype(np.float64),
-        pressed.effort,
-        exact=converged,
-        shift=pressed.shift,
-    )
-    return iterate, converged
-
-
-def _settle(patch: _Patch, load: float, iterate: Iterate, rtol: float) -> tuple[Iterate, bool]:
+def _settle(patch: Patch, load: float, iterate: Iterate, rtol: float) -> tuple[Iterate, bool]:
     """Solve under a load on lists of nodes, as bodies that yield need it."""
     for _ in range(TIGHTENINGS):
         iterate, converged = solve_within(
@@ -280,7 +203,7 @@ def _settle(patch: _Patch, load: float, iterate: Iterate, rtol: float) -> tuple[
     return iterate, False
 
 
-def _start_of(patch: _Patch, near: Start) -> Iterate | None:
+def _start_of(patch: Patch, near: Start) -> Iterate | None:
     """Return a start with its residual; None if it carries no load."""
     pressure = near.pressure.reshape(-1) * (patch.problem.spacing[0] / patch.length)
     if not pressure.any():
@@ -288,13 +211,12 @@ def _start_of(patch: _Patch, near: Start) -> Iterate | None:
     known = near.displacement
     if known is not None and np.isfinite(known).all():
         return Iterate(pressure, patch.below - known.reshape(-1) / patch.length)
-    everywhere = np.arange(len(pressure))
     with np.errstate(over="ignore", invalid="ignore"):
-        residual = patch.below - patch.operators.displace_some(everywhere, pressure)
+        residual = patch.below - patch.operators.displace_some(slice(None), pressure)
     return Iterate(pressure, residual, CONVOLUTION)
 
 
-def _at_displacement(patch: _Patch, near: Start | None) -> tuple[Iterate, bool]:
+def _at_displacement(patch: Patch, near: Start | None) -> tuple[Iterate, bool]:
     """Solve at a displacement of one, directly if the first steps come near, else through loads."""
     if float(patch.below.min()) + 1 >= 0 and patch.hardness < np.inf:
         return _all_yielded(patch), True
@@ -314,14 +236,14 @@ def _at_displacement(patch: _Patch, near: Start | None) -> tuple[Iterate, bool]:
     return _through_loads(patch, start)
 
 
-def _all_yielded(patch: _Patch) -> Iterate:
+def _all_yielded(patch: Patch) -> Iterate:
     """Return the hardness on all nodes, which displaces nothing: all of the surface penetrates."""
     pressure = np.full_like(patch.below, patch.hardness)
     residual, yielded = patch.below + 1, np.ones(len(pressure), dtype=bool)
     return YieldingIterate(pressure, residual, exact=True, hardness=patch.hardness, yielded=yielded)
 
 
-def _solve_at(patch: _Patch, start: Iterate | None, most: int) -> tuple[Iterate, bool]:
+def _solve_at(patch: Patch, start: Iterate | None, most: int) -> tuple[Iterate, bool]:
     """Solve at a displacement of one, from a start near it or none, in some iterations more."""
     spent = 0 if start is None else start.effort.iterations
     return solve_within(
@@ -335,7 +257,7 @@ def _solve_at(patch: _Patch, start: Iterate | None, most: int) -> tuple[Iterate,
     )
 
 
-def _through_loads(patch: _Patch, start: Iterate) -> tuple[Iterate, bool]:
+def _through_loads(patch: Patch, start: Iterate) -> tuple[Iterate, bool]:
     """Find the load whose displacement is one by secants, with the load on a logarithmic scale.
 
     The displacement rises with the load. Once a load comes close, the rest is solved for at the
@@ -377,7 +299,7 @@ class _Loads:
         The load to try next [reduced].
     """
 
-    def __init__(self, patch: _Patch, load: float) -> None:
+    def __init__(self, patch: Patch, load: float) -> None:
         self._elastic_depth = patch.depth if patch.problem.hardness is None else math.inf
         self._low, self._high = 0.0, patch.hardness * len(patch.below)
         self._slope = float(patch.below.std()) / 2

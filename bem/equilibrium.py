@@ -5,10 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bem.arrays import Field, Nodes, Values
+from bem.arrays import Field, Mask, Nodes, Values
 from bem.half_space import HalfSpace
 from bem.iterate import CONVOLUTION, Iterate
 from bem.problem import NoSolution, Problem
+from bem.vectors import take
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,25 +106,40 @@ class Overlap(NamedTuple):
 
     def select(self, field: Field) -> Values:
         """Return the values of an (nx, ny) field at the nodes."""
-        values: Values = field[self.box].reshape(-1)[self.nodes]
-        return values
+        return take(field[self.box].reshape(-1), self.nodes)
 
 
 def overlap(problem: Problem, delta: float) -> Overlap:
     """Find the nodes that may touch at a displacement of the far field [um]."""
-    shape = problem.heights.shape
     below = problem.heights - problem.heights.max()
-    nodes = np.flatnonzero(below > -delta)
-    rows = nodes // shape[1]
-    columns = nodes - shape[1] * rows
+    box, nodes = boxed(below > -delta)
+    interference = take(below[box].reshape(-1), nodes)
+    interference += delta  # above 0, as below > -delta is
+    interference /= delta
+    return Overlap(box, nodes, interference)
+
+
+def boxed(marked: Mask) -> tuple[tuple[slice, slice], Nodes]:
+    """Find a small box that holds some nodes of a grid, with lengths that transforms reuse.
+
+    Parameters
+    ----------
+    marked : ndarray of bool, shape (nx, ny)
+        The nodes, at least one.
+
+    Returns
+    -------
+    box : tuple of slice
+        Rows and columns of the box.
+    inside : ndarray, shape (m,)
+        Flat indices of the nodes in the box, ascending.
+    """
+    rows, columns = (np.flatnonzero(marked.any(axis=axis)) for axis in (1, 0))
     box = (
-        _span(int(rows[0]), int(rows[-1]), shape[0]),
-        _span(int(columns.min()), int(columns.max()), shape[1]),
+        _span(int(rows[0]), int(rows[-1]), marked.shape[0]),
+        _span(int(columns[0]), int(columns[-1]), marked.shape[1]),
     )
-    rows -= box[0].start
-    columns -= box[1].start
-    interference = (below.reshape(-1)[nodes] + delta) / delta  # above 0, as below > -delta is
-    return Overlap(box, rows * (box[1].stop - box[1].start) + columns, interference)
+    return box, np.flatnonzero(marked[box])
 
 
 def started(
@@ -132,9 +148,8 @@ def started(
     """Return an iterate with its residual, for one convolution unless the displacement is known."""
     if displacement is not None and np.isfinite(displacement).all():
         return Iterate(pressure, interference - displacement)
-    everywhere = np.arange(len(pressure))
     with np.errstate(over="ignore", invalid="ignore"):  # the caller refuses starts that far away
-        residual = interference - operators.displace_some(everywhere, pressure)
+        residual = interference - operators.displace_some(slice(None), pressure)
     return Iterate(pressure, residual, CONVOLUTION)
 
 

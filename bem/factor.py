@@ -8,12 +8,11 @@ positive (`tests/bem/test_properties.py`); concentrated forces and rounding may 
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from bem.arrays import Mask, Nodes, Real, Values
-from bem.influence import InfluenceMatrix
 
 # Maps the sum of the pressure under u, and its sum under a unit displacement, to the displacement
 # of the far field in addition to u.
@@ -26,6 +25,21 @@ CONTACT_SETS = 20
 MANY = 0.15
 
 
+class Entries(Protocol):
+    """An influence matrix whose entries are known.
+
+    Attributes
+    ----------
+    dtype : numpy.dtype
+        Precision of the entries.
+    """
+
+    dtype: Any
+
+    def among(self, nodes: Nodes) -> Real:
+        """Return the lower triangle of the (n, n) matrix of (n,) nodes, in Fortran's order."""
+
+
 class ContactFactor:
     """The Cholesky factor of H on n nodes, from which nodes can be removed.
 
@@ -36,7 +50,7 @@ class ContactFactor:
 
     Parameters
     ----------
-    matrix : InfluenceMatrix
+    matrix : Entries
         The influence matrix H of the grid.
     nodes : ndarray, shape (n,)
         Flat indices, best ordered with those first that are least likely to be removed: removing
@@ -55,7 +69,7 @@ class ContactFactor:
 
     kept: Nodes
 
-    def __init__(self, matrix: InfluenceMatrix, nodes: Nodes) -> None:
+    def __init__(self, matrix: Entries, nodes: Nodes) -> None:
         self._matrix, self._nodes = matrix, nodes
         self._routines = routines("s" if matrix.dtype == np.float32 else "d")
         self._renew(np.arange(len(nodes)))

@@ -14,6 +14,7 @@ from bem.arrays import Nodes, Values
 from bem.factor import CONTACT_SETS, ContactFactor, FarFieldLaw
 from bem.iterate import CONVOLUTION, Effort, Iterate, Operators, inner
 from bem.sections import on_one_blas_thread
+from bem.vectors import clear, combined, put, take, where
 
 # Shares of `few_nodes`: step k is skipped if the contact set is no larger than entry k (the last
 # entry serves all later steps). The first steps remove many nodes, later steps hardly any, and the
@@ -54,21 +55,24 @@ def take_first_steps(
         contact = iterate.contact()
         if len(contact) <= ENOUGH[min(step, len(ENOUGH) - 1)] * operators.few_nodes:
             return
-        pressure = iterate.pressure.copy()
         precondition = operators.approximate_inverse(contact)
-        pressure[contact] += precondition(iterate.residual[contact])
-        loaded = np.flatnonzero(pressure > 0)
-        if not loaded.size:
+        stepped = precondition(take(iterate.residual, contact))
+        combined(np.add, take(iterate.pressure, contact), stepped, stepped)
+        under = where(lambda piece: stepped[piece] > 0, stepped.size)  # noqa: B023  called at once
+        if not under.size:
             return
-        values = pressure[loaded]
-        image = operators.displace_some(loaded, values)
-        scale = inner(interference[loaded], values) / inner(values, image[loaded])
+        loaded, values = take(contact, under), take(stepped, under)
+        image = operators.image_of(loaded, values)
+        stiffness = inner(values, image.on_nodes(np.empty(values.size)))
+        scale = inner(take(interference, loaded), values) / stiffness
         iterate.effort += CONVOLUTION
         if not scale > 0:
             return
-        iterate.pressure[:] = 0
-        iterate.pressure[loaded] = scale * values
-        iterate.residual = interference - scale * image
+        values *= scale
+        clear(iterate.pressure)
+        put(values, loaded, iterate.pressure)
+        iterate.residual = interference.copy()
+        image.add_to(iterate.residual, -scale)
         iterate.exact = False
 
 

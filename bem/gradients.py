@@ -6,6 +6,7 @@ import numpy as np
 
 from bem.arrays import Nodes, Values
 from bem.iterate import CONVOLUTION, ITERATION, Iterate, Operators, inner
+from bem.vectors import add_scaled, largest_magnitude, scale_and_add, take
 
 
 def run_stage(
@@ -40,33 +41,40 @@ def run_stage(
     max_iterations : int
         Bound on the iterations, including those that the iterate has taken already.
     """
-    pressure, residual = iterate.pressure[nodes], iterate.residual[nodes]
-    weights = pressure.copy() if pressure.any() else np.ones_like(pressure)
+    pressure, residual = take(iterate.pressure, nodes), take(iterate.residual, nodes)
+    weights = pressure if operators.load is None else _weights(pressure)
     reduction, floor = goals
-    largest = float(np.abs(residual).max(initial=0.0))
+    largest = largest_magnitude(residual)
     goal = max(reduction * largest, floor)
     direction, previous = np.zeros_like(pressure), np.inf
     while iterate.effort.iterations < max_iterations and largest > floor:
         correction = correct(residual)
         product = inner(residual, correction)
-        direction = correction + (product / previous) * direction
+        scale_and_add(direction, product / previous, correction)
         previous = product
-        image = operators.displace_some(nodes, direction)
-        stiffness = inner(direction, image[nodes])
+        image = operators.image_of(nodes, direction)
+        moved = image.on_nodes(correction)
+        stiffness = inner(direction, moved)
         iterate.effort += CONVOLUTION
         if not (product > 0 and stiffness > 0):  # only rounding is left
             break
         step = product / stiffness
-        pressure += step * direction
-        iterate.residual -= step * image
+        add_scaled(pressure, step, direction)
+        image.add_to(iterate.residual, -step)
+        add_scaled(residual, -step, moved)
         iterate.effort += ITERATION
         if operators.load is not None:
-            iterate.level(weights, iterate.residual[nodes])
-        residual = iterate.residual[nodes]
-        largest = float(np.abs(residual).max())
+            iterate.level(weights, residual)
+            take(iterate.residual, nodes, residual)
+        largest = largest_magnitude(residual)
         if largest > goal:
             continue
         if has_to_change(pressure, largest):
             break
         goal = max(reduction * goal, floor)
     iterate.pressure[nodes] = pressure
+
+
+def _weights(pressure: Values) -> Values:
+    """Return the weights of the mean residual under a load: the pressure, or one without any."""
+    return pressure.copy() if pressure.any() else np.ones_like(pressure)

@@ -7,10 +7,11 @@ from typing import Self
 import numpy as np
 
 from bem.arrays import Field, Nodes, Values
-from bem.convolution import Selection, displacement_filter
+from bem.convolution import displacement_filter
 from bem.factor import ContactFactor
 from bem.influence import InfluenceMatrix, Kernel
 from bem.preconditioner import half_space_preconditioner
+from bem.selection import Image, PlainImage, Selection
 
 # Largest contact set worth factorising, over the third root of the grid's nodes: the cost of a
 # factor grows with the cube of the set, that of a convolution with the grid
@@ -83,9 +84,10 @@ class HalfSpace:
         self._grid = shape, kernel, aspect
         self._nodes = nodes
         self._keep_field = keep_field
-        self.norm = displacement_filter(shape, kernel, aspect).largest
-        self._double = Selection(displacement_filter(shape, kernel, aspect), nodes)
-        self._working = Selection(displacement_filter(shape, kernel, aspect, working), nodes)
+        double = displacement_filter(shape, kernel, aspect)
+        self.norm = double.largest
+        self._double = Selection(double, nodes)
+        self._working = self._double.through(displacement_filter(shape, kernel, aspect, working))
         self._preconditioner = half_space_preconditioner(shape, kernel, aspect, nodes, working)
 
     def through(self, softening: float) -> Self:
@@ -124,9 +126,21 @@ class HalfSpace:
             return self._soften(self.field.reshape(-1)[self._nodes], pressure)
         return self._soften(self._double(pressure), pressure)
 
-    def displace_some(self, nodes: Nodes, pressure: Values) -> Values:
-        """Compute the (m,) displacement by (a,) pressure on some nodes, in working precision."""
-        return self._soften(self._working.spread(nodes, pressure).astype(np.float64), pressure)
+    def displace_some(self, nodes: Nodes | slice, pressure: Values) -> Values:
+        """Compute the (m,) displacement by (a,) pressure on some nodes, in working precision.
+
+        The next call may overwrite the result.
+        """
+        return self._soften(self._working.spread(nodes, pressure), pressure)
+
+    def image_of(self, nodes: Nodes | slice, pressure: Values) -> Image | PlainImage:
+        """Apply H to (a,) pressure on some nodes, in working precision, and gather nothing yet.
+
+        The next call overwrites the image.
+        """
+        if self.softening:
+            return PlainImage(self.displace_some(nodes, pressure), nodes)
+        return self._working.image(nodes, pressure)
 
     def approximate_inverse(self, nodes: Nodes) -> Callable[[Values], Values]:
         """Return an approximate inverse (a,) -> (a,) of H on some nodes, in working precision.

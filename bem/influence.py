@@ -4,6 +4,7 @@ Lengths are in units of the cell's first side and E* = 1, so that one table serv
 length and every material: a caller multiplies by spacing / E*.
 """
 
+import math
 from functools import lru_cache
 from typing import Literal, get_args
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bem.arrays import Field, Nodes, Real, Values
+from bem.vectors import each_row
 
 Kernel = Literal["uniform-pressure", "concentrated-force"]
 KERNELS: tuple[Kernel, ...] = get_args(Kernel)
@@ -26,6 +28,9 @@ ALWAYS_SHARED = 288
 # Largest ratio of the nodes of a square table to those of a box cut from it, for longer sides:
 # above it a table of the box's own shape is cheaper.
 LARGEST_WASTE = 4
+
+# Entries of a table from which on only the last one is kept.
+LARGE = 2**20
 
 # Rows of a matrix gathered at a time: their indices fit into the cache.
 ROWS = 64
@@ -64,8 +69,9 @@ def influence_coefficients(
     """
     side = _shared_side(max(shape))
     shared = side <= ALWAYS_SHARED or side * side <= LARGEST_WASTE * shape[0] * shape[1]
-    table = _table((side, side) if shared else shape, kernel, aspect)
-    return table[: shape[0], : shape[1]]
+    whole = (side, side) if shared else shape
+    tabulate = _table if math.prod(whole) < LARGE else _large_table
+    return tabulate(whole, kernel, aspect)[: shape[0], : shape[1]]
 
 
 def _shared_side(nodes: int) -> int:
@@ -84,13 +90,24 @@ def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
     """Compute the coefficients of all offsets (i, j) with i, j >= 0 on a grid of a shape."""
     rows, columns = np.ogrid[: shape[0], : shape[1]]
     if kernel == "uniform-pressure":
-        table = _uniform_pressure(rows, columns, aspect)
+        table = np.empty(shape)
+
+        def tabulate(some: slice) -> None:
+            table[some] = _uniform_pressure(rows[some], columns, aspect)
+
+        each_row(tabulate, *shape)
     elif kernel == "concentrated-force":
         table = _concentrated_force(rows, columns, aspect)
     else:
         raise ValueError(f"kernel {kernel!r} is unknown: choose one of {', '.join(KERNELS)}")
     table.setflags(write=False)
     return table
+
+
+@lru_cache(maxsize=1)
+def _large_table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
+    """Compute a table of which only the last one is kept."""
+    return _table.__wrapped__(shape, kernel, aspect)
 
 
 def _uniform_pressure(rows: NDArray[np.int64], columns: NDArray[np.int64], aspect: float) -> Field:

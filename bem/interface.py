@@ -1,16 +1,25 @@
 """The influence matrix of a patch without edges, as the solver applies it."""
 
+import math
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
+from scipy import fft
 
-from bem.arrays import Nodes
-from bem.convolution import FieldFilter, Selection, kept_filter
+from bem.arrays import Nodes, Real
+from bem.convolution import FieldFilter, kept_filter
 from bem.factor import ContactFactor
-from bem.half_space import HalfSpace
+from bem.half_space import DOUBLE_SHARE, HalfSpace
+from bem.influence import ROWS
 from bem.preconditioner import BLOCK, LevelPreconditioner, block_means, whole_blocks
+from bem.selection import Selection
 from bem.spacing import Boundary
-from bem.spectrum import even_filter, inverse_filter, spectral_filter
+from bem.spectrum import even_filter, inverse_filter, spectral_filter, wave_numbers
+
+# Largest contact set worth factorising: this share of the grid's nodes to the power, at most so
+# many, because the cost of a factor grows with the cube of the set.
+FEW_SHARE, FEW_POWER, MOST_FEW = 0.105, 5 / 6, 1100
 
 
 class Interface(HalfSpace):
@@ -61,9 +70,96 @@ class Interface(HalfSpace):
         """Return the same patch restricted to some of its nodes."""
         return type(self)(*self._patch, self._nodes[some])
 
+    def for_few(self, load: float) -> Self:
+        """Return a view under a load that factorises H where few nodes are in contact."""
+        other = self.under(load)
+        other.few_nodes = few_nodes(self._nodes.size)
+        return other
+
     def factor(self, nodes: Nodes) -> ContactFactor:
-        """Refuse to factorise H: transforms of a patch without edges take less time."""
-        raise np.linalg.LinAlgError(f"H of {len(nodes)} nodes is left to iterations")
+        """Factorise H on some of the nodes.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If it is not positive definite in the precision that the number of nodes asks for.
+        """
+        if not self.few_nodes:
+            raise np.linalg.LinAlgError(f"H of {len(nodes)} nodes is left to iterations")
+        dtype = "float64" if len(nodes) <= DOUBLE_SHARE * self.few_nodes else "float32"
+        return ContactFactor(InterfaceMatrix(*self._patch, dtype), self._nodes[nodes])
+
+
+def few_nodes(nodes: int) -> int:
+    """Return the largest contact set worth factorising on a grid of some nodes."""
+    return min(int(FEW_SHARE * nodes**FEW_POWER), MOST_FEW)
+
+
+class InterfaceMatrix:
+    """The influence matrix between nodes of a patch without edges, entry by entry.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Nodes (nx, ny) of the grid.
+    boundary : str
+        "periodic" or "mirror".
+    aspect : float
+        Second side of a cell over its first [1].
+    dtype : str
+        Precision of the entries, "float64" or "float32".
+
+    Attributes
+    ----------
+    dtype : numpy.dtype
+        Precision of the entries.
+    """
+
+    def __init__(
+        self, shape: tuple[int, int], boundary: Boundary, aspect: float, dtype: str = "float64"
+    ) -> None:
+        self.dtype = np.dtype(dtype)
+        self._columns, self._mirrored = shape[1], boundary == "mirror"
+        periods = (2 * shape[0], 2 * shape[1]) if self._mirrored else shape
+        self._periods = periods
+        self._coefficients = _coefficients(periods, aspect, dtype)
+
+    def among(self, nodes: Nodes) -> Real:
+        """Return the lower triangle of the (n, n) matrix of (n,) nodes, in Fortran's order."""
+        n, width = len(nodes), 2 * self._periods[1]
+        rows, columns = np.divmod(nodes, self._columns)
+        centre = self._periods[0] * width + self._periods[1]
+        here = rows * width + columns + centre
+        matrix = np.empty((n, n), self.dtype)
+        for first in range(0, n, ROWS):
+            some = slice(first, first + ROWS)
+            for number, (along, across) in enumerate(self._images(rows[first:], columns[first:])):
+                offsets = np.subtract.outer(here[some], along * width + across)
+                entries = self._coefficients.take(offsets, mode="clip")
+                if number:
+                    matrix[some, first:] += entries
+                else:
+                    matrix[some, first:] = entries
+        return matrix.T
+
+    def _images(self, rows: Nodes, columns: Nodes) -> list[tuple[Nodes, Nodes]]:
+        """Return the rows and columns of nodes, and of their mirror images in one period."""
+        if not self._mirrored:
+            return [(rows, columns)]
+        return [
+            (along, across) for along in (rows, -1 - rows) for across in (columns, -1 - columns)
+        ]
+
+
+@lru_cache(maxsize=4)
+def _coefficients(periods: tuple[int, int], aspect: float, dtype: str) -> Real:
+    """Tabulate the displacement by a unit pressure that repeats itself, for offsets either way."""
+    numbers = wave_numbers(periods, "periodic", aspect)
+    numbers[0, 0] = math.inf
+    table = fft.irfft2(2 / numbers, s=periods).astype(dtype)
+    twice = np.tile(table, (2, 2)).reshape(-1)
+    twice.setflags(write=False)
+    return twice
 
 
 def interface_preconditioner(

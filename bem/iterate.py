@@ -13,6 +13,20 @@ import numpy as np
 
 from bem.arrays import Mask, Nodes, Values
 from bem.factor import ContactFactor
+from bem.vectors import combined, largest_of, scale, subtract_scaled, where
+
+
+class Image(Protocol):
+    """The (m,) displacement by pressure on some nodes, of which only some entries may be wanted.
+
+    The next use of the operators that it comes from may overwrite it.
+    """
+
+    def on_nodes(self, out: Values) -> Values:
+        """Return the displacement of the (a,) nodes under that pressure, in `out`."""
+
+    def add_to(self, target: Values, factor: float) -> None:
+        """Add a factor times the displacement to an (m,) target."""
 
 
 class Operators(Protocol):
@@ -48,8 +62,15 @@ class Operators(Protocol):
     def displace(self, pressure: Values) -> Values:
         """Compute the (m,) displacement in double precision; it decides on convergence."""
 
-    def displace_some(self, nodes: Nodes, pressure: Values) -> Values:
-        """Compute the (m,) displacement by (a,) pressure on some nodes, to 1e-7 or better."""
+    def displace_some(self, nodes: Nodes | slice, pressure: Values) -> Values:
+        """Compute the (m,) displacement by (a,) pressure on some nodes, to 1e-7 or better.
+
+        A slice takes some of the m nodes in their order. The next call may overwrite the result,
+        and the list of nodes must not change before it.
+        """
+
+    def image_of(self, nodes: Nodes | slice, pressure: Values) -> Image:
+        """Compute the same displacement without gathering it."""
 
     def approximate_inverse(self, nodes: Nodes) -> Callable[[Values], Values]:
         """Return a symmetric map (a,) -> (a,) near the inverse of the matrix on these nodes."""
@@ -127,27 +148,34 @@ class Iterate:
 
     def contact(self) -> Nodes:
         """Return the nodes under pressure and the nodes that would penetrate."""
-        return np.flatnonzero((self.pressure > 0) | (self.residual > 0))
+        pressure, residual = self.pressure, self.residual
+        return where(lambda piece: (pressure[piece] > 0) | (residual[piece] > 0), pressure.size)
 
     def energy(self, interference: Values) -> float:
         """Compute p H p / 2 - p u in reduced units.
 
         The solution has the least energy of all p >= 0, or of all that carry a given load.
         """
-        energy = -inner(self.pressure, interference + self.residual) / 2
+        energy = -inner(self.pressure, combined(np.add, interference, self.residual)) / 2
         return energy + self.shift * float(self.pressure.sum()) / 2 if self.shift else energy
 
     def violation(self) -> float:
         """Return the largest |w| in contact or -w outside; it is zero for the exact solution."""
-        in_contact = self.residual * (self.pressure > 0)
-        return max(float(self.residual.max(initial=0.0)), -float(in_contact.min(initial=0.0)))
+
+        def measure(piece: slice) -> float:
+            residual = self.residual[piece]
+            in_contact = residual * (self.pressure[piece] > 0)
+            return max(float(residual.max(initial=0.0)), -float(in_contact.min(initial=0.0)))
+
+        return largest_of(measure, self.residual.size)
 
     def renew(self, operators: Operators, interference: Values) -> None:
         """Scale the pressure to the load if one is given, then recompute the residual."""
         carried = float(self.pressure.sum())
         if operators.load is not None and carried > 0:
             self.pressure *= operators.load / carried
-        self.residual = interference - operators.displace(self.pressure)
+        displacement = operators.displace(self.pressure)
+        self.residual = combined(np.subtract, interference, displacement, displacement)
         self.shift = 0.0
         self.effort += CONVOLUTION
         self.exact = True
@@ -172,13 +200,13 @@ class Iterate:
 
 def rescale(operators: Operators, interference: Values, iterate: Iterate) -> None:
     """Multiply the pressure by the factor that gives the least energy, or the given load."""
-    image = interference - iterate.residual
+    image = combined(np.subtract, interference, iterate.residual)
     if operators.load is None:
         stiffness = inner(iterate.pressure, image)
         if stiffness > 0:
             factor = inner(iterate.pressure, interference) / stiffness
-            iterate.pressure *= factor
-            iterate.residual = interference - factor * image
+            scale(iterate.pressure, factor)
+            iterate.residual = subtract_scaled(interference, factor, image)
         return
     carried = float(iterate.pressure.sum())
     if not carried > 0:

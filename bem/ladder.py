@@ -1,5 +1,7 @@
 """Contacts at many loads on one surface, started from the contacts at the loads before."""
 
+from __future__ import annotations  # short signatures in help()
+
 import math
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -10,6 +12,7 @@ from numpy.typing import ArrayLike
 from bem.contact import Contact, contact_of, equilibrium_of
 from bem.equilibrium import Equilibrium, Start
 from bem.problem import pose
+from bem.workers import checked_threads, on_threads
 
 # A load and its equilibrium.
 Rung = tuple[float, Equilibrium]
@@ -22,6 +25,7 @@ def ladder(
     *,
     forces: Iterable[float] | None = None,
     pressures: Iterable[float] | None = None,
+    threads: int | None = None,
     **settings: Any,
 ) -> Iterator[Contact]:
     """Solve for many loads on one surface, each started from the contacts before.
@@ -43,6 +47,8 @@ def ladder(
         Total normal forces instead [uN].
     pressures : iterable of float, optional
         Mean pressures over the cells of all nodes instead [MPa].
+    threads : int, optional
+        Threads that share the work, see `solve`.
     **settings
         Further arguments of `solve`.
 
@@ -62,7 +68,8 @@ def ladder(
         given: dict[str, Any] = {"delta": None, name: load}
         problem = pose(heights, side, **given, **settings)
         near = _extrapolated(last, load, problem.spacing[0])
-        equilibrium = equilibrium_of(problem, near, keep_displacement=True)
+        with on_threads(checked_threads(threads)):
+            equilibrium = equilibrium_of(problem, near, keep_displacement=True)
         yield contact_of(problem, equilibrium)
         if equilibrium is not None:
             last = [*[rung for rung in last if rung[0] != load][-2:], (load, equilibrium)]

@@ -15,9 +15,11 @@ import numpy as np
 from scipy import fft
 
 from bem.arrays import Field, Nodes, Real, Values
-from bem.convolution import FieldFilter, Filter, kept_filter, node_places
+from bem.convolution import FieldFilter, Filter, kept_filter
 from bem.influence import Kernel, influence_coefficients
 from bem.iterate import inner
+from bem.places import is_whole, node_places, places_and_blocks
+from bem.vectors import SHORT, add_taken, each_row, put, take, take_out
 
 # The following four were chosen by the iterations of conjugate gradients on the paper's surfaces,
 # k = 7 to 9, at 1, 10 and 50 % contact; none of them matters much.
@@ -55,19 +57,35 @@ class Preconditioner:
         self, shape: tuple[int, int], nodes: Nodes, inverse: FieldFilter, means: FieldFilter
     ) -> None:
         self._inverse, self._means = inverse, means
-        self._places = node_places(shape, inverse.field.shape[1])[nodes]
-        self._blocks = _block_of_places(inverse.field.shape)[self._places]
+        self._shape, self._nodes = shape, nodes
+        self._known: Nodes | None = None
+        self._whole = is_whole(shape, nodes)
+        if inverse.field.size < SHORT:  # long lists of places would take too much memory
+            self._known = node_places(shape, inverse.field.shape[1], nodes)
+
+    def _extension(self, some: Nodes) -> tuple[Nodes, Nodes, Real]:
+        """Return the places of nodes[some] in the field of the inverse, their blocks and weights.
+
+        The weights belong to all blocks: they make means of the weighted sums of values.
+        """
+        columns = self._inverse.field.shape[1]
+        if self._known is not None:
+            places = self._known[some]
+            blocks = _all_blocks(self._inverse.field.shape)[places]
+        else:
+            nodes = some if self._whole else take(self._nodes, some)
+            places, blocks = places_and_blocks(self._shape, columns, nodes, BLOCK)
+        return places, blocks, 1 / (self._mean(blocks) + VACANT)
 
     def restricted_to(self, some: Nodes) -> Callable[[Values], Values]:
         """Return the approximate inverse on nodes[some], which is symmetric positive definite."""
-        places, blocks = self._places[some], self._blocks[some]
-        weights = 1 / (self._mean(blocks, np.ones(len(blocks))) + VACANT)
+        places, blocks, weights = self._extension(some)
         inverse = self._inverse
         field = inverse.field.reshape(-1)
 
         def precondition(residual: Values) -> Values:
             _fill_blocks(inverse.field, weights * self._mean(blocks, residual))
-            field[places] = residual
+            put(residual, places, field)
             inverse.transform()
             return self._gather(places, blocks, weights)
 
@@ -77,15 +95,15 @@ class Preconditioner:
         """Apply the transpose of the extension to the field of the inverse, which it spoils."""
         inverse, means = self._inverse, self._means
         field = inverse.field.reshape(-1)
-        gathered: Values = field[places].astype(np.float64)
-        field[places] = 0
+        gathered = np.empty(places.size)
+        take_out(field, places, gathered)
         np.multiply(weights, block_sums(inverse.field), out=means.field)
         means.transform()
-        gathered += means.field.reshape(-1)[blocks]
+        add_taken(gathered, means.field.reshape(-1), blocks)
         return gathered
 
-    def _mean(self, blocks: Nodes, values: Values) -> Real:
-        """Compute the weighted means at all blocks of values that lie in some blocks."""
+    def _mean(self, blocks: Nodes, values: Values | None = None) -> Real:
+        """Compute the weighted means at all blocks of values, or of ones, in some blocks."""
         means = self._means
         sums = np.bincount(blocks, weights=values, minlength=means.field.size)
         means.field[:] = sums.reshape(means.shape)
@@ -113,8 +131,7 @@ class LevelPreconditioner(Preconditioner):
         outside = self._inverse.field.size - len(some)
         if not len(some) or not outside:
             return lambda residual: plain(residual) + float(residual.mean() if len(some) else 0)
-        places, blocks = self._places[some], self._blocks[some]
-        weights = 1 / (self._mean(blocks, np.ones(len(blocks))) + VACANT)
+        places, blocks, weights = self._extension(some)
         field = self._inverse.field.reshape(-1)
         field.fill(1)
         summed = self._gather(places, blocks, weights)
@@ -195,8 +212,8 @@ def circulant_inverse(
 
 
 @lru_cache(maxsize=8)
-def _block_of_places(shape: tuple[int, int]) -> Nodes:
-    """Return the flat index of the block that every entry of a flat field lies in."""
+def _all_blocks(shape: tuple[int, int]) -> Nodes:
+    """Tabulate the blocks of all entries of a small field."""
     blocks = np.arange(shape[0] * shape[1] // BLOCK**2).reshape(-1, shape[1] // BLOCK)
     return blocks.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1).reshape(-1)
 
@@ -204,17 +221,29 @@ def _block_of_places(shape: tuple[int, int]) -> Nodes:
 def _fill_blocks(field: Real, values: Real) -> None:
     """Set every node of a block to the block's value."""
     rows = field.reshape(len(values), BLOCK, -1)
-    rows[:] = np.repeat(values, BLOCK, axis=1)[:, np.newaxis]
+
+    def fill(some: slice) -> None:
+        rows[some] = np.repeat(values[some], BLOCK, axis=1)[:, np.newaxis]
+
+    each_row(fill, len(values), BLOCK * field.shape[1])
 
 
-def block_sums(field: Real) -> Real:
-    """Sum over blocks, by whole rows and columns at a time because a block's axes are short."""
-    rows = np.array(field[::BLOCK])
-    for node in range(1, BLOCK):
-        rows += field[node::BLOCK]
-    sums = np.array(rows[:, ::BLOCK])
-    for node in range(1, BLOCK):
-        sums += rows[:, node::BLOCK]
+def block_sums(field: Real, factors: Real | None = None) -> Real:
+    """Sum a field, times factors, by whole rows and columns because a block's axes are short."""
+    blocks = field.reshape(-1, BLOCK, field.shape[1])
+    weights = None if factors is None else factors.reshape(blocks.shape)
+    sums = np.empty((len(blocks), field.shape[1] // BLOCK), field.dtype)
+
+    def add_up(some: slice) -> None:
+        here = blocks[some] if weights is None else blocks[some] * weights[some]
+        rows = here[:, 0] + here[:, 1]
+        for node in range(2, BLOCK):
+            rows += here[:, node]
+        np.add(rows[:, ::BLOCK], rows[:, 1::BLOCK], out=sums[some])
+        for node in range(2, BLOCK):
+            sums[some] += rows[:, node::BLOCK]
+
+    each_row(add_up, len(blocks), BLOCK * field.shape[1])
     return sums
 
 

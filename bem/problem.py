@@ -93,6 +93,11 @@ class Problem:
         ----------
         length : float
             Unit of reduced displacements [um].
+
+        Returns
+        -------
+        float
+            Reduced hardness [1].
         """
         if self.hardness is None:
             return math.inf

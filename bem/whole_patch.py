@@ -5,18 +5,21 @@ is gathered or scattered, as lists of nodes would need it. Search directions and
 single precision; they refine a pressure in double precision.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from bem.active_set import IDLE_RENEWALS, PATIENCE, ROUNDING, TIGHTENING
-from bem.arrays import Field, Real
+from bem.arrays import Field, Mask, Real
 from bem.convolution import kept_filter
 from bem.interface import make_means
 from bem.iterate import CONVOLUTION, ITERATION, Effort
 from bem.preconditioner import BLOCK, VACANT, block_sums, whole_blocks
 from bem.spacing import Boundary
 from bem.spectrum import inverse_filter, spectral_filter
+from bem.vectors import each_row
 
 # Share of nodes under pressure after the first projected step from which a second gains nothing.
 LARGE_CONTACT = 0.35
@@ -55,8 +58,15 @@ class Pressed:
 
     def violation(self) -> float:
         """Return the largest penetration, or gap under pressure."""
-        gap = -float((self.residual * (self.pressure > 0)).min())
-        return max(float(self.residual.max()), gap, 0.0)
+        found: list[float] = []
+
+        def measure(some: slice) -> None:
+            residual = self.residual[some]
+            gap = -float((residual * (self.pressure[some] > 0)).min())
+            found.append(max(float(residual.max()), gap))
+
+        each_row(measure, *self.residual.shape)
+        return max(float(np.max(found)), 0.0)
 
 
 class WholePatch:
@@ -75,8 +85,12 @@ class WholePatch:
 
     Attributes
     ----------
+    patch : tuple
+        Shape (nx, ny), boundary and aspect.
     displacement : ndarray, shape (nx, ny), or None
         Displacement under the last pressure whose residual is exact.
+    outside : ndarray, shape (nx, ny)
+        Zero on the contact set and one elsewhere.
     """
 
     def __init__(self, below: Field, boundary: Boundary, aspect: float, load: float) -> None:
@@ -84,12 +98,16 @@ class WholePatch:
         patch = whole_blocks(shape[0]), whole_blocks(shape[1])
         self.below, self.load = below, load
         self.displacement: Field | None = None
-        self._patch = shape, boundary, aspect
+        self.patch = shape, boundary, aspect
         self._double = spectral_filter(shape, boundary, aspect)
         self._working = spectral_filter(shape, boundary, aspect, "float32")
         self._inverse = inverse_filter(patch, boundary, aspect, "float32")
         self._means = kept_filter(make_means, patch, boundary, aspect)
         self._grid = slice(0, shape[0]), slice(0, shape[1])
+        self._correction = np.zeros(patch, np.float32)
+        self._contact = np.zeros(patch, np.float32)
+        self._outside = np.ones(patch, np.float32)
+        self.outside = self._outside[self._grid]
 
     def press(self, pressure: Field, effort: Effort) -> Pressed:
         """Scale a pressure to the load, and compute its residual in double precision."""
@@ -104,80 +122,129 @@ class WholePatch:
         pressed.residual = pressed.residual.astype(np.float32)
         return pressed
 
-    def start(self) -> Pressed:
+    def full_contact(self) -> Field:
+        """Compute the pressure that closes all gaps, which is negative where it has to pull."""
+        pressure = inverse_filter(*self.patch)(self.below)
+        pressure += self.load / pressure.size
+        return pressure
+
+    def closed(self, pressure: Field) -> Pressed:
+        """Return the pressure of full contact as the solution that it is where it pushes."""
+        flat = np.zeros(pressure.shape, np.float32)
+        self.displacement = self.below - self.below.mean()
+        return Pressed(pressure, flat, -float(self.below.mean()), CONVOLUTION)
+
+    def begin(self, pressure: Field, effort: Effort) -> Pressed:
+        """Scale a pressure to the load, and compute its residual in single precision."""
+        pressure = pressure * (self.load / float(pressure.sum()))
+        return self._pressed(pressure, self.displace(pressure), effort + CONVOLUTION)
+
+    def start(self, pressure: Field) -> Pressed:
         """Take projected steps from the pressure of full contact.
 
         The projection subtracts a constant before it cuts off tension, so that the rest carries the
         load: under a small load only the highest pressures stay.
-
-        Returns
-        -------
-        Pressed
-            The solution if the contact is full.
         """
-        pressure = inverse_filter(*self._patch)(self.below)
-        pressure += self.load / pressure.size
-        if pressure.min() >= 0:
-            flat = np.zeros(pressure.shape, np.float32)
-            self.displacement = self.below - self.below.mean()
-            return Pressed(pressure, flat, -float(self.below.mean()), CONVOLUTION)
-        effort = CONVOLUTION
-        for step in range(2):
-            pressure = cut_to_load(pressure, self.load)
-            effort += CONVOLUTION
-            pressed = self._pressed(pressure, self.displace(pressure), effort)
-            if step or np.count_nonzero(pressure) > LARGE_CONTACT * pressure.size:
-                break
-            touching = (pressure > 0) | (pressed.residual > 0)
-            self.set_contact(touching.astype(np.float32))
-            pressure = pressure + self.correct(pressed.residual)
-        return pressed
+        pressed = self._projected(pressure, CONVOLUTION)
+        if np.count_nonzero(pressed.pressure) > LARGE_CONTACT * pressure.size:
+            return pressed
+        return self.stepped(pressed)
 
-    def displace(self, pressure: Real) -> Real:
-        """Compute a displacement in single precision; the next call spoils it."""
-        self._working.field[:] = pressure
+    def stepped(self, pressed: Pressed) -> Pressed:
+        """Take a projected step of the approximate inverse."""
+        self.set_contact(partial(_touching, pressed))
+        self.inside(pressed.residual)
+        return self._projected(pressed.pressure + self.correct(), pressed.effort)
+
+    def _projected(self, pressure: Field, effort: Effort) -> Pressed:
+        """Cut tension off a pressure, and compute its residual in single precision."""
+        pressure = cut_to_load(pressure, self.load)
+        return self._pressed(pressure, self.displace(pressure), effort + CONVOLUTION)
+
+    def displace(self, pressure: Real, less: Real | None = None) -> Real:
+        """Compute a displacement in single precision; the next call spoils it.
+
+        Parameters
+        ----------
+        pressure : ndarray, shape (nx, ny)
+            Pressure.
+        less : ndarray, shape (nx, ny), optional
+            Pressure to subtract before.
+        """
+        field: Real = self._working.field
+
+        def load(some: slice) -> None:
+            field[some] = pressure[some] if less is None else pressure[some] - less[some]
+
+        each_row(load, *field.shape)
         self._working.transform()
-        displacement: Real = self._working.field
-        return displacement
+        return field
 
     def level(self, pressed: Pressed, weights: Real) -> None:
         """Shift the far field so that the weighted mean of the residual is zero."""
-        mean = total(weights, pressed.residual) / float(weights.sum(dtype=np.float64))
-        pressed.residual -= mean
-        pressed.shift -= mean
+        shift_by(pressed, -total(weights, pressed.residual) / load_of(weights))
 
-    def set_contact(self, contact: Real) -> None:
-        """Take a contact set, one in contact and zero elsewhere, for `correct`."""
-        self._contact = contact
-        self._outside = np.ones(self._inverse.field.shape, np.float32)
-        self._outside[self._grid] -= contact
-        self._means.field[:] = BLOCK**2 - block_sums(self._outside)
+    def set_contact(self, touching: Callable[[slice], Mask]) -> None:
+        """Take a contact set for `inside` and `correct`, as a test of rows of the grid."""
+        contact, outside, (rows, columns) = self._contact, self._outside, self.below.shape
+
+        def mark(some: slice) -> None:
+            contact[some, :columns] = touching(some)
+            np.subtract(1, contact[some], out=outside[some])
+
+        each_row(mark, rows, columns)
+        self._means.field[:] = BLOCK**2 - block_sums(outside)
         self._means.transform()
         self._weights = 1 / (self._means.field + np.float32(VACANT))
 
-    def correct(self, residual: Real) -> Real:
-        """Apply the approximate inverse of `bem.preconditioner` on the contact set."""
+    def inside(self, residual: Real) -> float:
+        """Keep the residual in contact for `correct`, and return its largest magnitude."""
+        field, (rows, columns) = self._inverse.field, residual.shape
+        field[rows:], field[:, columns:] = 0, 0
+        found: list[float] = []
+
+        def keep(some: slice) -> None:
+            here = field[some, :columns]
+            np.multiply(residual[some], self._contact[some, :columns], out=here)
+            found.append(max(float(here.max()), -float(here.min())))
+
+        each_row(keep, rows, columns)
+        return float(np.max(found))
+
+    def correct(self) -> Real:
+        """Apply the approximate inverse of `bem.preconditioner` to the residual in contact.
+
+        Returns
+        -------
+        ndarray, shape (nx, ny)
+            Correction of the pressure, which the next call overwrites.
+        """
         field, means = self._inverse.field, self._means
-        field.fill(0)
-        np.multiply(residual, self._contact, out=field[self._grid])
+        blocks, outside, contact, corrections = (
+            array.reshape(-1, BLOCK, field.shape[1])
+            for array in (field, self._outside, self._contact, self._correction)
+        )
         means.field[:] = block_sums(field)
         means.transform()
-        _rows(field)[:] += _rows(self._outside) * _columns(self._weights * means.field)
+        np.multiply(means.field, self._weights, out=means.field)
+
+        def extend(some: slice) -> None:
+            blocks[some] += outside[some] * _columns(means.field[some])
+
+        def finish(some: slice) -> None:
+            np.add(blocks[some], _columns(means.field[some]), out=corrections[some])
+            corrections[some] *= contact[some]
+
+        each_row(extend, len(blocks), BLOCK * field.shape[1])
         self._inverse.transform()
-        np.multiply(self._weights, block_sums(field * self._outside), out=means.field)
+        np.multiply(self._weights, block_sums(field, self._outside), out=means.field)
         means.transform()
-        _rows(field)[:] += _columns(means.field)
-        correction: Real = field[self._grid] * self._contact
-        return correction
-
-
-def _rows(field: Real) -> Real:
-    """View rows of a field by blocks, (nx / BLOCK, BLOCK, ny)."""
-    return field.reshape(-1, BLOCK, field.shape[1])
+        each_row(finish, len(blocks), BLOCK * field.shape[1])
+        return self._correction[self._grid]
 
 
 def _columns(blocks: Real) -> Real:
-    """Repeat the values of blocks along their columns, for `_rows`."""
+    """Repeat the values of blocks along their columns, for rows of blocks."""
     repeated: Real = np.repeat(blocks, BLOCK, axis=1)[:, np.newaxis]
     return repeated
 
@@ -199,9 +266,48 @@ def cut_to_load(pressure: Field, load: float) -> Field:
     return cut
 
 
+def touching_nodes(pressed: Pressed) -> int:
+    """Count the nodes that are under pressure or would penetrate."""
+    return int(np.count_nonzero(_touching(pressed, slice(None))))
+
+
+def _touching(pressed: Pressed, some: slice) -> Mask:
+    """Return which nodes of some rows are under pressure or would penetrate."""
+    touching: Mask = (pressed.pressure[some] > 0) | (pressed.residual[some] > 0)
+    return touching
+
+
 def total(a: Real, b: Real) -> float:
-    """Compute an inner product of fields, summed in double precision."""
-    return float((a * b).sum(dtype=np.float64))
+    """Compute an inner product of fields, row by row in their precision, then in double."""
+    sums = np.empty(len(a))
+
+    def add_up(some: slice) -> None:
+        sums[some] = np.einsum("ij,ij->i", a[some], b[some])
+
+    each_row(add_up, *a.shape)
+    return float(sums.sum())
+
+
+def load_of(field: Real) -> float:
+    """Add up a field, row by row in its precision, then in double."""
+    sums = np.empty(len(field))
+
+    def add_up(some: slice) -> None:
+        sums[some] = field[some].sum(axis=1)
+
+    each_row(add_up, *field.shape)
+    return float(sums.sum())
+
+
+def shift_by(pressed: Pressed, shift: float) -> None:
+    """Move the far field."""
+    residual = pressed.residual
+
+    def move(some: slice) -> None:
+        residual[some] += shift
+
+    each_row(move, *residual.shape)
+    pressed.shift += shift
 
 
 def press_under_load(
@@ -230,7 +336,7 @@ def press_under_load(
     exact, renewed, smallest_renewed, idle = False, np.inf, np.inf, 0
     smallest, patience = np.inf, PATIENCE
     reduction, energy = REDUCTION, np.inf
-    following: Real | None = None
+    stepped = False
     violation = pressed.violation()
     while True:
         wanted = rtol * (pressed.shift if pressed.shift > 0 else least)
@@ -250,13 +356,11 @@ def press_under_load(
                 return False
             smallest, patience = np.inf, PATIENCE
             continue
-        contact = following
-        if contact is None:
-            contact = ((pressed.pressure > 0) | (pressed.residual > 0)).astype(np.float32)
-            patch.set_contact(contact)
+        if not stepped:
+            patch.set_contact(partial(_touching, pressed))
         exact = False
-        _run_stage(patch, pressed, contact, (reduction, REACHED * floor), max_iterations)
-        following = _cut_off_tension(patch, pressed, contact)
+        _run_stage(patch, pressed, (reduction, REACHED * floor), max_iterations)
+        stepped = _cut_off_tension(patch, pressed)
         last, energy = energy, _energy(patch, pressed)
         reduction *= TIGHTENING if energy > last else 1.0
         violation = pressed.violation()
@@ -273,70 +377,144 @@ def _renew(patch: WholePatch, pressed: Pressed) -> None:
 
 def _energy(patch: WholePatch, pressed: Pressed) -> float:
     """Compute p H p / 2 - p u, which is least for the solution under the load."""
-    plain = -total(pressed.pressure, patch.below + pressed.residual) / 2
+    sums = np.empty(len(patch.below))
+
+    def add_up(some: slice) -> None:
+        depth = patch.below[some] + pressed.residual[some]
+        sums[some] = np.einsum("ij,ij->i", pressed.pressure[some], depth)
+
+    each_row(add_up, *patch.below.shape)
+    plain = -float(sums.sum()) / 2
     return plain + pressed.shift * patch.load / 2
 
 
 def _run_stage(
-    patch: WholePatch,
-    pressed: Pressed,
-    contact: Real,
-    goals: tuple[float, float],
-    max_iterations: int,
+    patch: WholePatch, pressed: Pressed, goals: tuple[float, float], max_iterations: int
 ) -> None:
     """Run conjugate gradients in contact until the set has to change, as `bem.gradients` does."""
-    weights = pressed.pressure.astype(np.float32)
-    carried = float(weights.sum(dtype=np.float64))
-    residual = pressed.residual
-    direction, change = np.zeros_like(weights), np.zeros_like(weights)
+    stage = _Stage(patch, pressed)
     previous, goal = np.inf, 0.0
     while pressed.effort.iterations < max_iterations:
-        here = residual * contact
-        largest = max(float(here.max()), -float(here.min()))
+        largest = patch.inside(pressed.residual)
         if largest <= goals[1]:
             break
         goal = goal or goals[0] * largest
         if largest <= goal:
-            if (weights + change).min() < 0 or float((residual - here).max()) > goals[1]:
+            if stage.has_to_change(goals[1]):
                 break
             goal = max(goals[0] * goal, goals[1])
-        correction = patch.correct(here)
-        correction -= np.float32(float(correction.sum(dtype=np.float64)) / carried) * weights
-        product = total(here, correction)
-        direction *= np.float32(product / previous)
-        direction += correction
+        product = stage.turn(previous)
         previous = product
-        image = patch.displace(direction)
-        stiffness = total(direction, image)
+        image = patch.displace(stage.direction)
+        stiffness = total(stage.direction, image)
         pressed.effort += CONVOLUTION
         if not (product > 0 and stiffness > 0):  # only rounding is left
             break
-        step = np.float32(product / stiffness)
-        image *= step
-        residual -= image
-        change += step * direction
+        stage.step(np.float32(product / stiffness), image)
         pressed.effort += ITERATION
-        patch.level(pressed, weights)
-    pressed.pressure += change
+    pressed.pressure += stage.change
 
 
-def _cut_off_tension(patch: WholePatch, pressed: Pressed, contact: Real) -> Real | None:
-    """Set negative pressures to zero, step ahead on the next contact set, and keep the load."""
-    tension = pressed.pressure < 0
-    if not tension.any():
-        return None
-    before = pressed.pressure
-    pressure = np.where(tension, 0.0, before)
-    touching = (pressure > 0) | ((pressed.residual > 0) & (before == 0))
-    following: Real = touching.astype(np.float32)
-    patch.set_contact(following)
-    pressure += np.float32(ADVANCE) * patch.correct(pressed.residual)
-    np.maximum(pressure, 0, out=pressure)
-    carried = float(pressure.sum())
+class _Stage:
+    """Conjugate gradients on a contact set, under a load that no step changes.
+
+    Attributes
+    ----------
+    direction, change : ndarray, shape (nx, ny)
+        Direction of the last step, and the sum of all steps.
+    """
+
+    def __init__(self, patch: WholePatch, pressed: Pressed) -> None:
+        self._patch, self._pressed = patch, pressed
+        self._weights = pressed.pressure.astype(np.float32)
+        self._carried = load_of(self._weights)
+        self._sums = np.empty(len(self._weights))
+        self.direction, self.change = (np.zeros_like(self._weights) for _ in range(2))
+
+    def has_to_change(self, small: float) -> bool:
+        """Return whether tension has come up, or penetration outside that is not small."""
+        residual, outside = self._pressed.residual, self._patch.outside
+        found: list[bool] = []
+
+        def look(some: slice) -> None:
+            tension = (self._weights[some] + self.change[some]).min() < 0
+            found.append(bool(tension or (residual[some] * outside[some]).max() > small))
+
+        each_row(look, *residual.shape)
+        return any(found)
+
+    def turn(self, previous: float) -> float:
+        """Find the next direction; return the product of residual and correction."""
+        correction, residual = self._patch.correct(), self._pressed.residual
+        excess = np.float32(load_of(correction) / self._carried)
+
+        def balance(some: slice) -> None:
+            correction[some] -= excess * self._weights[some]  # both are zero out of contact
+            self._sums[some] = np.einsum("ij,ij->i", residual[some], correction[some])
+
+        each_row(balance, *correction.shape)
+        product = float(self._sums.sum())
+
+        def turn(some: slice) -> None:
+            self.direction[some] *= np.float32(product / previous)
+            self.direction[some] += correction[some]
+
+        each_row(turn, *correction.shape)
+        return product
+
+    def step(self, length: np.float32, image: Real) -> None:
+        """Take a step of a length along the direction; the image of the direction is spoilt."""
+        residual = self._pressed.residual
+
+        def move(some: slice) -> None:
+            image[some] *= length
+            residual[some] -= image[some]
+            self.change[some] += length * self.direction[some]
+            self._sums[some] = np.einsum("ij,ij->i", self._weights[some], residual[some])
+
+        each_row(move, *residual.shape)
+        shift_by(self._pressed, -float(self._sums.sum()) / self._carried)
+
+
+def _cut_off_tension(patch: WholePatch, pressed: Pressed) -> bool:
+    """Set negative pressures to zero, step ahead on the next contact set, and keep the load.
+
+    Returns
+    -------
+    bool
+        Whether there was any tension; the contact set of `patch` is then the next one.
+    """
+    if not pressed.pressure.min() < 0:
+        return False
+    before, residual = pressed.pressure, pressed.residual
+
+    def touching(some: slice) -> Mask:
+        here = before[some]
+        touches: Mask = (here > 0) | ((residual[some] > 0) & (here == 0))
+        return touches
+
+    patch.set_contact(touching)
+    patch.inside(residual)
+    correction, pressure = patch.correct(), np.empty_like(before)
+
+    def advance(some: slice) -> None:
+        here = pressure[some]
+        np.maximum(before[some], 0, out=here)
+        here += np.float32(ADVANCE) * correction[some]
+        np.maximum(here, 0, out=here)
+
+    each_row(advance, *before.shape)
+    carried = load_of(pressure)
     if not carried > 0:
         pressure, carried = np.ones_like(pressure), float(pressure.size)
-    pressed.pressure = pressure * (patch.load / carried)
-    pressed.residual -= patch.displace(pressed.pressure - before)
+    pressure *= patch.load / carried
+    image = patch.displace(pressure, before)
+
+    def move(some: slice) -> None:
+        residual[some] -= image[some]
+
+    each_row(move, *residual.shape)
+    pressed.pressure = pressure
     pressed.effort += CONVOLUTION
-    patch.level(pressed, pressed.pressure)
-    return following
+    patch.level(pressed, pressure)
+    return True

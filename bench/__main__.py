@@ -12,26 +12,14 @@ from gen.runtime import farm as processes
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
 COMMANDS = (
-    page.run,
-    page.page,
-    page.paper,
-    page.unstated,
-    solver.solver,
-    solver.peers,
-    solver.growth,
-    solver.hertz,
-    solver.theory,
-    solver.stability,
-    surrogates.models,
-    surrogates.tolerance,
-    surrogates.generalisation,
-    surrogates.cost,
-    surrogates.throughput,
-    surrogates.memory,
-    farm.scale,
-    farm.speedup,
-    farm.writers,
-    farm.outputs,
+    *(page.run, page.page, page.paper, page.unstated),
+    *(solver.solver, solver.peers, solver.growth, solver.threads),
+    *(solver.hertz, solver.theory, solver.stability),
+    *(surrogates.models, surrogates.tolerance, surrogates.generalisation),
+    *(surrogates.coverage, surrogates.scans),
+    *(surrogates.grow, surrogates.features),
+    *(surrogates.cost, surrogates.throughput, surrogates.memory),
+    *(farm.scale, farm.speedup, farm.writers, farm.outputs),
 )
 
 for _command in COMMANDS:
@@ -39,13 +27,13 @@ for _command in COMMANDS:
 
 
 @app.callback()
-def describe_program() -> None:
+def describe_program(*, version: command_line.Version = False) -> None:
     """Reports on exactness and speed, each as a table (CSV) and a picture (PNG)."""
 
 
-def main(arguments: Sequence[str]) -> int:
+def main(arguments: Sequence[str], name: str = "bench") -> int:
     """Run one command line; return its exit code."""
-    return command_line.main(app, "bench", arguments, alone=True)
+    return command_line.main(app, name, arguments, alone=True)
 
 
 if __name__ == "__main__":

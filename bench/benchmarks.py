@@ -4,18 +4,13 @@ import json
 from pathlib import Path
 from typing import Any
 
-from bench.files import content_of, is_there
-from bench.page.content import Absent, Content, Table, Words
+from bench.page.content import Content
+from bench.page.parts import contents_of
 from bench.table import write_rows
 from gen.runtime.errors import InputError
 from gen.runtime.output import write
 
-COMMAND = "pytest bench --benchmark-only --benchmark-json {json}"
-
 SIZES = ("smoke", "paper", "large")
-
-SHOWN = ("suite", "case", "size", "median_ms", "spread_ms", "rounds", "convolutions", "residual")
-"""Columns on the page; the spread is the interquartile range of the rounds."""
 
 
 def contents(folder: Path) -> list[Content]:
@@ -25,19 +20,11 @@ def contents(folder: Path) -> list[Content]:
     from it first; without it they are shown as they are.
     """
     measured = folder / "times.json"
-    table, words = measured.with_suffix(".csv"), measured.with_suffix(".txt")
     if measured.exists():
         document = read(measured)
-        write_rows(table, map(_row, document["benchmarks"]))
-        write(words, circumstances(document) + "\n")
-    if not is_there(table):
-        return [Absent("Times of single steps", COMMAND.format(json=measured))]
-    caption = (
-        "Times of single steps, each with its answer asserted: median and interquartile range"
-        " of the rounds, convolutions and residual where something is solved. Sizes: smoke is a"
-        " look, paper the paper's, large beyond it. Compare ratios, not milliseconds."
-    )
-    return [Table(table, caption, columns=SHOWN), Words(content_of(words).decode().strip())]
+        write_rows(measured.with_suffix(".csv"), map(_row, document["benchmarks"]))
+        write(measured.with_suffix(".txt"), circumstances(document) + "\n")
+    return contents_of("benchmarks", folder)
 
 
 def read(path: Path) -> dict[str, Any]:

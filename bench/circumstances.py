@@ -10,18 +10,8 @@ from typing import Any
 from gen.runtime.provenance import git_commit, versions
 
 PACKAGES = (
-    "asperity",
-    "numpy",
-    "scipy",
-    "pyfftw",
-    "h5py",
-    "mpi4py",
-    "scikit-learn",
-    "xgboost",
-    "xgboost-cpu",
-    "ContactMechanics",
-    "tamaas",
-    "aspher",
+    *("asperity", "numpy", "scipy", "pyfftw", "h5py", "mpi4py", "scikit-learn", "xgboost"),
+    *("xgboost-cpu", "ContactMechanics", "tamaas", "aspher"),
 )
 """What may take part: the versions of those that are installed are written down."""
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from bench.remarks import remark
+from bench.report import remark
 from gen.database import Reader
 from gen.generation.run import Request, generate_database
 from gen.runtime.errors import InputError
@@ -11,11 +11,9 @@ from gen.runtime.output import make_folder, write
 from gen.scene import Scene, differences, load
 from gen.schema import Status
 
-PAPER = "paper"
-"""Preset that all surrogates of the reports are trained on."""
-
+PAPER = "paper"  # preset that all surrogates of the reports are trained on
+# Of databases to be tested on: the preset's own seed would give them the surfaces trained on.
 OTHER_SEED = 2026
-"""Of databases to be tested on: the preset's own seed would give them the surfaces trained on."""
 
 
 def generated(folder: Path, name: str, text: str) -> Path:
@@ -29,7 +27,7 @@ def generated(folder: Path, name: str, text: str) -> Path:
         return path
     make_folder(folder)
     write(scene, text)
-    remark(f"generating {path}: {wanted.samples} rows, {wanted.surface.nodes} nodes a side")
+    remark(f"generating {path}: {wanted.samples} rows, {wanted.shape[0]} nodes a side")
     if generate_database(Request(str(scene), path), World()).signal:
         remark(f"{path}: interrupted; the same command goes on")
         raise KeyboardInterrupt

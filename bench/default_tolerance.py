@@ -34,8 +34,8 @@ COLUMNS = {
     "time": "{relative_time:.2f}",
 }
 
+# How well one tolerance found the nodes in contact, beside solves to `EXACT_RTOL`.
 Row = dict[str, Any]
-"""How well one tolerance found the nodes in contact, beside solves to `EXACT_RTOL`."""
 
 
 def right_counts(

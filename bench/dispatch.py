@@ -9,8 +9,7 @@ import time
 from bench.scale.launch import answer
 from gen.runtime import farm
 
-SALT = 2_654_435_761
-"""Multiplies numbers, so that the sum tells whether each was there."""
+SALT = 2_654_435_761  # multiplies numbers, so that the sum tells whether each was there
 
 
 def work(task: int) -> int:

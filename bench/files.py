@@ -1,12 +1,13 @@
-"""Files that a page shows: as a report has written them, or compressed beside that name."""
+"""Files that a page shows, as written or compressed beside that name, and texts of this package."""
 
 import lzma
+import tomllib
 from pathlib import Path
+from typing import Any
 
 from gen.runtime.errors import InputError
 
-COMPRESSED = ".xz"
-"""Added to the names of large tables in the repository; `unxz` gives them back."""
+COMPRESSED = ".xz"  # added to the names of large tables in the repository; `unxz` gives them back
 
 
 def content_of(path: Path) -> bytes:
@@ -20,6 +21,12 @@ def content_of(path: Path) -> bytes:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     except lzma.LZMAError as error:
         raise InputError(f"{packed} cannot be read: {error}") from None
+
+
+def read_toml(name: str) -> dict[str, Any]:
+    """Read a TOML file of this package, by its path from `bench` on without the ending."""
+    path = Path(__file__).parent / f"{name}.toml"
+    return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 def is_there(path: Path) -> bool:

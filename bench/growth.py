@@ -15,7 +15,6 @@ import time
 import tracemalloc
 from collections.abc import Sequence
 from itertools import product
-from pathlib import Path
 from typing import Any
 from unittest import mock
 
@@ -25,10 +24,8 @@ from scipy import optimize
 import bem
 from bem import half_space
 from bem.convolution import fast_period
-from bench.page.content import Content, Figure, Table
 from bench.picture import draw_curves, new_figure
-from bench.remarks import remark
-from bench.report import Report
+from bench.report import Report, remark
 from bench.table import formatted
 from gen.arrays import Heights
 from gen.runtime.errors import InputError
@@ -43,10 +40,18 @@ RTOL = 1e-6
 SEEKING_RTOL = 1e-2  # of the solves on small grids that find Delta
 SEEKING_NODES = (65, 129)
 WANTED_GROWTH = 1.3
-WANTED_MEMORY = 12.0
+WANTED_MEMORY = 8.0  # padded fields, on the finest grid: smaller ones hold more in tables
 PRESSURE = 2e-3  # on the patch [E*]
 HARDNESSES = (None, 0.1, 0.05, 0.02)  # E*
 PRESSED = ("area_percent", "yielded_percent", "mean_pressure", "convolutions")
+
+MEASURED = (
+    "Convolutions are those of iterations alone, also where a solve takes dense algebra."
+    " Seconds are of one solve on one thread, with tables and plans made before. Memory is the most"
+    " that a first solve holds at any moment, tables and plans of the transforms included, the"
+    " heights that are given to it not, over that of one field of double precision on the doubled"
+    " grid that transforms of a free patch need."
+)
 
 COLUMNS = {
     "contact": "{area_percent:.1f} %",
@@ -66,9 +71,7 @@ def cost(nodes: Sequence[int], surfaces: int, percents: Sequence[float] = PERCEN
     InputError
         For nodes a side that are not 2^k + 1, or too few.
     """
-    for size in nodes:
-        if size < SEEKING_NODES[0] or size - 1 & size - 2:
-            raise InputError(f"nodes {size}: give 2^k + 1, {SEEKING_NODES[0]} or more")
+    require_nested(nodes)
     rows: list[Row] = []
     fewest = 1.0
     for percent, size in product(percents, nodes):
@@ -90,6 +93,13 @@ def cost(nodes: Sequence[int], surfaces: int, percents: Sequence[float] = PERCEN
         )
         remark(f"{percent:g} %, {size} nodes: {seconds:.2f} s")
     return rows
+
+
+def require_nested(nodes: Sequence[int]) -> None:
+    """Refuse numbers of nodes a side that are not 2^k + 1, or too few."""
+    for size in nodes:
+        if size < SEEKING_NODES[0] or size - 1 & size - 2:
+            raise InputError(f"nodes {size}: give 2^k + 1, {SEEKING_NODES[0]} or more")
 
 
 def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
@@ -120,43 +130,15 @@ def report(costs: Sequence[Row], pressed: Sequence[Row]) -> Report:
     )
 
 
-def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder that holds this report."""
-    table, yielding = folder / "growth.csv", folder / "yielding.csv"
-    return [
-        Figure(
-            folder / "growth.png",
-            "Convolutions, seconds and memory of a solve over the nodes a side, at 1, 10 and 50 %"
-            " of the nodes in contact. Seconds grow with the nodes times their logarithm, and with"
-            " the convolutions.",
-            data=(table,),
-        ),
-        Table(
-            table,
-            "Growth is per doubling of the nodes a side, from the first grid on. Convolutions are"
-            " those of iterations alone: dense algebra, for which only small grids have few enough"
-            " nodes in contact, would pass for growth.",
-        ),
-        Figure(
-            folder / "yielding.png",
-            f"The same surfaces under the same mean pressure of {PRESSURE:g} E* on finer and finer"
-            " grids, elastic and with a hardness. Elastic areas fall with every halving of the"
-            " spacing, as mean pressures rise with the slopes; where most of the contact yields,"
-            " the area is the force over the hardness on every grid.",
-            data=(yielding,),
-        ),
-    ]
-
-
 def verdict(costs: Sequence[Row]) -> str:
     """Say whether growth and memory keep to their marks."""
     finest = costs[-1]["nodes"]
     largest = max(row["growth"] for row in costs if row["nodes"] == finest)
-    memory = max(row["padded_arrays"] for row in costs)
+    memory = max(row["padded_arrays"] for row in costs if row["nodes"] == finest)
     return (
-        f"Growth per doubling up to {finest} nodes: at most {largest:.2f}"
-        f" (mark {WANTED_GROWTH:g}); memory: at most {memory:.1f} padded arrays"
-        f" (mark {WANTED_MEMORY:g})."
+        f"Growth of the convolutions per doubling up to {finest} nodes: at most {largest:.2f}"
+        f" (mark {WANTED_GROWTH:g}). Memory at {finest} nodes: at most {memory:.1f} padded arrays"
+        f" (mark {WANTED_MEMORY:g}).\n\n{MEASURED}"
     )
 
 
@@ -204,7 +186,7 @@ def surface(nodes: int, seed: int) -> Heights:
     return generate("diamond-square", nodes, HURST, SIGMA0, np.random.default_rng(seed))
 
 
-def _displacement(nodes: int, seed: int, percent: float) -> float:
+def displacement_at(nodes: int, seed: int, percent: float) -> float:
     """Find the Delta of a share of contact [%] from its growth on small grids [um]."""
 
     def excess(delta: float, heights: Heights) -> float:
@@ -224,7 +206,7 @@ def _solve(nodes: int, seed: int, percent: float) -> tuple[float, float, float, 
 
     The first solve of a size needs most memory, tables and plans included; then time and counts.
     """
-    heights, delta = surface(nodes, seed), _displacement(nodes, seed, percent)
+    heights, delta = surface(nodes, seed), displacement_at(nodes, seed, percent)
     tracemalloc.start()
     try:
         bem.solve(heights, SIDE, delta, rtol=RTOL)

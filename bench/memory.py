@@ -16,9 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.page.content import Content, Table
-from bench.remarks import remark
-from bench.report import Report
+from bench.report import Report, remark
 from bench.table import formatted
 from gen.runtime.errors import InputError
 from learn import memory
@@ -26,8 +24,7 @@ from learn.comparison.search.spaces import OPTIMA, SPACES
 from learn.models import MODELS, STEP, pipeline
 
 INPUTS = 23
-SHARES = (0.05, 0.1)
-"""Of the trees of an ensemble that are fitted."""
+SHARES = (0.05, 0.1)  # of the trees of an ensemble that are fitted
 
 LARGEST: dict[str, dict[str, Any]] = {
     "decision-tree": {"max_depth": 30},
@@ -73,12 +70,6 @@ def measure(names: list[str], rows: int) -> list[dict[str, Any]]:
 def report(peaks: list[dict[str, Any]]) -> Report:
     """Make a report of what was measured."""
     return Report({"memory": peaks}, text=formatted(COLUMNS, peaks))
-
-
-def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder that holds this report."""
-    caption = "Peak memory [GiB] of the dearest fit of each model's space."
-    return [Table(folder / "memory.csv", caption)]
 
 
 def _peak(name: str, rows: int) -> dict[str, Any]:

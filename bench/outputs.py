@@ -8,11 +8,10 @@ from typing import Any
 
 from gen import database
 from gen.generation.sample import compute_rows
-from gen.scene import Scene, Store, load
+from gen.scene import Scene, Store, flags, load
 from gen.schema import row_bytes
 
-SAMPLES = 64
-"""Rows of a round."""
+SAMPLES = 64  # rows of a round
 
 COLUMNS = {
     "`[store]`": "`{name}`",
@@ -20,7 +19,7 @@ COLUMNS = {
     "time with / without": "{middle:.3f} ({low:.3f} to {high:.3f})",
     "bytes per sample": "{bytes:,}",
 }
-"""The table that stands in the README."""
+"""The table that stands in `docs/how-to/reading.md`."""
 
 
 def measure(scene_name: str, rounds: int) -> list[dict[str, Any]]:
@@ -35,8 +34,8 @@ def measure(scene_name: str, rounds: int) -> list[dict[str, Any]]:
     plain = load(scene_name)
     compute_rows(plain, 0, 8)  # plans and tables are made before the clock starts
     costs = []
-    for name in Store.model_fields:
-        asked = plain.model_copy(update={"store": Store(**{name: True})})
+    for name in flags():
+        asked = plain.model_copy(update={"store": Store.model_validate({name: True})})
         pairs = [(_seconds(plain), _seconds(asked)) for _ in range(rounds)]
         ratios = [with_it / without for without, with_it in pairs]
         costs.append(

@@ -6,17 +6,22 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from bench.style import COLOURS, STYLES
 from gen.runtime import figure as figures
 from gen.runtime.output import make_folder, write
 
+# For colour-blind readers: Okabe and Ito's colours, and three more.
+COLOURS = (
+    *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"),
+    *("#56B4E9", "#000000", "#888888", "#6B3D0A", "#4B2E83"),
+)
+# Looks of curves, which markers tell apart on paper too.
+STYLES = tuple({"color": c, "marker": m} for c, m in zip(COLOURS, "os^DvPx*<>", strict=True))
 DPI = 150
-PALETTE = 256
-"""Colours of a picture: far fewer bytes, so that a page of forty can be kept and sent."""
+PALETTE = 256  # colours of a picture: far fewer bytes, so that a page of forty can be kept and sent
 
 
 def new_figure(width: float = 6.4, height: float = 4.8) -> Any:
-    """Make an empty figure [inches] whose curves have the colours of `bench.style`."""
+    """Make an empty figure [inches] whose curves have our colours."""
     figure = figures.new_figure(width, height)
     from cycler import cycler
     from matplotlib import rcParams
@@ -48,7 +53,7 @@ def draw_curves(
     label : callable
         Names a curve by its value of `by`.
     look : dict
-        Properties of all curves, instead of those of `bench.style`.
+        Properties of all curves, instead of those of `STYLES`.
     """
     values = dict.fromkeys(row[by] for row in rows)
     for value, style in zip(values, itertools.cycle(STYLES), strict=False):

@@ -6,16 +6,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import typer
+
 from bench.picture import save
 from bench.table import write_rows
 from gen.runtime.output import make_folder, write
+
+
+def remark(line: str) -> None:
+    """Print a line to standard error: how far a report is."""
+    typer.echo(line, err=True)
 
 
 @dataclass(frozen=True, eq=False)
 class Report:
     """Results that are ready to be written, by the names of their files without ending.
 
-    Tables are rows as `bench.table.write_rows` takes them, records are what JSON can hold. The text
+    Tables are rows with the same columns, records are what JSON can hold. The text
     is for people: printed, and kept in a file if `text_name` names one.
     """
 

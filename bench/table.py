@@ -3,7 +3,6 @@
 import csv
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,7 @@ from bench.files import content_of
 from gen.runtime.errors import InputError
 from gen.runtime.output import make_folder, write
 
-UNITS = {"delta": "um", "sigma0": "um"}
-"""Units of the quantities whose names do not say them: they end the column's name."""
+Rows = Iterable[Mapping[str, Any]]  # values by the names of the columns, the same in all rows
 
 
 def write_table(
@@ -38,13 +36,10 @@ def _text(value: object, digits: int) -> object:
     return "" if math.isnan(value) else f"{value:.{digits}g}"
 
 
-def write_rows(path: Path, rows: Iterable[Any]) -> Path:
-    """Write rows that know their columns: dataclasses of one kind, or mappings with the same keys.
-
-    A number is written with all its digits, None as nothing.
-    """
-    records = [record(row) for row in rows]
-    return write_table(path, records[0], (list(each.values()) for each in records))
+def write_rows(path: Path, rows: Rows) -> Path:
+    """Write rows under the names of their columns, numbers with all their digits."""
+    rows = list(rows)
+    return write_table(path, rows[0], (list(row.values()) for row in rows))
 
 
 def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -53,13 +48,9 @@ def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join([f"| {' | '.join(header)} |", f"|{'---|' * len(header)}", *lines])
 
 
-def formatted(columns: Mapping[str, str], rows: Iterable[Any]) -> str:
-    """Return rows, as `write_rows` takes them, as lines of Markdown.
-
-    The columns are headers, each with the format of its cells, as "{seconds:.2f}".
-    """
-    texts = ([form.format(**record(row)) for form in columns.values()] for row in rows)
-    return markdown(list(columns), texts)
+def formatted(columns: Mapping[str, str], rows: Rows) -> str:
+    """Return rows as lines of Markdown; the columns are headers with formats ("{nodes:,}")."""
+    return markdown(list(columns), ([f.format(**row) for f in columns.values()] for row in rows))
 
 
 def read_table(path: Path) -> tuple[list[str], list[dict[str, str]]]:
@@ -69,15 +60,3 @@ def read_table(path: Path) -> tuple[list[str], list[dict[str, str]]]:
         return list(reader.fieldnames or ()), list(reader)
     except (InputError, ValueError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read as a table ({error})") from None
-
-
-def record(row: Any) -> dict[str, Any]:
-    """Return a row's values by the names of its columns; a dataclass in a row has its own."""
-    if not is_dataclass(row):
-        return dict(row)
-    values = {field.name: getattr(row, field.name) for field in fields(row)}
-    found: dict[str, Any] = {}
-    for name, value in values.items():
-        column = f"{name}_{UNITS[name]}" if name in UNITS else name
-        found |= record(value) if is_dataclass(value) else {column: value}
-    return found

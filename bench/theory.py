@@ -7,19 +7,15 @@ gradient's modulus, and lengths over the rms height.
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 import bem
 from bem.analytic import BUSH_GIBSON_THOMAS, PERSSON, PerssonInterface, area_share
-from bem.contact import Contact
-from bench.page.content import Content, Figure
-from bench.picture import draw_curves, new_figure
-from bench.remarks import remark
-from bench.report import Report
-from bench.style import COLOURS
+from bench.picture import STYLES, new_figure
+from bench.report import Report, remark
 from gen.arrays import Heights, Values
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
@@ -28,25 +24,14 @@ Row = dict[str, Any]
 SIDE = 1.0  # um
 RMS_SLOPE = 0.1  # which drops out of all ratios
 NODES_PER_WAVE = 8  # in the shortest one
+# Hurst exponents, and roll-off over cut-off wavelength.
 SPECTRA = ((0.8, 1), (0.8, 4), (0.8, 16), (0.5, 16), (0.3, 16))
-"""Hurst exponents, and roll-off over cut-off wavelength."""
-
 PRESSURES = np.geomspace(0.005, 1.0, 14)  # E* h'
 STEP = 1.03  # ratio of the two loads about each pressure, whose difference gives the stiffness
-CORRECTION = (math.pi - 1 + math.log(2)) / 24
-"""Share of perimeter times spacing that a grid counts too much (Yastrebov et al. 2017)."""
 
 
 def compare(nodes: int, surfaces: int) -> list[Row]:
-    """Measure area, mean gap and stiffness for all spectra, as means over surfaces.
-
-    Parameters
-    ----------
-    nodes : int
-        Nodes a side.
-    surfaces : int
-        Surfaces of each spectrum.
-    """
+    """Measure area, mean gap and stiffness for all spectra, as means over surfaces of each."""
     rows = []
     for hurst, band in SPECTRA:
         cut_off = NODES_PER_WAVE * SIDE / nodes
@@ -76,16 +61,10 @@ def press(heights: Heights) -> Values:
     """
     loads = RMS_SLOPE * np.outer(PRESSURES, [STEP**-0.5, STEP**0.5])
     contacts = bem.ladder(heights, SIDE, pressures=loads.ravel(), boundary="periodic")
-    values = [(each.area_percent, corrected(each), each.mean_gap) for each in contacts]
+    values = [(each.area_percent, each.corrected_area_percent, each.mean_gap) for each in contacts]
     pairs = np.array(values).reshape(len(loads), 2, 3)
     compliance = -np.diff(pairs[:, :, 2]) / np.diff(loads)
     return np.concatenate([pairs.mean(axis=1), compliance], axis=1).T
-
-
-def corrected(contact: Contact) -> float:
-    """Return the area less what the grid adds along its perimeter [%]."""
-    spacing = contact.problem.spacing[0]
-    return contact.area_percent - 100 * CORRECTION * contact.perimeter * spacing / SIDE**2
 
 
 def persson(spectrum: SelfAffineSpectrum) -> PerssonInterface:
@@ -128,54 +107,23 @@ def _rows(measured: Values, theory: PerssonInterface, rms: float) -> list[Row]:
 
 def report(rows: Sequence[Row]) -> Report:
     """Make a report of the rows of `compare`."""
-    named = [{**row, "spectrum": f"H = {row['hurst']:g}, band {row['band']:g}"} for row in rows]
-    pictures = {"area": _area_picture(named), "gap": _gap_picture(named)}
+    table = pd.DataFrame(rows)
+    pressure, names = table["pressure"], zip(table["hurst"], table["band"], strict=True)
+    table["spectrum"] = [f"H = {hurst:g}, band {band:g}" for hurst, band in names]
+    table["slope"] = table["corrected_percent"] / 100 / pressure
+    table["counted_slope"] = table["area_percent"] / 100 / pressure
+    table["ratio"] = table["stiffness"] / pressure
+    table["persson_ratio"] = table["persson_stiffness"] / pressure
+    pictures = {"area": _area_picture(table), "gap": _gap_picture(table)}
     return Report({"theory": rows}, pictures=pictures)
 
 
-def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder that holds this report."""
-    return [
-        Figure(folder / "area.png", AREA_CAPTION, data=(folder / "theory.csv",)),
-        Figure(folder / "gap.png", GAP_CAPTION, data=(folder / "theory.csv",)),
-    ]
-
-
-AREA_CAPTION = (
-    "Contact area of random surfaces without edges over the mean pressure, and its ratio to the"
-    " pressure in units of E* h′; the band is roll-off over cut-off wavelength. Areas are corrected"
-    " for the cells along the perimeter, which a grid counts too much (dashed: as counted). All"
-    " curves nearly coincide: h′ alone decides. At no load the slope lies between Persson's √(8/π)"
-    " and Bush, Gibson and Thomas' √(2π): from 2.34 for the narrowest band to 2.07 for the"
-    " broadest, as Nayak's bandwidth parameter grows from 2 to 19. Persson's law is too small by a"
-    " quarter to a third there, and right within 5 % from 85 % of contact on; the fitted erf with"
-    " the slope 2 holds within 8 % for broad bands up to a third of the area."
-)
-GAP_CAPTION = (
-    "Mean gap, and stiffness dp/dΔ times rms height over pressure, of the same contacts; dashed:"
-    " Persson's relation with γ = 0.45, from the power spectrum. The gap falls with the logarithm"
-    " of the pressure, and the stiffness is about twice the pressure over the rms height, for all"
-    " spectra. Between 4 and 35 % of contact the gaps are those of the relation within 7 %, for the"
-    " narrowest band within 3 %. With less contact interfaces are stiffer than it says, by up to a"
-    " quarter; with more they keep wider gaps and are softer."
-)
-
-
-def _area_picture(rows: Sequence[Row]) -> Any:
+def _area_picture(table: pd.DataFrame) -> Any:
     """Draw the area, and its ratio to the reduced pressure, over the reduced pressure."""
     figure = new_figure(11, 4.4)
     area, slope = figure.subplots(1, 2)
-    slopes = [
-        {
-            **row,
-            "slope": row["corrected_percent"] / 100 / row["pressure"],
-            "plain": row["area_percent"] / 100 / row["pressure"],
-        }
-        for row in rows
-    ]
-    draw_curves(area, rows, "pressure", "corrected_percent", by="spectrum")
-    draw_curves(slope, slopes, "pressure", "slope", by="spectrum", label=lambda _: "")
-    _dashed(slope, slopes, "plain")
+    _curves(area, table, "corrected_percent")
+    _curves(slope, table, "slope", dashed="counted_slope", named=False)
     fine = np.geomspace(PRESSURES[0], PRESSURES[-1], 200)
     for kappa, line, name in ((PERSSON, "k-", "Persson"), (2.0, "k:", "erf with slope 2")):
         share = area_share(fine, kappa)
@@ -187,37 +135,28 @@ def _area_picture(rows: Sequence[Row]) -> Any:
     slope.legend(loc="lower left")
     area.set(ylabel="contact area [%]", xlim=(0, None), ylim=(0, 100), title="(a) contact area")
     slope.set(ylabel="area share / (p / E* h′)", xscale="log", title="(b) slope κ", ylim=(0.5, 3))
-    for panel in (area, slope):
-        panel.set(xlabel="mean pressure p / (E* h′)")
     return figure
 
 
-def _gap_picture(rows: Sequence[Row]) -> Any:
+def _gap_picture(table: pd.DataFrame) -> Any:
     """Draw mean gap and stiffness over the reduced pressure, Persson's dashed."""
     figure = new_figure(11, 4.4)
     gap, stiffness = figure.subplots(1, 2)
-    ratios = [
-        {
-            **row,
-            "ratio": row["stiffness"] / row["pressure"],
-            "persson_ratio": row["persson_stiffness"] / row["pressure"],
-        }
-        for row in rows
-    ]
     for panel, column in ((gap, "mean_gap"), (stiffness, "ratio")):
-        draw_curves(panel, ratios, "pressure", column, by="spectrum")
-        _dashed(panel, ratios, f"persson_{column}")
-        panel.set(xscale="log", xlabel="mean pressure p / (E* h′)")
+        _curves(panel, table, column, dashed=f"persson_{column}")
+        panel.set(xscale="log")
     gap.set(ylabel="mean gap / rms height", ylim=(0, None), title="(a) mean gap")
     stiffness.set(ylabel="dp/dΔ × rms height / p", yscale="log", title="(b) stiffness")
     gap.legend()
     return figure
 
 
-def _dashed(panel: Any, rows: Sequence[Row], column: str) -> None:
-    """Draw a column beside the curves of `draw_curves`, in their colours."""
-    names = dict.fromkeys(row["spectrum"] for row in rows)
-    for name, colour in zip(names, COLOURS, strict=False):
-        own = [row for row in rows if row["spectrum"] == name]
-        pressures, values = [row["pressure"] for row in own], [row[column] for row in own]
-        panel.plot(pressures, values, color=colour, ls="--", lw=1)
+def _curves(
+    panel: Any, table: pd.DataFrame, column: str, *, dashed: str = "", named: bool = True
+) -> None:
+    """Draw a column over the pressure for each spectrum, and another one beside it, dashed."""
+    for style, (name, own) in zip(STYLES, table.groupby("spectrum", sort=False), strict=False):
+        panel.plot(own["pressure"], own[column], label=name if named else "", **style)
+        if dashed:
+            panel.plot(own["pressure"], own[dashed], color=style["color"], ls="--", lw=1)
+    panel.set(xlabel="mean pressure p / (E* h′)")

@@ -50,8 +50,7 @@ class Spec:
         return self.rows * row_bytes(self.scene) / 1e6
 
 
-Seconds = dict[str, list[float]]
-"""Times of the rounds by the writer's name [s]."""
+Seconds = dict[str, list[float]]  # times of the rounds by the writer's name [s]
 
 
 def measure(

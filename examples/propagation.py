@@ -28,7 +28,7 @@ def main(arguments: list[str]) -> np.ndarray:
     parser.add_argument("--plot", metavar="FILE", help="a histogram")
     given = parser.parse_args(arguments)
     surrogate = Surrogate.load(given.surrogate)
-    nodes, side = surrogate.card["nodes"], surrogate.card["side"]
+    (nodes, _), (side, _) = surrogate.card["nodes"], surrogate.card["side"]
     areas, flagged, solved = [], 0, []
     for number in range(20 if given.small else given.surfaces):
         random = np.random.default_rng([2025, number])

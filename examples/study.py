@@ -26,7 +26,7 @@ def main(arguments: list[str]) -> np.ndarray:
     parser.add_argument("--plot", metavar="FILE", help="curves")
     given = parser.parse_args(arguments)
     surrogate = Surrogate.load(given.surrogate)
-    nodes, side = surrogate.card["nodes"], surrogate.card["side"]
+    (nodes, _), (side, _) = surrogate.card["nodes"], surrogate.card["side"]
     exponents = np.linspace(0.5, 0.8, 3 if given.small else 7)
     deltas = np.linspace(*surrogate.card["delta"], 4 if given.small else 20)
     areas = np.zeros((exponents.size, deltas.size))

@@ -11,11 +11,14 @@ import numpy as np
 from rich.table import Table
 
 from gen.measured.areal import PARAMETERS
+from gen.measured.outcome import Wanted, answers
 from gen.measured.single import border_remark, contact_warnings
 from gen.runtime.console import console as new_console
+from gen.runtime.invocation import to_type
 from gen.runtime.memory import size
 from gen.runtime.progress import RunProgress
-from gen.schema import PHYSICS_CHANGES, REASONS, RUNTIME, Column, Status, statistics_columns
+from gen.scene.load import UNITS
+from gen.schema import REASONS, RUNTIME, Column, Status, changes_since, statistics_columns
 
 if TYPE_CHECKING:  # statistics are printed without the solver, contacts without HDF5
     from collections.abc import Iterable, Sequence
@@ -30,7 +33,11 @@ if TYPE_CHECKING:  # statistics are printed without the solver, contacts without
     from gen.generation.run import RunResult
     from gen.measured.self_affine import SelfAffineFit
     from gen.measured.topography import Topography
+    from gen.scene import Scene
     from gen.statistics import Description
+
+MAPS = {"found": "map", "against_found": "the second body's map"}
+"""Keys of a scene's surfaces whose maps are shown in lines of their own, and words for a map."""
 
 
 def print_result(path: Path, result: RunResult) -> None:
@@ -47,7 +54,7 @@ def print_result(path: Path, result: RunResult) -> None:
     pending, done, failed = result.counts
     console.print(f"{path}: {done} rows done, {failed} failed, {pending} pending")
     if failed:
-        console.print(f"warning: {failed} rows failed; why: python -m gen info {path}")
+        console.print(f"warning: {failed} rows failed; why: {to_type(f'gen info {path}')}")
     if result.overdue:
         console.print(
             f"warning: {result.overdue} rows took longer than --sample-limit and are pending; the"
@@ -77,8 +84,10 @@ def print_database(reader: Reader) -> None:
     console.print(
         f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending"
     )
-    for code, number in reader.reasons().items():
-        console.print(f"            {number} failed: {REASONS.get(code, f'reason {code}')}")
+    for status in (Status.DONE, Status.FAILED):
+        for code, number in reader.reasons(status).items():
+            reason = REASONS.get(code, f"reason {code}")
+            console.print(f"            {number} {status.name.lower()}: {reason}")
     console.print(f"  times     {_times(reader)}")
     for line in _scene_lines(json.loads(reader.scene.text())):
         console.print(f"  scene     {line}")
@@ -88,7 +97,7 @@ def print_database(reader: Reader) -> None:
         f"  made      {attributes['created']}, commit {attributes['git_commit'] or 'unknown'},"
         f" layout {attributes['schema']}, physics {attributes['physics']}"
     )
-    for line in _changes_since(int(attributes["physics"])):
+    for line in _changes_since(int(attributes["physics"]), reader.scene):
         console.print(f"            {line}")
     if counts.done:
         console.print(_ranges_table(reader))
@@ -108,12 +117,17 @@ def print_plan(plan: Plan, path: Path | None = None) -> None:
         Database that would be written.
     """
     console = _console()
-    low, mean, high = plan.delta
+    low, mean, high = plan.load
     console.print(
-        f"{plan.samples} samples on {plan.surfaces} surfaces of {plan.nodes} x {plan.nodes} nodes"
+        f"{plan.samples} samples on {plan.surfaces} surfaces of"
+        f" {plan.shape[0]} x {plan.shape[1]} nodes"
         f"{'' if plan.boundary == 'free' else f', {plan.boundary} boundary'}"
+        f"{', each against another rough one' if plan.two_rough else ''}"
     )
-    console.print(f"  Delta     {low:.4g} to {high:.4g} um, {mean:.4g} um on average")
+    name = "Delta" if plan.quantity == "delta" else plan.quantity
+    unit = UNITS[plan.quantity]
+    measure = "" if unit == "1" else f" {unit}"
+    console.print(f"  {name:<9} {low:.4g} to {high:.4g}{measure}, {mean:.4g}{measure} on average")
     if plan.hardness is not None:
         least, most = plan.hardness
         drawn = "" if least == most else f" to {most:.4g}"
@@ -144,7 +158,7 @@ def print_estimate(plan: Plan, estimate: Estimate) -> None:
     console.print(f"  memory    {size(estimate.memory_bytes)} on all ranks")
 
 
-def print_contact(contact: Contact, seconds: float) -> None:
+def print_contact(contact: Contact, seconds: float, wanted: Wanted) -> None:
     """Print the solution of one contact problem.
 
     Parameters
@@ -153,6 +167,8 @@ def print_contact(contact: Contact, seconds: float) -> None:
         Solution.
     seconds : float
         Time that the solution took [s].
+    wanted : Wanted
+        Answers to print beside area, force and gap.
     """
     problem = contact.problem
     nodes = contact.pressure.shape
@@ -176,6 +192,7 @@ def print_contact(contact: Contact, seconds: float) -> None:
         ),
         ("largest pressure", f"{contact.largest_pressure:.6g}", "MPa"),
         *_yielding_lines(contact),
+        *((each.label, each.shown, each.unit) for each in answers(contact, wanted)),
         ("mean gap", f"{contact.mean_gap:.6g}", "um"),
         ("contact perimeter", f"{contact.perimeter:.6g}", "um"),
         ("displacement Delta", f"{contact.delta:.10g}", "um"),
@@ -230,6 +247,7 @@ def follow_contacts(
     solutions: Iterable[tuple[Contact, float]],
     count: int,
     *,
+    wanted: Wanted,
     material: bool,
 ) -> tuple[list[Contact], list[str]]:
     """Collect the contacts of a surface with a progress bar, then print surface and contacts.
@@ -247,6 +265,8 @@ def follow_contacts(
         Contacts of the surface and the time of each [s].
     count : int
         Number of solutions.
+    wanted : Wanted
+        Answers to compute beside area, force and gap.
     material : bool
         Whether the user gave a modulus.
 
@@ -266,31 +286,35 @@ def follow_contacts(
         with RunProgress(count, noun="loads") as progress:
             for contact, _ in solutions:
                 contacts.append(contact)
+                answers(contact, wanted)  # computed under the bar, and kept by the contact
                 progress.advance(1, 0)
     warnings = warnings + contact_warnings(topography, contacts, material=material)
     print_preparation(topography, warnings)
     if count == 1:
-        print_contact(contacts[0], seconds)
+        print_contact(contacts[0], seconds, wanted)
     else:
-        print_law(contacts)
+        print_law(contacts, wanted)
     if remark := border_remark(topography, contacts):
         _console().print(f"{topography.name}: {remark}")
     return contacts, warnings
 
 
-def print_law(contacts: Sequence[Contact]) -> None:
+def print_law(contacts: Sequence[Contact], wanted: Wanted) -> None:
     """Print contacts of one surface as a table with a line for each load.
 
     Parameters
     ----------
     contacts : sequence of bem.Contact
         Contacts of the surface.
+    wanted : Wanted
+        Answers to print beside area, force and gap.
     """
     table = Table(box=None, pad_edge=False)
     titles = ["Delta um", "force uN", "pressure MPa", "area %", "largest MPa", "mean gap um"]
     yielding = contacts[0].problem.hardness is not None
     if yielding:
         titles += ["yielded %", "depth um"]
+    titles += [each.column for each in answers(contacts[0], wanted)]
     for title in titles:
         table.add_column(title, justify="right")
     for contact in contacts:
@@ -305,14 +329,15 @@ def print_law(contacts: Sequence[Contact]) -> None:
         ]
         if yielding:
             numbers += [contact.yielded_percent, float(contact.yielded_depth.max())]
-        table.add_row(*(f"{number:.6g}" for number in numbers))
+        more = [each.shown for each in answers(contact, wanted)]
+        table.add_row(*(f"{number:.6g}" for number in numbers), *more)
     _console().print(table)
 
 
 def print_statistics(
     heights: Heights,
     spacing: tuple[float, float],
-    tilt: tuple[float, float],
+    tilt: tuple[float, float] | None,
     description: Description,
 ) -> None:
     """Print the 22 roughness statistics of a surface.
@@ -323,16 +348,17 @@ def print_statistics(
         Heights without holes [um].
     spacing : tuple of float
         Distance of the nodes along x and y [um].
-    tilt : tuple of float
-        Slopes of the least-squares plane of the surface as measured, along x and y [1].
+    tilt : tuple of float or None
+        Slopes of the least-squares plane of the surface as measured, along x and y [1]; None for a
+        composite surface.
     description : gen.statistics.Description
         Statistics of the heights.
     """
     console = _console()
     console.print(
         f"{heights.shape[0]} x {heights.shape[1]} nodes, spacing {spacing[0]:.6g} x"
-        f" {spacing[1]:.6g} um, heights {heights.min():.6g} to {heights.max():.6g} um,"
-        f" tilt as measured {tilt[0]:.4g} along x, {tilt[1]:.4g} along y"
+        f" {spacing[1]:.6g} um, heights {heights.min():.6g} to {heights.max():.6g} um"
+        + (f", tilt as measured {tilt[0]:.4g} along x, {tilt[1]:.4g} along y" if tilt else "")
     )
     table = Table(box=None, pad_edge=False)
     for title in ("statistic", "value", "unit", "meaning"):
@@ -405,18 +431,28 @@ def _scene_lines(scene: dict[str, Any]) -> list[str]:
     single = {name: value for name, value in scene.items() if name not in {"title", *tables}}
     lines = [", ".join(f"{name} = {json.dumps(value)}" for name, value in single.items())]
     for table, keys in tables.items():
-        settings = ", ".join(f"{name} = {json.dumps(value)}" for name, value in keys.items())
+        found = {name: keys[name] for name in MAPS if name in keys and table == "surface"}
+        shown = {name: value for name, value in keys.items() if name not in found}
+        settings = ", ".join(f"{name} = {json.dumps(value)}" for name, value in shown.items())
         lines.append(f"[{table}] {settings}")
+        for name, maps in found.items():
+            numbered = enumerate(maps["maps"])
+            lines += [
+                f"  {MAPS[name]} {number}: {_map_in_words(each)}" for number, each in numbered
+            ]
     return lines
 
 
-def _changes_since(physics: int) -> list[str]:
+def _map_in_words(found: dict[str, Any]) -> str:
+    """Return the line that shows a map of a scene."""
+    nx, ny = found["nodes"]
+    return f"{nx} x {ny} nodes, SHA-256 {found['sha256'][:12]}..., {found['file']}"
+
+
+def _changes_since(physics: int, scene: Scene) -> list[str]:
     """Say in one line each how today's results differ from those of an earlier physics number."""
-    lines = [
-        f"physics {number}: {change}"
-        for number, change in PHYSICS_CHANGES.items()
-        if number > physics
-    ]
+    changes = changes_since(physics, scene)
+    lines = [f"physics {number}: {change}" for number, change in changes.items()]
     return ["what has changed since then:", *lines] if lines else []
 
 

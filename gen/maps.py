@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 UPPER_PERCENTILE = 99
 """Where a colour scale ends if a few outliers would otherwise take most of it."""
 
+COLOURS = 20
+"""Colours of spots, those of the colour map tab20."""
+
 CYAN = (0.09, 0.75, 0.81)
 """Colour of yielded nodes (red, green, blue): no colour map of these pictures has it."""
 
@@ -34,7 +37,8 @@ class Map:
     title : str
         Title of the map.
     quantity, unit : str
-        Name and unit of the field.
+        Name and unit of the field. Both are empty where the values only number colours: then the
+        scale holds all `COLOURS` of them, and there is no colour bar.
     colours : str
         Name of a colour map of matplotlib.
     marked : ndarray of bool, shape (nx, ny), or None
@@ -77,6 +81,35 @@ def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tu
     )
 
 
+def spot_maps(contact: Contact) -> tuple[Map, Map]:
+    """Return the maps of the gap, open or closed, and of the spots.
+
+    Parameters
+    ----------
+    contact : bem.Contact
+        Solution to draw.
+
+    Returns
+    -------
+    tuple of Map
+        Gap [um], masked in contact; where some of it connects opposite sides, the rest is marked.
+        Spots by size, in `COLOURS` colours that repeat; the largest spot has the first.
+    """
+    spots, sides = contact.spots, patch_sides(contact)
+    gap = np.ma.masked_where(spots.labels > 0, contact.gap)
+    crossing = spots.open_gap.any()
+    closed = (spots.labels == 0) & ~spots.open_gap if crossing else None
+    state = "connects opposite sides, closed pockets in cyan" if crossing else "connects no sides"
+    colours = np.ma.masked_where(spots.labels == 0, (spots.labels - 1.0) % COLOURS)
+    title = (
+        f"{spots.number} spots, the largest with {100 * spots.largest_share:.3g} % of the contact"
+    )
+    return (
+        Map(gap, sides, f"gap: {state}", "gap", "µm", "viridis", closed),
+        Map(colours, sides, title, "", "", "tab20"),
+    )
+
+
 def patch_sides(contact: Contact) -> tuple[float, float]:
     """Return the lengths of a contact's patch along x and y [um].
 
@@ -96,7 +129,7 @@ def yielded_nodes(contact: Contact) -> NDArray[np.bool_]:
 
 
 def draw_map(axis: Any, surface_map: Map, letters: int) -> None:
-    """Draw a field with a colour scale that a few outliers do not stretch.
+    """Draw a field; its colour bar, if it has a quantity, is not stretched by a few outliers.
 
     Parameters
     ----------
@@ -109,7 +142,10 @@ def draw_map(axis: Any, surface_map: Map, letters: int) -> None:
     """
     nx, ny = surface_map.field.shape
     width, length = surface_map.sides
-    (low, high), extend, remark = _scale(np.ma.compressed(surface_map.field), surface_map.unit)
+    if surface_map.quantity:
+        (low, high), extend, remark = _scale(np.ma.compressed(surface_map.field), surface_map.unit)
+    else:
+        (low, high), extend, remark = (0.0, COLOURS - 1.0), "neither", ""
     image = axis.imshow(
         surface_map.field.T,
         origin="lower",
@@ -123,11 +159,12 @@ def draw_map(axis: Any, surface_map: Map, letters: int) -> None:
         marks = np.zeros((ny, nx, 4))  # transparent
         marks[surface_map.marked.T] = (*CYAN, 1.0)
         axis.imshow(marks, origin="lower", extent=image.get_extent(), interpolation="nearest")
-    # The colour bar is as high as the map; its width varies little between tall and oblong maps.
-    thickness = 0.045 * min(max(np.sqrt(length / width), 1 / 3), 3.0)
-    beside = axis.inset_axes((1 + thickness, 0.0, thickness, 1.0))
-    label = f"{surface_map.quantity} [{surface_map.unit}]"
-    axis.figure.colorbar(image, cax=beside, label=label, extend=extend)
+    if surface_map.quantity:
+        # As high as the map; the width varies little between tall and oblong maps.
+        thickness = 0.045 * min(max(np.sqrt(length / width), 1 / 3), 3.0)
+        beside = axis.inset_axes((1 + thickness, 0.0, thickness, 1.0))
+        label = f"{surface_map.quantity} [{surface_map.unit}]"
+        axis.figure.colorbar(image, cax=beside, label=label, extend=extend)
     lines = [*textwrap.wrap(surface_map.title, letters), *textwrap.wrap(remark, letters)]
     axis.set_title("\n".join(lines), loc="left", fontsize=10, parse_math=False)
     axis.set(xlabel="x [µm]", ylabel="y [µm]")

@@ -1,9 +1,39 @@
-"""The plane-strain modulus E* of one elastic body on a rigid one, or of two elastic bodies."""
+"""The material of the bodies: plane-strain modulus E* of one or of two, and hardness."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import magnitude
+
+
+class Bodies(NamedTuple):
+    """Material of the bodies in contact.
+
+    Attributes
+    ----------
+    e_star : float
+        E* [MPa].
+    hardness : float, optional
+        Hardness of the softer body; None for elastic bodies [MPa].
+    known : bool
+        True if the user gave E*, so that warnings about pressures apply.
+    """
+
+    e_star: float
+    hardness: float | None = None
+    known: bool = False
+
+    @property
+    def hardness_ratio(self) -> float | None:
+        """Hardness over E*; None for elastic bodies."""
+        return None if self.hardness is None else self.hardness / self.e_star
+
+    @property
+    def text(self) -> str:
+        """Description for titles and records."""
+        hardness = "" if self.hardness is None else f", hardness = {self.hardness:.6g} MPa"
+        return f"E* = {self.e_star:.6g} MPa{hardness}"
 
 
 def plane_strain_modulus(young: float, poisson: float) -> float:

@@ -68,6 +68,32 @@ Filter = Annotated[
 Downsample = Annotated[
     int | None, typer.Option(metavar="N", help="Take the means of N x N nodes as nodes.")
 ]
+Against = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="SURFACE",
+        help="A second rough body instead of a plane: a file, read and prepared alike.",
+    ),
+]
+AgainstOptions = Annotated[
+    str | None,
+    typer.Option(
+        metavar="OPTIONS",
+        help="Read and prepare the second body by these alone, in quotes: '--side 500 --fill'.",
+    ),
+]
+Turned = Annotated[
+    str,
+    typer.Option(
+        metavar="AXIS",
+        help="Axis of the second map that runs backwards as its body is turned over: x, y, or none"
+        " for a map seen through its body [x].",
+    ),
+]
+Shift = Annotated[
+    str,
+    typer.Option(metavar="X,Y", help="Centre of the second map, in um from that of the first."),
+]
 Table = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Also write a table.")]
 Scene = Annotated[
     str,
@@ -79,6 +105,17 @@ Scene = Annotated[
 NewDatabase = Annotated[
     Path, typer.Option("--output", "-o", metavar="FILE", help="The database to write.")
 ]
+ExportFolder = Annotated[
+    Path, typer.Option("--output", "-o", metavar="FOLDER", help="The folder to write.")
+]
+Title = Annotated[str, typer.Option(metavar="TEXT", help="Title of the dataset.")]
+Creator = Annotated[
+    str, typer.Option(metavar="TEXT", help="Who made it, as the dataset is to be cited.")
+]
+Licence = Annotated[
+    str, typer.Option(metavar="NAME", help="Its licence: an SPDX identifier as CC-BY-4.0, or URL.")
+]
+Doi = Annotated[str, typer.Option(metavar="DOI", help="Its identifier, as 10.5281/zenodo.1234567.")]
 Rows = Annotated[str, typer.Option(metavar="A:B", help="Only the rows A to B - 1, for job arrays.")]
 RetryFailed = Annotated[bool, typer.Option("--retry-failed", help="Compute failed rows again.")]
 Force = Annotated[bool, typer.Option("--force", help="Continue a file of another physics number.")]
@@ -116,6 +153,20 @@ Hardness = Annotated[
     float | None,
     typer.Option(metavar="MPA", help="Hardness of the softer body, which yields there [none]."),
 ]
+Spots = Annotated[
+    bool,
+    typer.Option("--spots", help="Count spots of contact; see whether contact and gap cross."),
+]
+Stiffness = Annotated[
+    bool, typer.Option("--stiffness", help="Solve for the stiffness of contact and interface.")
+]
+Conductivity = Annotated[
+    list[float] | None,
+    typer.Option(
+        metavar="W/MK",
+        help="Conductivity of the bodies in W/(m K), for the conductance; twice if they differ.",
+    ),
+]
 Flattened = Annotated[
     Path | None,
     typer.Option(metavar="NPY", help="Write the heights that the last load leaves, for another."),
@@ -131,6 +182,16 @@ Boundary = Annotated[
 FarField = Annotated[str, typer.Option(help="rigid or compliant.")]
 Tolerance = Annotated[float, typer.Option(help="Residual to reach, divided by Delta.")]
 MaxIterations = Annotated[int, typer.Option(help="Bound on the solver's iterations.")]
+Threads = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        metavar="N",
+        help="Threads for grids of some 500 nodes a side or more; the results do not depend on it."
+        "  [default: OMP_NUM_THREADS, or all cores]",
+        show_default=False,
+    ),
+]
 Picture = Annotated[
     Path | None, typer.Option("--plot", metavar="FILE", help="Draw heights, contact and a section.")
 ]
@@ -151,3 +212,56 @@ Seed = Annotated[int, typer.Option(min=0, help="Seed of the choice of rows.")]
 Databases = Annotated[list[Path], typer.Argument(metavar="FILES", help="Databases of one scene.")]
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name, or a TOML file.")]
 Ranks = Annotated[int, typer.Option(min=1, help="Processes of the run; rank 0 computes nothing.")]
+
+Surfaces = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="INPUT...",
+        help="A surface, or for a population several, folders of them, databases or scenes.",
+    ),
+]
+Deltas = Annotated[
+    str,
+    typer.Option(metavar="UM", help="Far-field displacements: 2, 1,2,5 or start:stop:count[:log]."),
+]
+Pressures = Annotated[
+    str, typer.Option(metavar="MPA", help="Nominal pressures: 2, 1,2,5 or start:stop:count[:log].")
+]
+Population = Annotated[
+    int, typer.Option(min=2, max=10_000, help="Surfaces of a database's or scene's population.")
+]
+LawBoundary = Annotated[
+    Literal["mirror", "periodic", "free"],
+    typer.Option(help="Boundary of the patches, see gen contact."),
+]
+Band = Annotated[
+    float,
+    typer.Option(metavar="SHARE", help="Share of a population between the ends of its band."),
+]
+LawFiles = Annotated[
+    Path | None,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="NAME",
+        help="Write NAME.csv, NAME.json, NAME.h, NAME-calculix.inp and NAME-abaqus.inp.",
+    ),
+]
+Maps = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="MAPS", help="Measured maps: files, folders of them, or patterns in quotes."
+    ),
+]
+NewScene = Annotated[
+    Path,
+    typer.Option(
+        "--output", "-o", metavar="TOML", help="The scene to write; a file is never replaced."
+    ),
+]
+Like = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="MAP", help="Instead: self-affine surfaces fitted to the spectrum of this map."
+    ),
+]

@@ -8,13 +8,16 @@ from numpy.typing import NDArray
 
 from gen.database import Reader
 from gen.generation.plan import parameters
-from gen.generation.sample import solve_contact, surface_of
+from gen.generation.sample import load_of, solve_contact, surface_of
 from gen.maps import contact_maps, draw_map
 from gen.runtime.errors import InputError
 from gen.runtime.figure import new_figure, require_picture_name, save
 from gen.runtime.terminal import shortened
 from gen.scene import Scene
-from gen.schema import Status
+from gen.schema import Status, columns_for
+
+LETTERS = 50
+"""Letters in a line above a map that fills its half of the picture."""
 
 
 def draw_database(file: Path, picture: Path) -> None:
@@ -42,9 +45,10 @@ def draw_database(file: Path, picture: Path) -> None:
         if not done.size:
             raise InputError(f"{file} has no finished row to draw; run gen run first")
         columns = {
-            name: reader.column(name)[done]
-            for name in ("delta", "area_percent", "hurst", "solve_seconds")
+            name: reader.column(name)[done] for name in ("delta", "area_percent", "solve_seconds")
         }
+        if "hurst" in (column.name for column in reader.columns()):
+            columns["hurst"] = reader.column("hurst")[done]
         scene, first = reader.scene, reader.rows.start
     typical = int(np.argsort(columns["area_percent"])[done.size // 2])
     axes = figure.subplots(2, 2)
@@ -60,24 +64,35 @@ def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
     plan = parameters(scene, row, row + 1)
     heights, hardness = surface_of(scene, plan, 0), plan.hardness_of(0)
     boundary = scene.contact.boundary
-    contact = solve_contact(scene, heights, float(plan.delta[0]), hardness)
-    surface = f"surface of row {row}: H = {plan.hurst[0]:.2f}, σ₀ = {plan.sigma0[0]:.1f} µm"
+    load = load_of(scene, heights, float(plan.load[0]))
+    contact = solve_contact(scene, heights, hardness=hardness, **load)
+    units = {column.name: column.unit.replace("um", "µm") for column in columns_for(scene)}
+    drawn = ", ".join(
+        f"{name} = {value:.3g}{'' if units[name] == '1' else f' {units[name]}'}"
+        for name, value in plan.parameters_of(0).items()
+    )
+    surface = f"surface of row {row}{': ' if drawn else ''}{drawn}"
     pressure = (
-        f"contact at Δ = {plan.delta[0]:.1f} µm, E* = {contact.problem.modulus:g} MPa"
+        f"contact at Δ = {contact.delta:.3g} µm, E* = {contact.problem.modulus:g} MPa"
         f"{'' if hardness is None else f', hardness {hardness:.3g} MPa'}"
         f"{'' if boundary == 'free' else f', {boundary} boundary'}:"
         f" {contact.area_percent:.3g} % of {contact.pressure.size} nodes, the median of rows done"
     )
     for axis, surface_map in zip(axes, contact_maps(contact, surface, pressure), strict=True):
-        draw_map(axis, surface_map, letters=50)
+        draw_map(axis, surface_map, letters=_letters(scene.sides))
+
+
+def _letters(sides: tuple[float, float]) -> int:
+    """Return the letters that fit into a line above a map; a narrow one is centred in its half."""
+    return int(LETTERS * min(1.0, 0.4 + 0.6 * sides[0] / sides[1]))
 
 
 def _draw_areas(figure: Any, axis: Any, columns: dict[str, NDArray[Any]]) -> None:
     """Draw the effective contact area of every row over its far-field displacement."""
-    dots = axis.scatter(
-        columns["delta"], columns["area_percent"], c=columns["hurst"], s=9, cmap="cividis"
-    )
-    figure.colorbar(dots, ax=axis, label="Hurst exponent H")
+    coloured = {"c": columns["hurst"], "cmap": "cividis"} if "hurst" in columns else {}
+    dots = axis.scatter(columns["delta"], columns["area_percent"], s=9, **coloured)
+    if coloured:
+        figure.colorbar(dots, ax=axis, label="Hurst exponent H")
     axis.set(
         title=f"{columns['delta'].size} samples",
         xlabel="far-field displacement Δ [µm]",

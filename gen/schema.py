@@ -1,15 +1,17 @@
 """The columns of a database: the one place that names them.
 
-Database files, checks, statistics and the README's table of columns are derived from `COLUMNS`.
+Database files, checks, statistics and the manual's table of columns are derived from `COLUMNS`.
 Lengths are in um, pressures in MPa, forces in uN.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import TYPE_CHECKING, Literal
+
+from gen.runtime.errors import InputError
 
 if TYPE_CHECKING:
     from gen.scene import Scene
@@ -24,6 +26,9 @@ PART = 2
 PHYSICS = 4
 """Number of the results: raised whenever a change of the code changes a deterministic column."""
 
+EDGELESS_PHYSICS = 5
+"""The same for scenes of patches without edges, whose results have changed once more."""
+
 PHYSICS_CHANGES: dict[int, str] = {
     2: "a new preconditioner and a default tolerance of 3e-7 (before: 1e-6): areas differ by single"
     " nodes, forces within the tolerance, iterations and convolutions are fewer",
@@ -33,6 +38,12 @@ PHYSICS_CHANGES: dict[int, str] = {
     " iterations count the contact sets that it tries",
 }
 """What changed in the results when the physics number was raised to each number, one sentence."""
+
+EDGELESS_CHANGES: dict[int, str] = {
+    5: "patches without edges of few nodes in contact, or of few gaps, are solved by dense algebra:"
+    " pressures differ within the tolerance, iterations and convolutions are fewer",
+}
+"""What changed in the results of patches without edges alone."""
 
 RUNTIME = "runtime"
 """Group of the columns that differ from run to run: times, ranks, hosts."""
@@ -47,7 +58,7 @@ class Status(IntEnum):
 
 
 class Reason(IntEnum):
-    """Cause of a row's failure."""
+    """Cause of a row's failure, or of the statistics that a done row lacks."""
 
     NONE = 0
     NOT_CONVERGED = 1
@@ -71,6 +82,9 @@ REASONS: dict[int, str] = {
 }
 """Texts of the reasons by their codes."""
 
+DONE_REASONS = (Reason.NONE, Reason.NO_STATISTICS)
+"""Reasons that a done row can have: its contact is solved, whatever its surface defines."""
+
 
 @dataclass(frozen=True)
 class Column:
@@ -93,7 +107,7 @@ class Column:
     paper_range : tuple of float or None
         Smallest and largest value in the paper's Table 1; None if the table lacks the quantity.
     shape_of : str
-        "" for one value per sample, "nodes" for a field of shape (rows, n, n).
+        "" for one value per sample, "nodes" for a field of shape (rows, nx, ny).
     optional : str
         Key of the scene that adds the column, in Markdown; "" for a column of every database.
     """
@@ -119,13 +133,13 @@ class Column:
         fills: dict[str, float | int | bytes] = {"f": math.nan, "S": b""}
         return fills.get(self.dtype[0], 0)
 
-    def shape(self, rows: int, nodes: int) -> tuple[int, ...]:
-        """Return the shape of the values of `rows` samples on a grid of `nodes` x `nodes`."""
-        return (rows, nodes, nodes) if self.shape_of else (rows,)
+    def shape(self, rows: int, grid: tuple[int, int]) -> tuple[int, ...]:
+        """Return the shape of the values of `rows` samples on a grid of nx x ny nodes."""
+        return (rows, *grid) if self.shape_of else (rows,)
 
-    def row_bytes(self, nodes: int) -> int:
-        """Return the size of one sample's value on a grid of `nodes` x `nodes` [bytes]."""
-        return int(self.dtype[1:]) * math.prod(self.shape(1, nodes))
+    def row_bytes(self, grid: tuple[int, int]) -> int:
+        """Return the size of one sample's value on a grid of nx x ny nodes [bytes]."""
+        return int(self.dtype[1:]) * math.prod(self.shape(1, grid))
 
 
 def _statistic(name: str, unit: str, long_name: str, lowest: float, highest: float) -> Column:
@@ -170,15 +184,54 @@ _STATISTICS = (
     _statistic("height_rms", "um", "standard deviation of the surface's heights", 2.62, 15.55),
 )
 
+_RMD = "the generators of random midpoint displacement"
+_SPECTRAL = "the generator `spectral`"
+_PARAMETERS = (
+    Column(
+        "hurst",
+        "f8",
+        "1",
+        "Hurst exponent of the surface",
+        paper_range=(0.5, 0.8),
+        optional=f"{_RMD} and {_SPECTRAL}",
+    ),
+    Column(
+        "sigma0",
+        "f8",
+        "um",
+        "standard deviation of the generator's first displacement",
+        optional=_RMD,
+    ),
+    Column("roll_off", "f8", "um", "longest wavelength of the power law", optional=_SPECTRAL),
+    Column("cut_off", "f8", "um", "shortest wavelength", optional=_SPECTRAL),
+    Column("rms_height", "f8", "um", "rms height of the spectrum", optional=_SPECTRAL),
+    Column("rms_slope", "f8", "1", "rms slope of the spectrum", optional=_SPECTRAL),
+    Column("stretch", "f8", "1", "wavelengths along x over those along y", optional=_SPECTRAL),
+)
+
 STATUS = Column("status", "u1", "1", "0 pending, 1 done, 2 failed; written last")
-REASON = Column("reason", "u1", "1", "code of the reason why the sample failed")
+REASON = Column("reason", "u1", "1", "why the sample failed, or lacks statistics: a code")
 
 COLUMNS: tuple[Column, ...] = (
     STATUS,
     REASON,
     Column("surface", "i8", "1", "index of the surface, shared by its samples"),
-    Column("hurst", "f8", "1", "Hurst exponent of the surface", paper_range=(0.5, 0.8)),
-    Column("sigma0", "f8", "um", "standard deviation of the generator's first displacement"),
+    Column("map", "i4", "1", "index of the surface's map", optional="the generator `scans`"),
+    Column(
+        "tile",
+        "i4",
+        "1",
+        "index of the tile of all maps, or of paired tiles",
+        optional="the generator `scans`",
+    ),
+    *_PARAMETERS,
+    Column(
+        "load",
+        "f8",
+        "1",
+        "load in the unit of the scene's quantity",
+        optional="a `[load]` other than Delta",
+    ),
     Column("delta", "f8", "um", "far-field displacement Delta", paper_range=(5.0, 45.0)),
     Column(
         "hardness",
@@ -206,6 +259,49 @@ COLUMNS: tuple[Column, ...] = (
         "largest_pressure", "f8", "MPa", "largest pressure", optional="`store.largest_pressure`"
     ),
     Column("perimeter", "f8", "um", "length of the contact's edges", optional="`store.perimeter`"),
+    Column(
+        "stiffness",
+        "f8",
+        "N/m",
+        "stiffness of unloading, infinite at full contact without edges",
+        optional="`store.stiffness`",
+    ),
+    Column(
+        "interface_stiffness",
+        "f8",
+        "N/m",
+        "the same without the patch's own compliance, infinite at full contact",
+        optional="`store.interface_stiffness`",
+    ),
+    Column("contact_spots", "i4", "1", "spots of contact", optional="`store.contact_spots`"),
+    Column(
+        "largest_spot_percent",
+        "f8",
+        "%",
+        "share of the contact area in the largest spot",
+        optional="`store.largest_spot_percent`",
+    ),
+    Column(
+        "contact_connects",
+        "u1",
+        "1",
+        "opposite sides that contact connects: 0 none, 1 along x, 2 along y, 3 both",
+        optional="`store.contact_connects`",
+    ),
+    Column(
+        "gap_connects",
+        "u1",
+        "1",
+        "opposite sides that the gap connects, in the same way",
+        optional="`store.gap_connects`",
+    ),
+    Column(
+        "corrected_area_percent",
+        "f8",
+        "%",
+        "contact area less what the cells along its perimeter add",
+        optional="`store.corrected_area_percent`",
+    ),
     Column("heights", "f8", "um", "surface heights", shape_of="nodes", optional="`store.heights`"),
     Column(
         "pressure", "f8", "MPa", "contact pressure", shape_of="nodes", optional="`store.pressure`"
@@ -221,6 +317,10 @@ COLUMNS: tuple[Column, ...] = (
 """Every column that a database can have, in the order of the file."""
 
 
+ENDLESS = frozenset(("stiffness", "interface_stiffness"))
+"""Columns that full contact makes infinite."""
+
+
 def columns_for(scene: Scene) -> tuple[Column, ...]:
     """Return the columns of a scene's database, in the order of the file.
 
@@ -232,15 +332,77 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
     Returns
     -------
     tuple of Column
-        The columns that every database has and the optional ones that the scene asks for.
+        The columns that every database has, the optional ones that the scene asks for, and those
+        of the parameters and outputs of a user's functions.
     """
     asked_for = scene.optional_columns
-    return tuple(column for column in COLUMNS if not column.optional or column.name in asked_for)
+    chosen = [column for column in COLUMNS if not column.optional or column.name in asked_for]
+    names = [column.name for column in chosen]
+    if "load" in names:
+        load = names.index("load")
+        chosen[load] = replace(chosen[load], unit=scene.load_unit, long_name=scene.quantity)
+    own = tuple(
+        Column(name, "f8", "1", f"parameter of {scene.surface.generator}")
+        for name in scene.drawn_parameters
+        if name not in names
+    )
+    outputs = tuple(
+        Column(name, "f8", unit, f"output of {scene.store.function}")
+        for name, unit in (scene.store.outputs or {}).items()
+    )
+    place = names.index("surface") + 1
+    last = next(index for index, column in enumerate(chosen) if column.group)
+    return (*chosen[:place], *own, *chosen[place:last], *outputs, *chosen[last:])
+
+
+def physics_of(scene: Scene) -> int:
+    """Return the number of the results that this version computes for a scene."""
+    return EDGELESS_PHYSICS if scene.edgeless else PHYSICS
+
+
+def changes_since(physics: int, scene: Scene) -> dict[int, str]:
+    """Return how a scene's results differ from those of an earlier number, by the later numbers."""
+    changes = PHYSICS_CHANGES | (EDGELESS_CHANGES if scene.edgeless else {})
+    return {number: change for number, change in changes.items() if number > physics}
+
+
+RESERVED = frozenset((*(column.name for column in COLUMNS), RUNTIME, "sample", "x", "y", "area"))
+"""Names that outputs of a user's function cannot have: columns, dimensions, groups and targets."""
+
+
+ARGUMENTS = ("shape", "spacing", "rng")
+"""Names that parameters of a user's generator cannot have, which is called with these."""
+
+TAKEN = "is the name of something else; give a name of your own"
+
+
+def require_own_names(scene: Scene) -> None:
+    """Refuse parameters and outputs of a user's functions that have the names of other columns.
+
+    Parameters of a user's generator may have the names that other generators' parameters have.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+
+    Raises
+    ------
+    InputError
+        With the first name that is taken.
+    """
+    known = {column.name for column in _PARAMETERS}
+    for name in scene.drawn_parameters:
+        if name in RESERVED - known or name in ARGUMENTS:
+            raise InputError(f"surface.parameters.{name}: {name} {TAKEN}, as own_{name}")
+    for name in scene.store.outputs or ():
+        if name in RESERVED or name in scene.drawn_parameters:
+            raise InputError(f"store.outputs.{name}: {name} {TAKEN}, as own_{name}")
 
 
 def row_bytes(scene: Scene) -> int:
     """Return the size of one row of a scene's database, all columns together [bytes]."""
-    return sum(column.row_bytes(scene.nodes) for column in columns_for(scene))
+    return sum(column.row_bytes(scene.shape) for column in columns_for(scene))
 
 
 def statistics_columns() -> tuple[Column, ...]:
@@ -249,7 +411,7 @@ def statistics_columns() -> tuple[Column, ...]:
 
 
 def markdown_table() -> str:
-    """Write the table of columns that stands in the README.
+    """Write the table of columns that stands in `docs/how-to/reading.md`.
 
     Returns
     -------
@@ -259,7 +421,7 @@ def markdown_table() -> str:
     lines = ["| Column | Unit | Meaning | Paper's range |", "|---|---|---|---|"]
     for column in COLUMNS:
         span = "{:g} to {:g}".format(*column.paper_range) if column.paper_range else ""
-        shape = ", n x n per sample" if column.shape_of else ""
+        shape = ", nx x ny per sample" if column.shape_of else ""
         condition = f" (with {column.optional})" if column.optional else ""
         meaning = f"{column.long_name}{shape}{condition}"
         lines.append(f"| `{column.path}` | {column.unit} | {meaning} | {span} |")

@@ -198,6 +198,28 @@ def describe(heights: NDArray[np.float64], spacing: float | tuple[float, float])
     return Description(named, _reason(surface, peaks, asperities, bandwidths))
 
 
+def rms_slope(heights: NDArray[np.float64], spacing: tuple[float, float]) -> float:
+    """Compute the root mean square of the slopes between neighbouring nodes.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights [um]; NaN where they are missing.
+    spacing : pair of float
+        Distances between neighbouring nodes along x and y [um].
+
+    Returns
+    -------
+    float
+        Root of the sum of both directions' mean squares [1]; infinite if that is beyond numbers.
+    """
+    squares = 0.0
+    for axis, length in enumerate(spacing):
+        with np.errstate(over="ignore"):
+            squares += float(np.nanmean((np.diff(heights, axis=axis) / length) ** 2))
+    return math.sqrt(squares)
+
+
 def _peak_values(peaks: Summits, nodes: int, unit: float, per_length: float) -> tuple[float, ...]:
     """Return the eight statistics of peaks in the order of Table 1.
 

@@ -92,7 +92,21 @@ def diamond_square(nodes: int, hurst: float, sigma0: float, random: np.random.Ge
     `sigma0` and is divided by 2^(hurst / 2) after each of the two steps. The statistics of the
     surfaces are those of the paper's Table 1.
 
-    Parameters and result are those of `generate`, but unchecked and with the corners at 0.
+    Parameters
+    ----------
+    nodes : int
+        Number of nodes along both axes, 2^k + 1.
+    hurst : float
+        Hurst exponent, from 0 to 1.
+    sigma0 : float
+        Standard deviation of the first displacement [um].
+    random : numpy.random.Generator
+        Source of the displacements.
+
+    Returns
+    -------
+    ndarray, shape (nodes, nodes)
+        Heights, not checked, with the corners at 0 [um].
     """
     heights = np.zeros((2, 2))
     amplitude, decay = sigma0, 2.0 ** (-hurst / 2.0)
@@ -112,7 +126,21 @@ def midpoint(nodes: int, hurst: float, sigma0: float, random: np.random.Generato
     The centre of a square is the mean of its 4 corners and the midpoint of an edge the mean of its
     2 corners, both + N(0, s^2) with s = sigma0 2^(-hurst level); the first level is 0.
 
-    Parameters and result are those of `generate`, but unchecked and with the corners at 0.
+    Parameters
+    ----------
+    nodes : int
+        Number of nodes along both axes, 2^k + 1.
+    hurst : float
+        Hurst exponent, from 0 to 1.
+    sigma0 : float
+        Standard deviation of the first displacement [um].
+    random : numpy.random.Generator
+        Source of the displacements.
+
+    Returns
+    -------
+    ndarray, shape (nodes, nodes)
+        Heights, not checked, with the corners at 0 [um].
 
     References
     ----------

@@ -8,27 +8,28 @@ from gen.runtime import command_line
 from learn.commands.card import card
 from learn.commands.comparison import compare, estimate, show, tune
 from learn.commands.fit import fit
+from learn.commands.grow import grow
 from learn.commands.inputs import appendix, importance
 from learn.commands.law import law
 from learn.commands.predict import predict
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
-COMMANDS = (fit, card, predict, law, compare, tune, estimate, show, importance, appendix)
+COMMANDS = (fit, grow, card, predict, law, compare, tune, estimate, show, importance, appendix)
 """In the order of the help."""
 
-TOGETHER = ("fit", "compare", "tune", "estimate")
+TOGETHER = ("fit", "grow", "compare", "tune", "estimate")
 """Commands that all processes of an MPI run take part in."""
 
 for _command in COMMANDS:
     app.command()(_command)
 
 
-def main(arguments: Sequence[str]) -> int:
+def main(arguments: Sequence[str], name: str = "learn") -> int:
     """Run one command line; return its exit code."""
-    return command_line.main(app, "learn", arguments, together=TOGETHER)
+    return command_line.main(app, name, arguments, together=TOGETHER)
 
 
 @app.callback()
-def describe_program() -> None:
+def describe_program(*, version: command_line.Version = False) -> None:
     """Surrogates of contact databases: nine models compared, tuned, and judged by their errors."""

@@ -1,40 +1,31 @@
-"""Read inputs and targets from a database, and leave out the rows that cannot be used."""
+"""Read inputs and targets from databases, and leave out the rows that cannot be used."""
 
 import hashlib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.scene import Scene
-from gen.schema import REASONS, Column, Status, statistics_columns
+from learn import pooling
 from learn.arrays import Indices, Values
 from learn.features import FeatureSet, chosen
-from learn.features.hardness import hardness_limits, modulus
+from learn.features.hardness import are_mixed, limits_of, modulus
+from learn.features.pressed import BLOCKS
 from learn.features.sets import build, target_scale
-
-INPUTS: tuple[str, ...] = ("delta", *(column.name for column in statistics_columns()))
-"""The 23 inputs: Delta and the 22 statistics, in the order of the paper's Table 1."""
-
-TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}
-"""Short names of the two targets that every database has, and their columns."""
-
-FURTHER_TARGETS = (
-    "contact_nodes",
-    "yielded_percent",
-    "mean_gap",
-    "largest_pressure",
-    "perimeter",
-)
-"""Further results that can be learnt, where the database stores them."""
+from learn.pooling import Origin, Population
+from learn.stored import Stored, read_stored, reasons_against
 
 SMALLEST = 10
 """Usable rows at least: two of these are for testing, and a score needs two."""
+
+MOST_ROWS = 2**40
+"""More rows than a scene can have."""
 
 DOMINANT = 1e6
 """Ratio of one input to all others together beyond which rows of unit length carry no others: they
@@ -43,7 +34,7 @@ fall below the single precision in which trees see their inputs."""
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """The usable rows of a database.
+    """The usable rows of a database, or of several.
 
     Attributes
     ----------
@@ -52,9 +43,14 @@ class Dataset:
     target : ndarray, shape (n,)
         The quantity to predict, in the unit of its column over `scale`.
     rows : ndarray, shape (n,)
-        Row of each sample in the database.
+        Row of each sample in its database.
     groups : ndarray, shape (n,)
-        Number of the surface of each sample; samples of one surface share it.
+        Number of the surface of each sample; samples of one surface share it. Where surfaces are
+        windows of maps, all samples of one tile share it.
+    database : ndarray, shape (n,)
+        Number of each sample's database in `origins`.
+    population : ndarray, shape (n,)
+        Number of each sample's population in `populations`: its database, generator and map.
     names : tuple of str
         Columns of the d inputs.
     target_name : str
@@ -66,17 +62,26 @@ class Dataset:
     source : dict
         Origin of the rows, which is recorded beside all results.
     described : ndarray, shape (n, 23)
-        Delta and the 22 statistics, independent of the feature set, in um.
+        Delta and the 22 statistics, independent of the feature set, in um; NaN for statistics that
+        the features do not need and the surface does not define.
     scale : ndarray, shape (n,)
         Divisor of the target, 1 unless the features are free of units.
     features : str
         Name of the feature set.
+    by_tile : bool
+        True if the groups are tiles of maps, which no split may divide.
+    origins : tuple of Origin
+        The databases.
+    populations : tuple of Population
+        The populations.
     """
 
     inputs: Values
     target: Values
     rows: Indices
     groups: Indices
+    database: Indices
+    population: Indices
     names: tuple[str, ...]
     target_name: str
     unit: str
@@ -85,11 +90,19 @@ class Dataset:
     described: Values
     scale: Values
     features: str = "paper"
+    by_tile: bool = False
+    origins: tuple[Origin, ...] = ()
+    populations: tuple[Population, ...] = ()
 
     @property
     def size(self) -> int:
         """Number of usable rows."""
         return self.target.size
+
+    @property
+    def keys(self) -> Indices:
+        """Number of each sample, (n,), that no other sample of the databases has."""
+        return self.database * MOST_ROWS + self.rows
 
     def keeping(self, names: tuple[str, ...]) -> "Dataset":
         """Return the same rows with some of the inputs only.
@@ -103,7 +116,7 @@ class Dataset:
         return replace(self, inputs=self.inputs[:, columns], names=names)
 
     def at(self, positions: Indices) -> "Dataset":
-        """Return some of the rows only; their surfaces are numbered anew.
+        """Return some of the rows only; their groups are numbered anew.
 
         Parameters
         ----------
@@ -117,6 +130,8 @@ class Dataset:
             target=self.target[positions],
             rows=self.rows[positions],
             groups=groups,
+            database=self.database[positions],
+            population=self.population[positions],
             described=self.described[positions],
             scale=self.scale[positions],
         )
@@ -128,6 +143,9 @@ def read(
     area_max: float | None = None,
     features: str = "paper",
     hybrid: Values | None = None,
+    *,
+    roots: bool = False,
+    blocks: int = BLOCKS,
 ) -> Dataset:
     """Read and clean a database for one target; see `read_targets`.
 
@@ -136,20 +154,24 @@ def read(
     path : Path
         A database made by `gen`.
     target : str
-        "area", "force", or one of `FURTHER_TARGETS` that the database stores.
+        "area", "force", or another result that the database stores, by its column.
     area_max : float, optional
         Largest area that is kept [%]; 16.56 is the paper's range.
     features : str
         A name of `learn.features.SETS`.
-    hybrid : ndarray, shape (rows of the database, 7), optional
+    hybrid : ndarray, shape (rows of the database, 17), optional
         The features that the surfaces add to hybrid features.
+    roots, blocks
+        See `read_targets`.
 
     Raises
     ------
     InputError
         See `read_targets`.
     """
-    (dataset,) = read_targets(path, (target,), area_max, features, hybrid)
+    (dataset,) = read_targets(
+        path, (target,), area_max, features, hybrid, roots=roots, blocks=blocks
+    )
     return dataset
 
 
@@ -159,6 +181,9 @@ def read_targets(
     area_max: float | None = None,
     features: str = "paper",
     hybrid: Values | None = None,
+    *,
+    roots: bool = False,
+    blocks: int = BLOCKS,
 ) -> list[Dataset]:
     """Read a database once, and clean it for each of several targets.
 
@@ -167,13 +192,18 @@ def read_targets(
     path : Path
         A database made by `gen`.
     targets : sequence of str
-        Any of "area", "force", and those of `FURTHER_TARGETS` that the database stores.
+        Any of "area", "force", and the columns of other results that the database stores: those of
+        floating numbers, among them the user's own outputs, and `WHOLE_TARGETS`.
     area_max : float, optional
         Largest area that is kept [%]; 16.56 is the paper's range.
     features : str
         A name of `learn.features.SETS`. If it is free of units, so are the targets.
-    hybrid : ndarray, shape (rows of the database, 7), optional
+    hybrid : ndarray, shape (rows of the database, 17), optional
         The features that the surfaces add to hybrid features, from `learn.features.regeneration`.
+    roots : bool
+        True for the features that surrogates see (`learn.features.FeatureSet.with_roots`).
+    blocks : int
+        Blocks per side of their coarse solve; those of `hybrid`.
 
     Returns
     -------
@@ -186,139 +216,193 @@ def read_targets(
         If the file is no database or lacks a target, too few rows are left, or a target is
         constant.
     """
-    chosen(features)
+    return read_together(
+        (path,), targets, area_max, features, (hybrid,), roots=roots, blocks=blocks
+    )
+
+
+def read_together(
+    paths: Sequence[Path],
+    targets: Sequence[str],
+    area_max: float | None = None,
+    features: str = "paper",
+    hybrids: Sequence[Values | None] = (None,),
+    *,
+    roots: bool = False,
+    blocks: int = BLOCKS,
+) -> list[Dataset]:
+    """Read several databases, and clean their rows for each of several targets.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Databases made by `gen`. The number of nodes becomes a feature if it differs.
+    targets, area_max, features, roots, blocks
+        See `read_targets`.
+    hybrids : sequence of ndarray or None
+        For each database, the features that its surfaces add to hybrid features.
+
+    Raises
+    ------
+    InputError
+        See `read_targets`; also if databases cannot be learnt together.
+    """
+    scaled = chosen(features).scaled
     if area_max is not None and not area_max > 0:
         raise InputError(f"--area-max {area_max:g}: give a percentage above 0")
-    stored = _stored(path, targets)
-    wanted = chosen(features, hardness_limits(stored.scene))
-    made = _features(wanted, stored, hybrid)
-    return [_usable(stored, *target, wanted, made, area_max) for target in stored.targets]
+    pooling.require_different(paths)
+    stored = [read_stored(path, targets) for path in paths]
+    pooling.require_compatible([(each.path, each.scene) for each in stored], scaled=scaled)
+    wanted = features_of([each.scene for each in stored], features, roots=roots, blocks=blocks)
+    parts = [
+        (each, _features(wanted, each, hybrid))
+        for each, hybrid in zip(stored, hybrids, strict=True)
+    ]
+    return [
+        _together([_usable(each, values, number, wanted, area_max) for each, values in parts])
+        for number in range(len(targets))
+    ]
 
 
-@dataclass(frozen=True, eq=False)
-class _Stored:
-    """The columns of a database that learning needs.
+def features_of(
+    scenes: Sequence[Scene], features: str, *, roots: bool, blocks: int = BLOCKS
+) -> FeatureSet:
+    """Return the feature set for the databases of one or more scenes.
 
-    Attributes
+    Parameters
     ----------
-    path : Path
-        The database.
-    scene : Scene
-        Its scene.
-    versions : str
-        The versions that made it.
-    first : int
-        Its first row.
-    status, reason : ndarray, shape (n,)
-        Status of each row, and the reason of its failure.
-    inputs : ndarray, shape (n, 23)
-        Delta and the 22 statistics.
-    hardness : ndarray, shape (n,), or None
-        Hardness, where it varies [MPa].
-    area : ndarray, shape (n,)
-        Contact area [%].
-    targets : list of tuple
-        Column and values, shape (n,), of each target.
+    scenes : sequence of Scene
+        The scenes.
+    features : str
+        A name of `learn.features.SETS`.
+    roots, blocks
+        See `read_targets`.
     """
-
-    path: Path
-    scene: Scene
-    versions: str
-    first: int
-    status: NDArray[np.uint8]
-    reason: NDArray[np.uint8]
-    inputs: Values
-    hardness: Values | None
-    area: Values
-    targets: list[tuple[Column, Values]]
-
-
-def _stored(path: Path, targets: Sequence[str]) -> _Stored:
-    """Read a database."""
-    with Reader(path) as reader:
-        draws = reader.scene.contact.draws_hardness
-        columns = [_target_column(reader, target) for target in targets]
-        return _Stored(
-            path=path,
-            scene=reader.scene,
-            versions=str(reader.attributes["versions"]),
-            first=reader.rows.start,
-            status=reader.column("status"),
-            reason=reader.column("reason"),
-            inputs=np.stack([reader.column(name) for name in INPUTS], axis=1),
-            hardness=reader.column("hardness") if draws else None,
-            area=reader.column("area_percent"),
-            targets=[
-                (column, np.asarray(reader.column(column.name), dtype=np.float64))
-                for column in columns
-            ],
-        )
+    mixed = are_mixed(scenes)
+    wanted = chosen(features, limits_of(scenes), roots=roots, blocks=blocks, elastic=mixed)
+    return wanted.with_nodes() if pooling.differ_in_nodes(scenes) else wanted
 
 
 def _usable(
-    stored: _Stored,
-    column: Column,
-    values: Values,
-    wanted: FeatureSet,
-    made: Values,
-    area_max: float | None,
-) -> Dataset:
-    """Keep the rows that can be used for one target."""
-    inputs = stored.inputs
-    reasons = _reasons(stored.status, stored.reason, inputs, values)
+    stored: Stored, made: Values, number: int, wanted: FeatureSet, area_max: float | None
+) -> tuple[Dataset, pooling.Placed]:
+    """Keep the rows that can be used for one target, by its number; groups are not known yet."""
+    inputs, (column, values) = stored.inputs, stored.targets[number]
+    reasons = reasons_against(stored, values)
     if area_max is not None:
         reasons[(reasons == "") & (stored.area > area_max)] = f"area above {area_max:g} %"
-    odd = (reasons == "") & ~np.isfinite(made).all(axis=1)
-    reasons[odd] = f"{wanted.name} features not finite"
+    _exclude_without_features(reasons, stored, wanted, made)
     kept = np.flatnonzero(reasons == "")
-    dropped = {reason: number for reason, number in sorted(Counter(reasons).items()) if reason}
-    _check(stored.path, column.name, values[kept], dropped)
     scene, described = stored.scene, inputs[kept]
     hardness = () if stored.hardness is None else (stored.hardness,)
-    side, e_star = scene.surface.side, modulus(scene)
-    scale = target_scale(wanted, column.name, described[:, 1:], described[:, 0], side, e_star)
-    return Dataset(
+    statistics, delta = described[:, 1:], described[:, 0]
+    scale = target_scale(wanted, column.name, statistics, delta, stored.length, modulus(scene))
+    digest = _digest(stored.status, inputs, values, stored.area, *hardness)
+    unknown = np.zeros(kept.size, dtype=np.int64)
+    rows = Dataset(
         inputs=made[kept],
         target=values[kept] / scale,
         rows=stored.first + kept,
-        groups=_surfaces(described),
+        groups=unknown,
+        database=unknown,
+        population=unknown,
         names=wanted.columns,
         target_name=column.name,
         unit=column.unit if (scale == 1).all() else "1",
-        dropped=dropped,
+        dropped={why: count for why, count in sorted(Counter(reasons).items()) if why},
         source={
             "database": str(stored.path),
-            "database_sha256": _digest(stored.status, inputs, values, stored.area, *hardness),
+            "database_sha256": digest,
             "scene": scene.text(),
             "versions": stored.versions,
         },
         described=described,
         scale=scale,
         features=wanted.name,
+        by_tile=stored.tile is not None,
+        origins=(Origin(str(stored.path), digest, scene.text(), kept.size),),
+    )
+    map_, tile = (None if each is None else each[kept] for each in (stored.map, stored.tile))
+    return rows, pooling.Placed(stored.path, scene, rows.rows, statistics, map_, tile)
+
+
+def _together(parts: Sequence[tuple[Dataset, pooling.Placed]]) -> Dataset:
+    """Join the usable rows of databases, and find the groups that every split keeps together."""
+    sets, placed = [rows for rows, _ in parts], [place for _, place in parts]
+    population, populations = pooling.populations(placed)
+    whole = joined(sets) if len(sets) > 1 else sets[0]
+    _check(whole)
+    return replace(
+        whole,
+        groups=pooling.related(placed),
+        database=np.repeat(np.arange(len(sets)), [rows.size for rows in sets]),
+        population=population,
+        populations=populations,
+        by_tile=all(rows.by_tile for rows in sets),
     )
 
 
-def _features(wanted: FeatureSet, stored: _Stored, hybrid: Values | None) -> Values:
-    """Return the features of all rows of a database, finite where they can be used."""
-    scene, inputs = stored.scene, stored.inputs
-    ratio: Values | float | None = None
-    if wanted.needs_hardness and (limits := hardness_limits(scene)) is not None:
-        ratio = limits[0] if stored.hardness is None else stored.hardness / modulus(scene)
-    with np.errstate(over="ignore", invalid="ignore"):
-        return build(
-            wanted, inputs[:, 1:], inputs[:, 0], scene.surface.side, hybrid, hardness_ratio=ratio
-        )
-
-
-def short_name(column: str) -> str:
-    """Return the name of a target's column in folders and on the command line.
+def joined(sets: Sequence[Dataset]) -> Dataset:
+    """Return the rows of several datasets with the same inputs and target as one.
 
     Parameters
     ----------
-    column : str
-        The column.
+    sets : sequence of Dataset
+        The datasets.
+
+    Returns
+    -------
+    Dataset
+        The rows in the order of the datasets; groups and populations keep their numbers.
     """
-    return next((short for short, name in TARGETS.items() if name == column), column)
+    first = sets[0]
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(rows, name) for rows in sets])
+        for name, value in vars(first).items()
+        if isinstance(value, np.ndarray)
+    }
+    dropped: Counter[str] = Counter()
+    for rows in sets:
+        dropped.update(rows.dropped)
+    origins = tuple(origin for rows in sets for origin in rows.origins)
+    digests = "".join(origin.sha256 for origin in origins)
+    source = first.source | {
+        "database": ", ".join(origin.database for origin in origins),
+        "database_sha256": hashlib.sha256(digests.encode()).hexdigest(),
+    }
+    unit = first.unit if all(rows.unit == first.unit for rows in sets) else "1"
+    return replace(
+        first, **arrays, dropped=dict(dropped), origins=origins, source=source, unit=unit
+    )
+
+
+def _exclude_without_features(
+    reasons: NDArray[np.object_], stored: Stored, wanted: FeatureSet, made: Values
+) -> None:
+    """Add the reasons why the features of further rows cannot be used."""
+    odd = (reasons == "") & ~np.isfinite(made).all(axis=1)
+    reasons[odd] = f"{wanted.name} features not finite"
+    reasons[odd & stored.undefined] = (
+        f"{wanted.name} features need statistics that the surface does not define"
+    )
+
+
+def _features(wanted: FeatureSet, stored: Stored, hybrid: Values | None) -> Values:
+    """Return the features of all rows of a database, finite where they can be used."""
+    scene, inputs = stored.scene, stored.inputs
+    ratio: Values | float | None = None
+    if wanted.needs_hardness and (limits := limits_of([scene])) is not None:
+        ratio = limits[0] if stored.hardness is None else stored.hardness / modulus(scene)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return build(
+            wanted,
+            inputs[:, 1:],
+            inputs[:, 0],
+            stored.length,
+            hybrid,
+            hardness_ratio=ratio,
+            nodes=pooling.node_count(scene),
+        )
 
 
 def remarks(dataset: Dataset, normalisation: str) -> list[str]:
@@ -362,53 +446,23 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
     return lines
 
 
-def _target_column(reader: Reader, target: str) -> Column:
-    """Find the column of a target, if the database stores it."""
-    name = TARGETS.get(target, target)
-    results = (*TARGETS.values(), *FURTHER_TARGETS)
-    stored = {column.name: column for column in reader.columns() if column.name in results}
-    if name not in stored:
-        known = ", ".join([*TARGETS, *(column for column in FURTHER_TARGETS if column in stored)])
-        raise InputError(f"--target {target!r}: {reader.path} stores {known}")
-    return stored[name]
-
-
-def _reasons(
-    status: NDArray[np.uint8], reason: NDArray[np.uint8], inputs: Values, target: Values
-) -> NDArray[np.object_]:
-    """Return the reason why each row cannot be used, "" if it can."""
-    reasons = np.full(status.size, "", dtype=object)
-    with np.errstate(over="ignore", invalid="ignore"):
-        square = np.einsum("ij,ij->i", inputs, inputs)
-    reasons[~np.isfinite(target)] = "target not finite"
-    reasons[~np.isfinite(square)] = "input not finite, or too large to be squared"
-    reasons[status == Status.PENDING] = "not computed yet"
-    for code in np.unique(reason[status == Status.FAILED]):
-        text = REASONS.get(int(code), f"reason {code}") or "no reason given"
-        reasons[(status == Status.FAILED) & (reason == code)] = f"failed: {text}"
-    return reasons
-
-
-def _check(path: Path, name: str, target: Values, dropped: dict[str, int]) -> None:
+def _check(rows: Dataset) -> None:
     """Refuse rows that nothing can be learnt from."""
-    if target.size < SMALLEST:
-        left_out = "; ".join(f"{number} {text}" for text, number in sorted(dropped.items()))
+    name = rows.source["database"]
+    if rows.size < SMALLEST:
+        left_out = "; ".join(f"{number} {text}" for text, number in sorted(rows.dropped.items()))
         raise InputError(
-            f"{path}: {target.size} usable rows, {SMALLEST} at least are needed"
+            f"{name}: {rows.size} usable rows, {SMALLEST} at least are needed"
             + (f" (left out: {left_out})" if left_out else "")
         )
-    if np.ptp(target) == 0:
-        raise InputError(f"{path}: {name} is {target[0]:g} in all {target.size} usable rows")
-
-
-def _surfaces(inputs: Values) -> Indices:
-    """Number the surfaces: rows of one surface have its 22 statistics in common, bit for bit.
-
-    Not by the column `surface`: where all surfaces are read from one file they differ in number
-    only.
-    """
-    _, group = np.unique(inputs[:, 1:], axis=0, return_inverse=True)
-    return np.asarray(group.ravel(), dtype=np.int64)
+    for origin in rows.origins:
+        if not origin.rows:
+            raise InputError(f"{origin.database}: has no usable rows: leave it out")
+    values = rows.target * rows.scale
+    if np.allclose(values, values[0], rtol=1e-14, atol=0):
+        raise InputError(
+            f"{name}: {rows.target_name} is {values[0]:g} in all {rows.size} usable rows"
+        )
 
 
 def _digest(*columns: NDArray[np.generic]) -> str:

@@ -61,3 +61,48 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
         nmaxe=100 * float(max_error(known, guessed)) / float(np.abs(known).max()),
         r2=100 * float(r2_score(known, guessed)),
     )
+
+
+BOOTSTRAP = 1000
+"""Draws of a bootstrap."""
+
+
+def bootstrap(
+    truth: ArrayLike, prediction: ArrayLike, level: float = 0.9
+) -> dict[str, tuple[float, float]]:
+    """Return intervals of the scores: quantiles over draws of the rows, with replacement.
+
+    They tell how much a score would differ on other rows of the same kind, with the same model. The
+    largest error has none: a draw cannot exceed it.
+
+    Parameters
+    ----------
+    truth, prediction : array_like, shape (n,)
+        See `scores`.
+    level : float
+        Coverage of the intervals, between 0 and 1.
+
+    Returns
+    -------
+    dict of str to tuple of float
+        Low and high of "nmse", "nmae" and "r2" [%].
+    """
+    scores(truth, prediction)  # refuses vectors whose scores are undefined
+    known = np.asarray(truth, dtype=float)
+    error = np.abs(np.asarray(prediction, dtype=float) - known)
+    generator = np.random.default_rng(0)
+    drawn: dict[str, list[float]] = {"nmse": [], "nmae": [], "r2": []}
+    for _ in range(BOOTSTRAP):
+        rows = generator.integers(known.size, size=known.size)
+        mean, variance = known[rows].mean(), known[rows].var()
+        if mean == 0 or variance == 0:  # one row alone, drawn again and again
+            continue
+        square = float((error[rows] ** 2).mean())
+        drawn["nmse"].append(100 * square / mean)
+        drawn["nmae"].append(100 * float(error[rows].mean()) / mean)
+        drawn["r2"].append(100 * (1 - square / variance))
+    low, high = (1 - level) / 2, (1 + level) / 2
+    return {
+        name: (float(np.quantile(each, low)), float(np.quantile(each, high)))
+        for name, each in drawn.items()
+    }

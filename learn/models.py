@@ -78,7 +78,9 @@ def _xgboost(seed: int) -> Any:
     try:
         from xgboost import XGBRegressor
     except ImportError:
-        raise InputError("XGBoost is not installed: pip install xgboost-cpu") from None
+        from gen.runtime.installing import command_for
+
+        raise InputError(f"XGBoost is not installed: {command_for('learn')}") from None
     # The library's own defaults, written out so that a search finds them among the settings.
     return XGBRegressor(n_estimators=100, max_depth=6, learning_rate=0.3, n_jobs=1, seed=seed)
 

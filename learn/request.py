@@ -8,6 +8,7 @@ from gen.runtime.errors import InputError
 from learn import features
 from learn.arrays import Values
 from learn.executor import Executor
+from learn.features.pressed import BLOCKS
 from learn.models import NORMALISATIONS
 
 
@@ -39,6 +40,16 @@ class Request:
         True to repeat fits whose results the folder has.
     limit : float or None
         Time for the searches [s], None for whole grids.
+    roots : bool
+        True to learn square roots of areas, with the features that surrogates see
+        (`learn.features.FeatureSet.with_roots`).
+    blocks : int
+        Blocks per side of the coarse solve of hybrid features, one of
+        `learn.features.pressed.BLOCK_COUNTS`.
+    calibrate_on : Path or None
+        Database whose rows calibrate the intervals; None for rows of the first ones.
+    others : tuple of Path
+        Further databases, whose rows are learnt together with those of the first.
     """
 
     database: Path
@@ -52,6 +63,15 @@ class Request:
     train_rows: int | None = None
     again: bool = False
     limit: float | None = None
+    roots: bool = False
+    blocks: int = BLOCKS
+    calibrate_on: Path | None = None
+    others: tuple[Path, ...] = ()
+
+    @property
+    def databases(self) -> tuple[Path, ...]:
+        """All databases."""
+        return (self.database, *self.others)
 
     def __post_init__(self) -> None:
         """Raise InputError for an unknown normalisation."""
@@ -76,11 +96,12 @@ def hybrid_for(
 
     Returns
     -------
-    ndarray, shape (rows of the database, 7), or None
+    ndarray, shape (rows of the database, 17), or None
         See `learn.features.regeneration.hybrid_rows`; None if the feature set needs no surfaces.
     """
-    if not features.chosen(request.features).needs_surface:
+    wanted = features.chosen(request.features, roots=request.roots, blocks=request.blocks)
+    if not wanted.needs_surface:
         return None
     from learn.features.regeneration import hybrid_rows
 
-    return hybrid_rows(request.database, executor, stopping)
+    return hybrid_rows(request.database, executor, stopping, wanted.solved_blocks)

@@ -1,6 +1,7 @@
 """Split rows into training, test and the five folds of the grid search, the same for all models.
 
-Rows of one surface stay together, so that no model is tested on a surface that it has seen.
+Rows of one surface stay together, so that no model is tested on a surface that it has seen. Of
+windows of maps, rows of one tile do: two windows of a tile can share nodes.
 """
 
 from dataclasses import dataclass
@@ -33,7 +34,7 @@ class Split:
     seed : int
         Seed of the draw.
     by_surface : bool
-        False if all rows share one surface, so that rows were drawn one by one.
+        False if all rows share one surface, so that rows were drawn one by one; never for tiles.
     """
 
     train: Indices
@@ -64,10 +65,11 @@ def draw(dataset: Dataset, seed: int = 0, train_rows: int | None = None) -> Spli
     Raises
     ------
     InputError
-        If there are too few rows or surfaces, or the test target is constant.
+        If there are too few rows, surfaces or tiles, or the test target is constant.
     """
     groups, by_surface = dataset.groups, True
     if np.ptp(groups) == 0:
+        require_tiles(dataset, 2)
         groups, by_surface = np.arange(dataset.size), False
     order = np.random.default_rng(seed).permutation(np.unique(groups))
     place = np.empty(order.size, dtype=np.int64)
@@ -82,6 +84,30 @@ def draw(dataset: Dataset, seed: int = 0, train_rows: int | None = None) -> Spli
         train = train[:train_rows]
     _check(dataset, train, test, train_rows)
     return Split(train, test, _folds(groups[train]), seed, by_surface)
+
+
+def require_tiles(dataset: Dataset, wanted: int) -> None:
+    """Refuse windows of too few tiles for a split.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        The usable rows.
+    wanted : int
+        Number of tiles that the split needs.
+
+    Raises
+    ------
+    InputError
+        If the rows are of tiles, and of fewer.
+    """
+    tiles = np.unique(dataset.groups).size
+    if dataset.by_tile and tiles < wanted:
+        raise InputError(
+            f"{dataset.source['database']}: its windows lie in {tiles} of the maps' tiles,"
+            f" {wanted} at least are needed, as no tile may train and test: give larger maps, or"
+            " more of them"
+        )
 
 
 def _folds(groups: Indices) -> Folds:
@@ -101,7 +127,8 @@ def _check(dataset: Dataset, train: Indices, test: Indices, train_rows: int | No
         if rows.size < 2 or np.ptp(dataset.target[rows]) == 0:
             raise InputError(
                 f"{dataset.source['database']}: {dataset.target_name} does not vary over the"
-                f" {rows.size} {name} rows drawn from {np.unique(dataset.groups).size} surfaces:"
+                f" {rows.size} {name} rows drawn from {np.unique(dataset.groups).size}"
+                f" {'tiles' if dataset.by_tile else 'surfaces'}:"
                 " more are needed"
             )
 
@@ -123,5 +150,5 @@ def check_folds(split: Split) -> None:
     if sizes.min() < 2:
         raise InputError(
             f"{split.train.size} training rows in folds of {', '.join(map(str, sizes))}: a search"
-            f" needs {FOLDS} folds of 2 rows at least, of different surfaces"
+            f" needs {FOLDS} folds of 2 rows at least, of different surfaces or tiles"
         )

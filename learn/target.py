@@ -12,7 +12,7 @@ from learn.features import chosen
 
 @dataclass(frozen=True)
 class Scaling:
-    """A linear map of the target: models are trained on (target - mean) / deviation.
+    """A map of the target: models are trained on (target - mean) / deviation, or on its root's.
 
     Where the features are free of units, mean and deviation are those of the training rows.
     Elsewhere they are 0 and 1: the paper trains on areas as they are. Targets of another size are
@@ -22,11 +22,14 @@ class Scaling:
     Attributes
     ----------
     mean, deviation : float
-        Zero and unit of the scale, in the target's unit.
+        Zero and unit of the scale, in the target's unit or that of its square root.
+    root : bool
+        True if models are trained on (sqrt(target) - mean) / deviation.
     """
 
     mean: float = 0.0
     deviation: float = 1.0
+    root: bool = False
 
     def scaled(self, target: Values) -> Values:
         """Return the values that a model is trained on.
@@ -36,7 +39,8 @@ class Scaling:
         target : ndarray, shape (n,)
             Targets.
         """
-        return (target - self.mean) / self.deviation
+        values = np.sqrt(target) if self.root else target
+        return (values - self.mean) / self.deviation
 
     def restored(self, predicted: Values) -> Values:
         """Return targets from a model's predictions.
@@ -46,7 +50,8 @@ class Scaling:
         predicted : ndarray, shape (n,)
             Predictions on the scale of the training.
         """
-        return self.mean + self.deviation * np.asarray(predicted, dtype=np.float64)
+        values = self.mean + self.deviation * np.asarray(predicted, dtype=np.float64)
+        return np.maximum(values, 0.0) ** 2 if self.root else values
 
 
 UNSCALED = Scaling()
@@ -60,7 +65,34 @@ SIZE = 3
 hyperparameters these targets are fitted with."""
 
 
-def scaling_of(dataset: Dataset, train: Indices) -> Scaling:
+CEILING = {
+    "area_percent": 100.0,
+    "yielded_percent": 100.0,
+    "largest_spot_percent": 100.0,
+    "corrected_area_percent": 100.0,
+}
+"""Largest value of a target, where there is one; the smallest is 0."""
+
+
+def within_bounds(column: str, values: Values) -> Values:
+    """Cut predictions, or ends of their intervals, at the bounds of the target.
+
+    Parameters
+    ----------
+    column : str
+        Column of the target.
+    values : ndarray, shape (n,)
+        Predictions in the unit of the column, from 0 to 100 % for areas; 0 or more for others.
+    """
+    return np.clip(values, 0.0, CEILING.get(column, np.inf))
+
+
+ROOTED_TARGETS = frozenset({"area_percent", "contact_nodes"})
+"""Targets whose square roots surrogates learn: the nodes in contact, which are never below 0. The
+error of the force, over its scale, grew by a third when its root was learnt."""
+
+
+def scaling_of(dataset: Dataset, train: Indices, *, roots: bool = False) -> Scaling:
     """Return the scaling of a dataset's target.
 
     Parameters
@@ -69,11 +101,15 @@ def scaling_of(dataset: Dataset, train: Indices) -> Scaling:
         The usable rows.
     train : ndarray, shape (m,)
         Positions of the training rows.
+    roots : bool
+        True for the square root of a target of `ROOTED_TARGETS`.
     """
     target = dataset.target[train]
+    root = roots and dataset.target_name in ROOTED_TARGETS
     if not chosen(dataset.features).scaled:
         median = float(np.median(np.abs(target)))  # unlike the mean, outliers do not move it
         if median == 0 or USUAL[0] <= median <= USUAL[1]:
             return UNSCALED
         return Scaling(0.0, 2.0 ** (math.frexp(median)[1] - SIZE))
-    return Scaling(float(target.mean()), float(target.std()) or 1.0)
+    target = np.sqrt(target) if root else target
+    return Scaling(float(target.mean()), float(target.std()) or 1.0, root)

@@ -5,6 +5,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+SPECTRAL = (
+    "samples = 3\n[surface]\ngenerator = 'spectral'\nroll_off = 90.0\nnodes = 20\nside = 90.0\n"
+)
+PYTHON = "samples = 3\n[surface]\ngenerator = 'python'\nfunction = "
+PRESSURE = "samples = 3\n[load]\nquantity = 'pressure'\n"
 GOOD_SCENE = "samples = 24\n[surface]\nnodes = 17\n"
 
 SCENES: dict[str, tuple[str, str]] = {
@@ -26,7 +31,7 @@ SCENES: dict[str, tuple[str, str]] = {
     "seed-negative": ("samples = 3\nseed = -1", "seed"),
     "hurst-high": ("samples = 3\n[surface]\nhurst = [0.5, 1.5]", "1.5"),
     "hurst-order": ("samples = 3\n[surface]\nhurst = [0.8, 0.5]", "hurst"),
-    "hurst-number": ("samples = 3\n[surface]\nhurst = 0.8", "hurst"),
+    "hurst-number": ("samples = 3\n[surface]\nhurst = 1.8", "hurst"),
     "hurst-three": ("samples = 3\n[surface]\nhurst = [0.5, 0.6, 0.7]", "hurst"),
     "hurst-nan": ("samples = 3\n[surface]\nhurst = [nan, 0.7]", "hurst"),
     "sigma-negative": ("samples = 3\n[surface]\nsigma0 = [-1.0, 1.0]", "sigma0"),
@@ -36,6 +41,8 @@ SCENES: dict[str, tuple[str, str]] = {
     "nodes-even": ("samples = 3\n[surface]\nnodes = 128", "nodes = 128"),
     "nodes-two": ("samples = 3\n[surface]\nnodes = 2", "nodes = 2"),
     "nodes-float": ("samples = 3\n[surface]\nnodes = 129.0", "129.0"),
+    "against-itself": ('samples = 3\n[surface]\nagainst = "itself"', "another"),
+    "against-flag": ("samples = 3\n[surface]\nagainst = true", "against"),
     "generator": ('samples = 3\n[surface]\ngenerator = "perlin"', "perlin"),
     "delta-nan": (
         "samples = 3\n[delta]\npieces = [{share = 1.0, range = [nan, 3.0]}]",
@@ -50,6 +57,65 @@ SCENES: dict[str, tuple[str, str]] = {
         "range",
     ),
     "delta-none": ("samples = 3\n[delta]\npieces = []", "pieces"),
+    "spectral-alone": (SPECTRAL, "surface.cut_off is missing"),
+    "spectral-no-rms": (f"{SPECTRAL}cut_off = 20.0", "give either rms_height or rms_slope"),
+    "spectral-fine": (
+        f"{SPECTRAL}cut_off = [5.0, 20.0]\nrms_height = 1.0",
+        "this grid holds waves of 9.47368 um and more",
+    ),
+    "spectral-long": (
+        f"{SPECTRAL.replace('90.0', '95.0', 1)}cut_off = 95.0\nrms_height = 1.0\nperiod = 1.0",
+        "the longest wave of the period 94.7368 um",
+    ),
+    "spectral-roll-off": (f"{SPECTRAL}cut_off = 95.0\nrms_height = 1.0", "the shorter wavelength"),
+    "spectral-key": (f"{SPECTRAL}cut_off = 20.0\nrms_height = 1.0\nsigma0 = 3.0", "sigma0"),
+    "normal-beyond": (
+        f"{SPECTRAL}cut_off = 20.0\nrms_height = {{ normal = [1.0, 1.0] }}",
+        "its values are -2 to 4",
+    ),
+    "normal-key": (f"{SPECTRAL}cut_off = 20.0\nrms_height = {{ norml = [1.0, 1.0] }}", "normal"),
+    "choice-shares": (
+        "samples = 3\n[surface]\nhurst = { choice = [0.5, 0.6], shares = [0.5, 0.6] }",
+        "the shares sum to 1.1",
+    ),
+    "too-wide": ("samples = 3\n[surface]\nsigma0 = { log_uniform = [1e-320, 1e308] }", "too wide"),
+    "python-alone": ("samples = 3\n[surface]\ngenerator = 'python'", "surface.function is missing"),
+    "python-no-module": (f"{PYTHON}'no_such_module_here:waves'", "no module no_such_module_here"),
+    "python-no-function": (f"{PYTHON}'no_waves:waves'", "no_waves.py has no function waves"),
+    "python-broken": (f"{PYTHON}'broken_waves:waves'", "SyntaxError"),
+    "python-raises": (f"{PYTHON}'no_waves:raises'", "surface 0: KeyError: 'waves'"),
+    "python-shape": (f"{PYTHON}'no_waves:flat'", "heights are of shape (2, 2), not (128, 128)"),
+    "python-nothing": (f"{PYTHON}'no_waves:nothing'", "returned nothing, not heights"),
+    "python-leaves": (f"{PYTHON}'no_waves:leaves'", "surface 0: SystemExit: 0"),
+    "python-argument": (f"{PYTHON}'no_waves:flat'\nparameters = {{ rng = 1.0 }}", "parameters.rng"),
+    "python-unknown": (f"{PYTHON}'no_waves:flat'\nparameters = {{ a = 1.0 }}", "TypeError: flat()"),
+    "python-column": (f"{PYTHON}'no_waves:flat'\nparameters = {{ force = 1.0 }}", "own_force"),
+    "load-and-delta": (f"{PRESSURE}range = 1.0\n[delta]", "[delta] and [load]"),
+    "load-twice": (
+        f"{PRESSURE}range = 1.0\npieces = [{{share = 1.0, range = 1.0}}]",
+        "range and pieces are both given",
+    ),
+    "load-none": (PRESSURE, "load.pieces is missing; allowed: range = [low, high], or pieces"),
+    "load-quantity": ("samples = 3\n[load]\nquantity = 'weight'\nrange = 1.0", "weight"),
+    "load-compliant": (
+        f"{PRESSURE}range = 1.0\n[contact]\nfar_field = 'compliant'",
+        "needs contact.far_field = 'rigid'",
+    ),
+    "load-hardness": (
+        f"{PRESSURE}range = [5.0, 6.0]\n[contact]\nhardness = [3.0, 5.0]",
+        "carries less than 5 MPa",
+    ),
+    "store-function": ("samples = 3\n[store]\nfunction = 'no_waves'", "'module:function'"),
+    "store-raises": ("samples = 3\n[store]\nfunction = 'no_waves:fails'", "row 0: KeyError"),
+    "store-text": (
+        "samples = 3\n[store]\nfunction = 'no_waves:text'",
+        "a is 'three', not a number",
+    ),
+    "store-column": (
+        "samples = 3\n[store]\nfunction = 'no_waves:text'\noutputs = { delta = 'um' }",
+        "own_delta",
+    ),
+    "store-outputs": ("samples = 3\n[store]\noutputs = { a = '1' }", "needs function"),
     "kernel": ('samples = 3\n[contact]\nkernel = "point"', "point"),
     "far-field": ('samples = 3\n[contact]\nfar_field = "soft"', "soft"),
     "spacing": ('samples = 3\n[contact]\nspacing = "L/n"', "L/n"),
@@ -62,7 +128,7 @@ SCENES: dict[str, tuple[str, str]] = {
     "poisson-high": ("samples = 3\n[contact]\npoisson = 0.6", "0.6"),
     "rtol-zero": ("samples = 3\n[contact]\nrtol = 0.0", "rtol"),
     "iterations-zero": ("samples = 3\n[contact]\nmax_iterations = 0", "max_iterations"),
-    "store-text": ('samples = 3\n[store]\nheights = "yes"', "heights"),
+    "store-heights": ('samples = 3\n[store]\nheights = "yes"', "heights"),
 }
 
 SURFACES: dict[str, np.ndarray] = {
@@ -79,6 +145,26 @@ SURFACES: dict[str, np.ndarray] = {
 TEXTS = {"ragged.txt": "1 2 3\n4 5\n", "prose.txt": "once upon a time\n", "empty.txt": ""}
 
 
+MODULES = {
+    "broken_waves.py": "def waves(:\n",
+    "no_waves.py": """import sys
+import numpy as np
+def raises(shape, spacing, rng):
+    return {}["waves"]
+def flat(shape, spacing, rng):
+    return np.zeros((2, 2))
+def nothing(shape, spacing, rng):
+    pass
+def leaves(shape, spacing, rng):
+    sys.exit(0)
+def fails(contact):
+    return {}["waves"]
+def text(contact):
+    return {"a": "three"}
+""",
+}
+
+
 def prepare(folder: Path) -> None:
     """Write all the files that the cases name."""
     (folder / "good.toml").write_text(GOOD_SCENE)
@@ -86,6 +172,8 @@ def prepare(folder: Path) -> None:
         (folder / f"{name}.toml").write_text(text)
     (folder / "latin.toml").write_bytes(b"title = '\xe4'\nsamples = 3\n")
     (folder / "directory").mkdir()
+    for name, text in MODULES.items():
+        (folder / name).write_text(text)
     for name, heights in SURFACES.items():
         np.save(folder / f"{name}.npy", heights)
     for name, text in TEXTS.items():

@@ -27,7 +27,12 @@ INPUTS = {
 }
 """A good file of each kind that commands read."""
 
-OUTPUTS = {"file": "new", "folder": "new-folder", "new-database": "new.h5"}
+OUTPUTS = {
+    "file": "new",
+    "folder": "new-folder",
+    "new-database": "new.h5",
+    "new-scene": "new.toml",
+}
 """A good place for each kind of output."""
 
 LONG = "n" * 300
@@ -44,6 +49,7 @@ BAD_OUTPUTS = {
     "file": [*BAD_FILES, "good.h5"],
     "folder": BAD_FOLDERS,
     "new-database": [*BAD_FILES, "text", "empty", "noise", "truncated", "/dev/zero"],
+    "new-scene": [*BAD_FILES, "text", "good.h5", "good.toml", "missing/a.toml", f"{LONG}.toml"],
 }
 """Where no command can write; what stands there already is not of the kind that it writes."""
 
@@ -129,7 +135,25 @@ PREPARED = (
     ("--downsample 5", "--downsample"),
     ("--downsample two", "--downsample"),
 )
-DESCRIBED = (*SURFACE[:6], *PREPARED)
+AGAINST = (
+    ("--against missing", "missing"),
+    ("--against text", "text"),
+    ("--against empty", "empty"),
+    ("--against folder", "folder"),
+    ("--against good.npy --turned z", "--turned"),
+    ("--against good.npy --turned xy", "--turned"),
+    ("--against good.npy --shift 5", "--shift"),
+    ("--against good.npy --shift a,b", "--shift"),
+    ("--against good.npy --shift nan,0", "--shift"),
+    ("--against good.npy --shift 0,99", "2 x 2"),
+    ("--against good.npy --against-options --fill", "--side"),
+    ("--against good.npy --against-options --plot=x.png", "--plot"),
+    ("--against good.npy --against-options --nonsense", "--nonsense"),
+    ("--against-options --fill", "--against"),
+    ("--turned y", "--against"),
+    ("--shift 1,1", "--against"),
+)
+DESCRIBED = (*SURFACE[:6], *PREPARED, *AGAINST)
 ASKED = (*SURFACE, ("--delta deep", "deep"), ("--delta 1:2", "1:2"), ("--interval 2", "--interval"))
 
 COMMANDS: dict[str, dict[str, Command]] = {
@@ -155,6 +179,7 @@ COMMANDS: dict[str, dict[str, Command]] = {
             (
                 *SURFACE,
                 *PREPARED,
+                *AGAINST,
                 ("--delta nan", "delta"),
                 ("--delta deep", "deep"),
                 ("--delta 1:2:0", "1:2:0"),
@@ -169,6 +194,20 @@ COMMANDS: dict[str, dict[str, Command]] = {
                 ("--max-iterations 0", "max_iterations"),
             ),
         ),
+        "law": Command(
+            "<surface> --side 9 --pressure 1 --csv >file --json >file.json --calculix >file.inp",
+            (
+                *SURFACE,
+                ("--pressure high", "high"),
+                ("--delta 1:2", "1:2"),
+                ("--surfaces 1", "--surfaces"),
+                ("--boundary open", "open"),
+                ("--band 2", "--band"),
+                ("--conductivity -1", "--conductivity"),
+                ("--units inch", "inch"),
+                *AGAINST,
+            ),
+        ),
         "describe": Command(
             "<surface> --side 9 --csv >file",
             (*DESCRIBED, ("--boundary open", "open"), ("--plot one.jpg", ".png")),
@@ -179,10 +218,53 @@ COMMANDS: dict[str, dict[str, Command]] = {
             "<database>", (("--recompute -1", "--recompute"), ("--seed -1", "--seed"))
         ),
         "merge": Command("<database> <database> -o >new-database"),
+        "export": Command(
+            "<database> -o >folder",
+            (
+                ("--doi 12", "--doi"),
+                ("--title a\x07b", "--title"),
+                ("-o .", "no export"),
+                ("-o good.h5", "good.h5"),
+            ),
+        ),
         "estimate": Command("<scene>", (("--ranks 0", "--ranks"), ("--ranks -3", "--ranks"))),
+        "scene": Command(
+            "<surface> -o >new-scene --side 9",
+            (
+                *(each for each in SURFACE if each[0].split()[0] not in {"--level", "--crop"}),
+                ("--like good.npy", "--like"),
+                ("--hardness 5", "--hardness 5"),
+                ("--hardness 0 --young 1", "--hardness"),
+                ("--hardness nan --young 1", "--hardness"),
+                ("--young 1 --young 2 --poisson 0.3", "--poisson"),
+                ("--channel 7", "channel"),
+                ("--level plane", "--level"),
+                ("missing/*.x3p", "missing"),
+                ("[", "["),
+            ),
+        ),
     },
     "learn": {
         "fit": Command("<database> -o >file", (*COMPARED, ("--from missing", "missing"))),
+        "grow": Command(
+            "<scene> -o >file",
+            (
+                ("--nmae 0", "--nmae"),
+                ("--nmae nan", "--nmae"),
+                ("--budget soon", "soon"),
+                ("--rows 3", "--rows"),
+                ("--target nothing", "nothing"),
+                ("--target area,area", "area,area"),
+                ("--features papers", "papers"),
+                ("--blocks 7", "7"),
+                ("--features paper --blocks 65", "--blocks 65"),
+                ("--model forest", "forest"),
+                ("--seed -1", "--seed"),
+                ("--young 1", "--young"),
+                ("--e-star 0", "--e-star"),
+                ("-o good.h5", "good.h5"),
+            ),
+        ),
         "card": Command("<surrogate>"),
         "predict": Command("<surrogate> <surface> --side 9 --delta 1 -o >file", ASKED),
         "law": Command(

@@ -73,7 +73,8 @@ def whole(model: str, scaling: str = "standard") -> bytes:
     fit = fit_target(request, rows.at(train), rows.at(held), parts.folds[:40], settings=settings)
     judged = card.judge(fit.learnt, rows, parts.test)
     judged |= {"settings": {}, "settings_from": "given", "remarks": []}
-    about = card.make(request, rows, (train, held, parts.test), {"area": judged})
+    sizes = {"train": train.size, "calibration": held.size, "test": parts.test.size}
+    about = card.make(request, rows, train, sizes, {"area": judged})
     inputs = rows.inputs[train]
     surrogate = Surrogate(about, {"area": fit.learnt}, inputs.min(axis=0), inputs.max(axis=0))
     with tempfile.TemporaryDirectory() as folder:
@@ -122,7 +123,7 @@ def sealed(text: bytes, arrays: list[np.ndarray]) -> bytes:
 def signed(body: bytes) -> bytes:
     """A file of this format with a right checksum."""
     digest = hashlib.sha256(body).hexdigest()
-    return b"asperity surrogate\nformat 3\nsha256 " + digest.encode() + b"\n" + body
+    return b"asperity surrogate\nformat 5\nsha256 " + digest.encode() + b"\n" + body
 
 
 def damaged(file: bytes, number: int) -> bytes:

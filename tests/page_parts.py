@@ -5,7 +5,7 @@ from pathlib import Path
 
 from bench.page.content import Content, Words
 from bench.page.inputs import Inputs
-from bench.page.part import Part
+from bench.page.parts import Part
 from bench.page.record import Record, read
 from bench.page.run import Outcome, make
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from gen import database, schema
 from gen.database import Writer, create
-from gen.scene import Scene, Surface
+from gen.scene import DisplacedSurface, Scene
 from gen.schema import Reason, Status, columns_for
 
 NO_ROOM = """
@@ -40,7 +40,7 @@ def run(script, *arguments, **options):
 
 
 def small(samples=10, **keys):
-    return Scene(samples=samples, surface=Surface(nodes=5), **keys)
+    return Scene(samples=samples, surface=DisplacedSurface(nodes=5), **keys)
 
 
 def block(scene, start, stop, status=Status.DONE):
@@ -48,7 +48,7 @@ def block(scene, start, stop, status=Status.DONE):
     values = {}
     for number, column in enumerate(columns_for(scene)):
         rows = np.arange(start, stop) * 100.0 + number
-        shape = column.shape(stop - start, scene.surface.nodes)
+        shape = column.shape(stop - start, scene.shape)
         field = np.broadcast_to(rows.reshape(-1, *[1] * (len(shape) - 1)), shape)
         values[column.name] = field.astype(column.dtype)
     values["status"] = np.full(stop - start, status, dtype="u1")
@@ -70,4 +70,4 @@ def filled(path, scene, *runs):
 def raise_physics(monkeypatch):
     """Have a version of the code that computes other results."""
     for module in (database.creation, database.layout, database.opening):
-        monkeypatch.setattr(module, "PHYSICS", schema.PHYSICS + 1)
+        monkeypatch.setattr(module, "physics_of", lambda scene: schema.physics_of(scene) + 1)

@@ -38,7 +38,15 @@ def surrogate(tmp_path_factory):
 
 def test_every_example_is_short_and_tested():
     scripts = sorted(path.stem for path in FOLDER.glob("*.py"))
-    assert scripts == ["identification", "propagation", "sobol", "study", "unloading"]
+    assert scripts == [
+        "identification",
+        "propagation",
+        "served",
+        "sobol",
+        "study",
+        "unloading",
+        "windows",
+    ]
     assert all(len((FOLDER / f"{n}.py").read_text().splitlines()) < 65 for n in scripts)
 
 
@@ -118,3 +126,30 @@ def test_the_second_loading_is_elastic_up_to_the_first_load(tmp_path):
     assert again[-2] == pytest.approx(new[-2], abs=0.05)
     assert yielded_again[-1] == pytest.approx(yielded[-1], rel=0.02)
     assert (tmp_path / "laws.png").stat().st_size > 1000
+
+
+def test_laws_of_larger_windows_scatter_less(tmp_path, capsys):
+    found = example("windows")(["--small", "--plot", str(tmp_path / "windows.png")])
+    assert found[:, 0].tolist() == [2.0, 1.0, 0.5]
+    assert (found[0, 1:] < found[-1, 1:]).all()
+    assert 0 < found[:, 1:].min() < found[:, 1:].max() < 1
+    assert (tmp_path / "windows.png").stat().st_size > 1000
+    assert "roll-offs" in capsys.readouterr().out
+
+
+def test_the_served_solver_has_the_mean_area_of_the_solver(tmp_path, monkeypatch, capsys):
+    """QMCPy's mean through a model that answers as the server does, against plain averaging."""
+    import umbridge
+
+    from asperity.serving.models import SolverModel
+    from gen.scene import load
+
+    model = SolverModel(load("quick"), "quick")
+    monkeypatch.setattr(umbridge, "HTTPModel", lambda address, name: model.evaluate)
+    arguments = ["http://127.0.0.1:1", "quick", "--tolerance", "0.2", "--nodes", "17"]
+    mean = example("served")(arguments)
+    random = np.random.default_rng(1)
+    points = random.uniform([0.5, 10.0, 5.0], [0.8, 15.0, 25.0], size=(300, 3)).tolist()
+    areas = [model.evaluate([[h, s], [d]], {"nodes": 17})[0][0] for h, s, d in points]
+    assert mean == pytest.approx(np.mean(areas), abs=0.2 + 3 * np.std(areas) / np.sqrt(300))
+    assert "solves" in capsys.readouterr().out

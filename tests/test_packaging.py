@@ -1,26 +1,132 @@
-"""What is installed: every package of ours, and neither tests nor results."""
+"""What is installed: every package of ours, and neither tests nor results; what is said of it."""
 
+import re
+import shutil
+import subprocess
+import sys
 import tomllib
+import zipfile
+from email import message_from_bytes
+from email.message import Message
 from pathlib import Path
 
 import pytest
 
+from bench.page.parts import CHAPTERS
+from gen.runtime.version import VERSION
+
 ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("asperity", "bem", "gen", "learn", "bench")
 NOT_INSTALLED = {"bench/suites"}
 """Folders with Python files that only a clone has."""
 
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+EXTRAS = PROJECT["project"]["optional-dependencies"]
 
-def test_a_wheel_has_every_package_and_no_tests():
+
+def test_every_package_is_found_and_no_tests():
     setuptools = pytest.importorskip("setuptools")
-    said = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    settings = said["tool"]["setuptools"]["packages"]["find"]
+    settings = dict(PROJECT["tool"]["setuptools"]["packages"]["find"])
     assert not settings.pop("namespaces")
     found = {name.replace(".", "/") for name in setuptools.find_packages(ROOT, **settings)}
     ours = {
         path.parent.relative_to(ROOT).as_posix()
-        for package in ("bem", "gen", "learn", "bench")
+        for package in PACKAGES
         for path in (ROOT / package).rglob("*.py")
     }
     assert found == ours - NOT_INSTALLED
     assert ours >= NOT_INSTALLED
     assert not [path for name in found for path in (ROOT / name).glob("test_*.py")]
+
+
+def test_a_wheel_says_what_the_page_shows():
+    patterns = PROJECT["tool"]["setuptools"]["package-data"]["bench"]
+    installed = {path for pattern in patterns for path in (ROOT / "bench").glob(pattern)}
+    reports = {ROOT / "bench" / f"{each}.toml" for named in CHAPTERS.values() for each in named}
+    assert reports <= installed
+    assert not [path for path in installed if "results" in path.parts]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> zipfile.ZipFile:
+    """The wheel of this clone's files, built without a network and outside of the clone."""
+    pytest.importorskip("setuptools", minversion="77")
+    folder = tmp_path_factory.mktemp("wheel")
+    unwanted = shutil.ignore_patterns("__pycache__", "results")
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, folder / package, ignore=unwanted)
+    for name in ("LICENSE", "README.md", "pyproject.toml"):
+        shutil.copy(ROOT / name, folder)
+    build = "pip wheel --quiet --no-build-isolation --no-deps --no-index --wheel-dir made ."
+    subprocess.run([sys.executable, "-m", *build.split()], cwd=folder, check=True, timeout=120)
+    (made,) = (folder / "made").iterdir()
+    assert made.name == f"asperity-{VERSION}-py3-none-any.whl"
+    return zipfile.ZipFile(made)
+
+
+def described(wheel: zipfile.ZipFile) -> Message:
+    return message_from_bytes(wheel.read(f"asperity-{VERSION}.dist-info/METADATA"))
+
+
+DATA = {
+    "asperity/py.typed",
+    *("bem/py.typed", "gen/py.typed", "learn/py.typed"),
+    "bench/page/page.html",
+}
+"""Files of the wheel that are neither Python nor of a kind below."""
+
+KINDS = [r"gen/scenes/[\w-]+\.toml", r"gen/\w+/[\w.]+\.jinja", r"bench/(\w+/)?[\w.]+\.(toml|jinja)"]
+
+
+def test_the_files_of_a_wheel(wheel):
+    files = {name for name in wheel.namelist() if ".dist-info/" not in name}
+    python = {name for name in files if name.endswith(".py")}
+    ours = {
+        path.relative_to(ROOT).as_posix()
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*.py")
+    }
+    assert python == {
+        name for name in ours if not name.startswith(tuple(f"{each}/" for each in NOT_INSTALLED))
+    }
+    others = files - python
+    assert others >= DATA
+    strangers = [
+        name for name in others - DATA if not any(re.fullmatch(kind, name) for kind in KINDS)
+    ]
+    assert not strangers
+    presets = {f"gen/scenes/{path.name}" for path in (ROOT / "gen" / "scenes").iterdir()}
+    assert presets <= others
+    assert {name.partition("/")[0] for name in files} == set(PACKAGES)
+
+
+def test_a_wheel_brings_the_command_and_what_it_says_of_itself(wheel):
+    inside = f"asperity-{VERSION}.dist-info"
+    commands = wheel.read(f"{inside}/entry_points.txt").decode()
+    assert commands.split() == ["[console_scripts]", "asperity", "=", "asperity.command:main"]
+    said = described(wheel)
+    assert (said["Name"], said["Version"]) == ("asperity", VERSION)
+    assert said["License-Expression"] == "BSD-3-Clause"
+    assert f"{inside}/licenses/LICENSE" in wheel.namelist()
+    assert set(said.get_all("Provides-Extra", [])) == EXTRAS.keys()
+    assert said["Description-Content-Type"] == "text/markdown"
+    authors = re.search(r"Copyright \(c\) \d+, the (.*)", (ROOT / "LICENSE").read_text())
+    assert authors is not None
+    assert said["Author"] == f"The {authors[1]}"
+
+
+def documents() -> list[Path]:
+    """Texts for people: of the root, of the manual, of the batch scripts, and the examples."""
+    texts = [*ROOT.glob("*.md"), *(ROOT / "slurm").rglob("*.md"), *(ROOT / "docs").rglob("*.md")]
+    return [*texts, *(ROOT / "examples").rglob("*.py"), ROOT / "Makefile"]
+
+
+@pytest.mark.parametrize("path", documents(), ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_extras_that_documents_name_exist(path):
+    """Those of `pip install`, and those called so: `[learn]`, the extra `learn`."""
+    text = path.read_text(encoding="utf-8")
+    installed = re.findall(r"(?:install|-e)\b[^\n]*?[\w./*>)-]\[([a-z,]+)\]", text)
+    named = re.findall(r"\bextras? `\[?(\w+)\]?`", text)
+    extras = {extra for group in [*installed, *named] for extra in group.split(",")}
+    assert extras <= EXTRAS.keys()
+    assert not re.findall(r"pip install [^\n]*asperity\[", text), "no index has this name"

@@ -1,53 +1,107 @@
-"""What the README says is what the code does: its tables, links, scene and commands."""
+"""What README.md and docs/ say is what the code does: tables, links, scenes and commands."""
 
+import csv
 import importlib
 import re
+import shlex
+import sys
+import warnings
 from pathlib import Path
 
 import pytest
+from pages import PAGES, ROOT, anchors, codes, commands, links
+from typer.main import get_command
 
 from gen.scene import Scene
-from gen.schema import markdown_table
 
-ROOT = Path(__file__).resolve().parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-
-
-def between(marker: str) -> str:
-    return README.split(f"<!-- {marker} -->")[1].split(f"<!-- /{marker} -->")[0].strip()
-
-
-def test_the_table_of_columns_is_made_from_the_schema():
-    assert between("columns") == markdown_table()
+SURFACE = "docs/how-to/surface.md"
+SCAN = "docs/how-to/scan.md"
+SCENES = "docs/how-to/scenes.md"
+INSTRUMENTS = "docs/how-to/instruments.md"
+READING = "docs/how-to/reading.md"
+PUBLISH = "docs/how-to/publish.md"
 
 
-@pytest.mark.parametrize("marker", re.findall(r"<!-- (\w+) -->", README))
-def test_no_table_was_left_empty(marker):
-    assert between(marker).count("|") > 10
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_somewhere(page):
+    for link in links(page):
+        target, _, heading = link.partition("#")
+        path = ((ROOT / page).parent / target).resolve() if target else ROOT / page
+        assert path.exists(), link
+        if heading:
+            assert heading in anchors(path.relative_to(ROOT).as_posix()), link
 
 
-@pytest.mark.parametrize("target", re.findall(r"\]\(([^)#]+)\)", README))
-def test_links_lead_somewhere(target):
-    assert (ROOT / target).exists()
+def test_the_scenes_shown_are_scenes():
+    shown = [Scene.parse(text, "a page") for text in codes("toml")]
+    assert [scene.samples for scene in shown] == [2000, 3000, 300, 200]
+    assert shown[1].surface.generator == "scans"
 
 
-def test_the_scene_shown_is_a_scene():
-    (text,) = re.findall(r"```toml\n(.*?)```", README, flags=re.DOTALL)
-    assert Scene.parse(text, "README").samples == 2000
+def test_surfaces_loads_and_outputs_of_your_own_are_made_as_shown(tmp_path, monkeypatch):
+    """The scene with its columns, and one with the function and the parameters of the comments."""
+    from gen import cli
+    from gen.database import Reader
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    *_, scene = codes("toml", SCENES)
+    (module,) = codes("python", SCENES)
+    function, parameters = re.findall(r"# (generator = .*|parameters = .*)\n", module)
+    Path("mine.py").write_text(module)
+    Path("shown.toml").write_text(scene.replace("samples = 300", "samples = 6"))
+    own = "\n".join([*function.split(", "), parameters])
+    Path("own.toml").write_text(f"samples = 3\n[surface]\nnodes = 16\n{own}\n")
+    for name in ("shown", "own"):
+        assert cli.main(["run", f"{name}.toml", "-o", f"{name}.h5"]) == 0
+        assert cli.main(["check", f"{name}.h5"]) == 0
+    with Reader(Path("shown.h5")) as reader:
+        assert reader.counts().done == 6
+        assert (reader.column("spots") >= 1).all()
+    sys.modules.pop("mine", None)
 
 
-@pytest.mark.parametrize("package", ["gen.cli", "learn.cli", "bench.__main__"])
-def test_every_command_shown_exists(package):
-    app = importlib.import_module(package).app
-    known = {command.callback.__name__ for command in app.registered_commands}
-    shown = set(re.findall(rf"-m {package.partition('.')[0]} (\w+)", README))
-    assert shown <= known
-    assert known <= shown, "the README leaves a command out"
+PROGRAMS = {"gen": "gen.cli", "learn": "learn.cli", "bench": "bench.__main__"}
+
+
+def program(name):
+    """The commands of a program, by name."""
+    return get_command(importlib.import_module(PROGRAMS[name]).app).commands
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_every_command_is_shown(name):
+    shown = {words[1] for page in PAGES for words in commands(page) if words[0] == name}
+    assert program(name).keys() == shown - {"--help", "--version"}
+
+
+SHOWN = [(page, words) for page in PAGES for words in commands(page)]
+
+
+@pytest.mark.parametrize(("page", "words"), SHOWN, ids=lambda e: e if isinstance(e, str) else "")
+def test_every_command_shown_is_understood(page, words):
+    """Names, options and values of every command are those that the programs take."""
+    name, command, *arguments = words
+    if command not in {"--help", "--version"} and "--help" not in arguments:
+        program(name)[command].make_context(command, list(arguments))
+
+
+def test_every_page_can_be_reached():
+    """Each stands in the table of contents of another one, or of its folder."""
+    for page in PAGES.keys() - {"README.md", "docs/index.md"}:
+        path = ROOT / page
+        folder = path.parent
+        homes = [folder / "index.md", ROOT / "docs" / "index.md"]
+        listed = path.relative_to(ROOT / "docs").with_suffix("").as_posix()
+        name = path.stem if path.name != "index.md" else listed
+        texts = [home.read_text(encoding="utf-8").splitlines() for home in homes]
+        assert name in texts[0] or listed in texts[1], f"{page}: name it in {folder.name}/index.md"
 
 
 def test_python_shown_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    surface, contact, scan = re.findall(r"```python\n(import numpy.*?)```", README, flags=re.DOTALL)
+    surface, contact = codes("python", SURFACE)
+    (scan,) = codes("python", INSTRUMENTS)
     exec(surface, {})
     names: dict[str, object] = {}
     exec(contact, names)
@@ -64,8 +118,89 @@ def test_reading_with_xarray_as_shown(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.toml").write_text("samples = 5\n[surface]\nnodes = 9\n")
     assert cli.main(["run", "scene.toml", "-o", "paper.h5", "--rows", "0:4"]) == 0
-    (code,) = re.findall(r"```python\n(import xarray.*?)```", README, flags=re.DOTALL)
+    code, *_ = codes("python", READING)
     names: dict[str, object] = {}
     exec(code, names)
     assert len(names["done"]) == 4
     assert names["rows"]["area_percent"].notna().sum() == 4
+
+
+def test_the_scan_has_the_law_that_is_stated(tmp_path, monkeypatch, capsys):
+    """The page's scan, at the pressure of its text: as shown, with the spikes, and elastic."""
+    pytest.importorskip("SurfaceTopography")
+    pytest.importorskip("matplotlib")
+    from gen import cli
+
+    monkeypatch.chdir(tmp_path)
+    section = PAGES[SCAN]
+    (rough,) = codes("python", SCAN)
+    exec(rough, {})
+    contact, law = re.findall(r"python -m gen (.*)", section.replace("\\\n", ""))
+    assert cli.main(shlex.split(contact.replace("1:200:12:log", "100"))) == 0
+    said = capsys.readouterr().out
+    assert "despiked: 20 nodes" in said
+    assert "filled 673 nodes (1.03 %)" in said
+    assert (tmp_path / "scan.png").stat().st_size > 50_000
+
+    def at_100_megapascals(changed: str) -> dict[str, float]:
+        command = changed.replace("1:1000:16:log", "100").replace("-o ground", "--csv law.csv")
+        assert cli.main(shlex.split(command)) == 0
+        with (tmp_path / "law.csv").open(newline="") as file:
+            row = list(csv.DictReader(file))[-1]
+        return {name: float(row[name]) for name in ("pressure_MPa", "closure_um", "area_percent")}
+
+    stated = {"pressure_MPa": 100.0, "closure_um": 1.38, "area_percent": 5.1}
+    assert "closed by 1.38 um, and 5.1 % of it" in section
+    assert at_100_megapascals(law) == pytest.approx(stated, rel=0.005)
+    assert "closure is 10.5 um" in section
+    spiky = at_100_megapascals(law.replace("--despike 7", ""))
+    assert spiky["closure_um"] == pytest.approx(10.5, rel=0.005)
+    assert "only 0.70 % are in contact" in section
+    elastic = at_100_megapascals(law.replace("--hardness 2000", ""))
+    assert elastic["area_percent"] == pytest.approx(0.70, abs=0.005)
+
+
+@pytest.mark.parametrize("pieces", [False, pytest.param(True, id="in pieces")])
+def test_stored_fields_are_read_as_shown(tmp_path, monkeypatch, pieces):
+    pytest.importorskip("h5netcdf")
+    if pieces:
+        pytest.importorskip("dask")
+    from gen import cli
+    from gen.database import Reader
+
+    monkeypatch.chdir(tmp_path)
+    store = "[store]\nheights = true\npressure = true\n"
+    Path("stored.toml").write_text(f"samples = 9\n[surface]\nnodes = 9\n{store}")
+    assert cli.main(["run", "stored.toml", "-o", "stored.h5"]) == 0
+    with Reader(Path("stored.h5")) as reader:
+        heights = reader.column("heights")
+    whole, in_pieces = codes("python", READING)[1:]
+    shown: dict = {}
+    exec("import xarray\n" + (in_pieces if pieces else whole), shown)
+    if pieces:
+        assert list(shown["highest"].values) == list(heights.max(axis=(1, 2)))
+    else:
+        assert len(shown["rows"]) == 9
+        assert (shown["first"] == heights[0]).all()
+
+
+def test_a_database_is_published_and_read_as_shown(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("mlcroissant")
+    from gen import cli
+    from gen.database import Reader
+
+    monkeypatch.chdir(tmp_path)
+    Path("few.toml").write_text("samples = 9\n[surface]\nnodes = 9\n")
+    assert cli.main(["run", "few.toml", "-o", "quick.h5"]) == 0
+    (export,) = re.findall(r"python -m gen (export .*\\\n.*)", PAGES[PUBLISH])
+    assert cli.main(shlex.split(export.replace("\\\n", ""))) == 0
+    capsys.readouterr()
+    shown: dict = {}
+    table, croissant = codes("python", PUBLISH)
+    exec(table, shown)
+    with warnings.catch_warnings(action="ignore"):  # of the loader's own libraries
+        exec(croissant, shown)
+    with Reader(Path("quick.h5")) as reader:
+        areas = reader.column("area_percent")
+    assert float(capsys.readouterr().out) == areas[0]
+    assert list(shown["rows"]["area_percent"]) == list(areas)

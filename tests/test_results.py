@@ -1,194 +1,51 @@
-"""What is published: numbers of the README are those of bench/results, which say how they came."""
+"""What is published: numbers of the pages are those of bench/results, which say how they came."""
 
 import base64
 import csv
 import json
 import lzma
 import re
-from collections.abc import Callable
 from pathlib import Path
 from zlib import crc32
 
 import pytest
+from pages import TEXT
 
 from bench.page.html import page_of
 from bench.page.inputs import Inputs
 from bench.page.parts import PARTS
+from docs.extensions.tables import TABLES, markdown_of
 from learn.comparison.folder import LIBRARIES
-from learn.comparison.tables import hours
 from learn.models import MODELS
 
 ROOT = Path(__file__).resolve().parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
 RESULTS = ROOT / "bench" / "results"
-FEATURES = "paper", "dimensionless", "hybrid"
-Row = dict[str, str]
 
 
-def table(name: str) -> list[Row]:
+def table(name: str) -> list[dict[str, str]]:
     with (RESULTS / name).open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 
-def scores(comparison: str) -> dict[tuple[str, str], Row]:
-    found = table(f"{comparison}/area/scores.csv")
-    return {(row["model"], row["result"]): row for row in found}
+def test_every_table_stands_on_a_page_and_every_page_shows_tables_that_there_are() -> None:
+    assert sorted(re.findall(r"```{result} (\w+)", TEXT)) == sorted([*TABLES, "columns"])
+    reports = re.findall(r"```{report} (\w+)", TEXT)
+    assert sorted(reports) == sorted(part.name for part in PARTS)
 
 
-def cells(row: Row, *names: str) -> str:
-    return " | ".join(f"{float(row[name]):.2f}" for name in names)
+@pytest.mark.parametrize("name", [*TABLES, "columns"])
+def test_tables_of_the_pages_are_filled(name: str) -> None:
+    """The rows come from `bench/results` when the pages are built: none is typed a second time."""
+    header, rule, *rows = markdown_of(name).splitlines()
+    assert len(rows) >= 3
+    cells = {line.count(" | ") for line in rows}
+    assert cells == {header.count(" | ")} == {rule.count("---") - 1}
 
 
-def pair(row: Row, first: str, second: str) -> str:
-    return f"{float(row[first]):.2f}, {float(row[second]):.2f}"
-
-
-def models() -> list[str]:
-    names = "nmse", "nmae", "nmaxe", "r2"
-    lines = []
-    for (model, result), row in scores("comparison").items():
-        title = MODELS[model].title + (", tuned" if result == "tuned" else "")
-        theirs = cells(row, *(f"paper_{name}" for name in names))
-        lines.append(f"| {title} | {cells(row, *names)} | {theirs} |")
-    return lines
-
-
-def hybrid() -> list[str]:
-    paper, other = scores("comparison"), scores("comparison-hybrid")
-    return [
-        f"| {MODELS[model].title} | {pair(paper[model, 'baseline'], 'nmse', 'r2')}"
-        f" | {pair(other[model, 'baseline'], 'nmse', 'r2')} |"
-        for model in MODELS
-    ]
-
-
-def mirco() -> list[str]:
-    """R2 of baselines with the preset's influence coefficients, with MIRCO's, and the paper's."""
-    preset, concentrated = scores("comparison"), scores("comparison-concentrated")
-    lines = []
-    for model in MODELS:
-        row, other = preset[model, "baseline"], concentrated[model, "baseline"]
-        columns = cells(row, "r2"), cells(other, "r2"), cells(row, "paper_r2")
-        lines.append(f"| {MODELS[model].title} | {' | '.join(columns)} |")
-    return lines
-
-
-def surrogates() -> list[str]:
-    found: dict[str, list[str]] = {}
-    for row in table("generalisation/generalisation.csv"):
-        if "same heights" not in row["tested_on"]:
-            found.setdefault(row["tested_on"], []).append(pair(row, "r2", "nmae"))
-    return [f"| {' | '.join([name, *columns])} |" for name, columns in found.items()]
-
-
-SOLVERS = {
-    "ContactMechanics, dual conjugate gradients, on the free half-space": (
-        "ContactMechanics dual",
-    ),
-    "the same, with a margin that makes its FFT fast": ("ContactMechanics dual, margin",),
-    "Tamaas, with such a margin": ("Tamaas, margin",),
-    "ASPHER, as it comes (it is given the load)": ("ASPHER",),
-    "ASPHER, on nested grids, with a margin, the faster of its two operators": (
-        "ASPHER nested, stencil, margin",
-        "ASPHER nested, FFT, margin",
-    ),
-    "the paper's algorithm, up to 1,200 nodes in contact": ("paper's NNLS",),
-}
-
-
-def peers() -> list[str]:
-    """Smallest and largest ratio over the displacements, of the faster of several variants."""
-    found: dict[tuple[str, str], dict[str, float]] = {}
-    for row in table("peers/peers.csv"):
-        if row["times_ours"] and row["hurst"] == "0.65":
-            ratios = found.setdefault((row["solver"], row["nodes"]), {})
-            ratios[row["delta_um"]] = float(row["times_ours"])
-
-    def ends(names: tuple[str, ...], nodes: str) -> str:
-        each = [found[name, nodes] for name in names]
-        best = [min(ratios[delta] for ratios in each if delta in ratios) for delta in each[0]]
-        low, high = (f"{each:.{2 if each < 100 else 3}g}" for each in (min(best), max(best)))
-        return low if len(best) == 1 else f"{low} to {high}"
-
-    sizes = sorted({nodes for _, nodes in found}, key=int)
-    return [
-        f"| {title} | {' | '.join(ends(names, nodes) for nodes in sizes)} |"
-        for title, names in SOLVERS.items()
-    ]
-
-
-def cost() -> list[str]:
-    rows = [row for row in table("cost/cost.csv") if row["solver"] == "ours"]
-    found = {(row["asked"], row["features"]): row for row in rows}
-
-    def line(title: str, asked: str, text: Callable[[Row], str]) -> str:
-        columns = [text(found[asked, features]) for features in FEATURES]
-        return f"| {title} | {' | '.join(columns)} |"
-
-    def cheaper(row: Row) -> str:
-        return f"{float(row['solve']) / float(row['query']):.3g}"
-
-    return [
-        line(
-            "pays from so many contacts on", "new surfaces", lambda r: f"{int(r['break_even']):,}"
-        ),
-        line(
-            "an answer, with its statistics, is cheaper than a solve, times",
-            "new surfaces",
-            cheaper,
-        ),
-        line(
-            "a further load on a known surface, than the next of a ladder, times",
-            "loads on one surface",
-            cheaper,
-        ),
-    ]
-
-
-def grids() -> list[str]:
-    searched = {row["model"]: row["searched"] for row in table("comparison/area/tuning.csv")}
-    lines = []
-    for row in table("comparison/area/whole-grids.csv"):
-        ours, theirs = hours(float(row["seconds"])), hours(float(row["paper_s"]))
-        if row["fits"] != row["of"]:
-            error = 100 * float(row["error"]) / float(row["seconds"]) if row["error"] else None
-            ours += "" if error is None else f" +- {error:.0f} %"
-        how = searched.get(row["model"], "not searched")
-        title = MODELS[row["model"]].title
-        timed = f"{row['fits']} of {row['of']} | {int(row['rows']):,}"
-        lines.append(f"| {title} | {timed} | {ours} | {theirs} | {how} |")
-    return lines
-
-
-def unstated() -> list[str]:
-    lines = []
-    for row in table("unstated/unstated.csv"):
-        ours = f" instead of {row['ours']}" if row["ours"] else ""
-        what = f"{row['choice']}: {row['other']}{ours}" if row["other"] else row["choice"]
-        times = cells(row, "area_times", "force_times")
-        shares = " | ".join(f"{float(row[name]):.0f}" for name in ("done", "table_1"))
-        lines.append(f"| {what} | {shares} | {times} | {cells(row, 'r2', 'tree_r2')} |")
-    return lines
-
-
-TABLES = {
-    "peers": peers,
-    "models": models,
-    "hybrid": hybrid,
-    "mirco": mirco,
-    "surrogates": surrogates,
-    "cost": cost,
-    "grids": grids,
-    "unstated": unstated,
-}
-
-
-@pytest.mark.parametrize(("marker", "expected"), TABLES.items())
-def test_tables_of_the_readme_are_those_of_the_results(
-    marker: str, expected: Callable[[], list[str]]
-) -> None:
-    block = README.split(f"<!-- {marker} -->")[1].split(f"<!-- /{marker} -->")[0].strip()
-    assert block.splitlines()[2:] == expected()
+def test_no_page_repeats_a_table_of_the_results() -> None:
+    for name in TABLES:
+        for line in markdown_of(name).splitlines()[2:]:
+            assert line not in TEXT, line
 
 
 @pytest.fixture(scope="module")
@@ -224,6 +81,9 @@ SHOWN = {
     "models": (1, 1, 0xA9BC842C),
     "tolerance": (1, 1, 0xD323C97D),
     "generalisation": (1, 1, 0x7C75B17C),
+    "coverage": (0, 1, 0xDDB9F6E0),
+    "scans": (1, 1, 0xDC542C07),
+    "grow": (2, 1, 0xB233A737),
     "cost": (1, 1, 0xA3F87E7F),
     "throughput": (0, 1, 0x5D0897D2),
     "memory": (0, 1, 0xA59AEEB4),
@@ -254,7 +114,7 @@ def test_pictures_and_tables_of_the_page_are_those_published(page: str) -> None:
 def test_every_picture_is_shown_somewhere(page: str) -> None:
     for picture in RESULTS.rglob("*.png"):
         shown = base64.b64encode(picture.read_bytes()).decode() in page
-        assert shown or picture.relative_to(ROOT).as_posix() in README, picture
+        assert shown or picture.relative_to(ROOT).as_posix() in TEXT, picture
 
 
 @pytest.mark.parametrize("name", ["comparison", "comparison-hybrid"])
@@ -283,6 +143,33 @@ def test_searches_took_the_time_that_is_said() -> None:
     assert sum(seconds) / 3600 == pytest.approx(6.0, abs=0.5)
     said = (RESULTS / "README.md").read_text(encoding="utf-8")
     assert "for how long (six hours of one" in said
+
+
+def test_what_the_manual_says_of_unflagged_rows_is_what_was_counted() -> None:
+    page = (ROOT / "docs" / "how-to" / "several-databases.md").read_text(encoding="utf-8")
+    words = " ".join(page.split())
+    found = {(row["trained_on"], row["tested_on"]): row for row in table("coverage/coverage.csv")}
+
+    def of(name: str, *cases: tuple[str, str]) -> list[str]:
+        factor, digits = (1, 2) if name == "nmae" else (100, 1)
+        return [f"{factor * float(found[case][name]):.{digits}f}" for case in cases]
+
+    first = (
+        "{} % on other rows of 257 nodes; the preset alone has {} %, all rows flagged, and the 20"
+        " rows alone have {} %"
+    )
+    for nodes, text in ((257, first), (513, "At 513 nodes they are {}, {} and {} %")):
+        fine = f"fine-{nodes}"
+        trained = f"preset and 20 rows of {fine}", "preset", f"20 rows of {fine}"
+        assert text.format(*of("nmae", *((each, fine) for each in trained))) in words
+    share = "covered_unflagged"
+    (hurst,) = of(share, ("preset, H to 0.7", "Hurst exponents above"))
+    (other,), (error,) = (of(name, ("preset", "midpoint")) for name in (share, "error"))
+    assert f"{hurst} % on unseen Hurst exponents, {other} % (standard error {error})" in words
+    pairs = [(f"preset and 20 rows of fine-{nodes}", f"fine-{nodes}") for nodes in (257, 513)]
+    assert "{} and {} % on finer grids".format(*of(share, *pairs)) in words
+    (left_out,) = of(share, ("broad without diamond-square", "diamond-square"))
+    assert f"are left out, {left_out} % of the rows without a flag" in words
 
 
 def test_nothing_large_is_published() -> None:

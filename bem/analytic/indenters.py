@@ -45,6 +45,11 @@ class PowerLaw:
         Coefficient c [um^(1 - m)].
     exponent : float
         Exponent m [1].
+
+    Raises
+    ------
+    ValueError
+        If the coefficient is not above 0 and finite, or the exponent not at least 1 and finite.
     """
 
     coefficient: float
@@ -58,20 +63,66 @@ class PowerLaw:
             raise ValueError(f"exponent = {self.exponent!r}: must be at least 1")
 
     def heights(self, radii: Field) -> Field:
-        """Return z = -c r^m [um]."""
+        """Return z = -c r^m [um].
+
+        Parameters
+        ----------
+        radii : ndarray
+            Distance from the axis [um].
+
+        Returns
+        -------
+        ndarray, shape of radii
+            Height [um].
+        """
         return np.asarray(-self.coefficient * radii**self.exponent)
 
     def indentation(self, radius: float) -> float:
-        """Return Delta = kappa c a^m, at which a is the contact radius [um]."""
+        """Return Delta = kappa c a^m, at which a is the contact radius [um].
+
+        Parameters
+        ----------
+        radius : float
+            Radius of the contact circle [um].
+
+        Returns
+        -------
+        float
+            Indentation [um].
+        """
         kappa = np.pi / beta(0.5, (self.exponent + 1) / 2)
         return float(kappa * self.coefficient * radius**self.exponent)
 
     def contact_radius(self, delta: float) -> float:
-        """Return a = (Delta / (kappa c))^(1/m) [um]."""
+        """Return a = (Delta / (kappa c))^(1/m) [um].
+
+        Parameters
+        ----------
+        delta : float
+            Indentation [um].
+
+        Returns
+        -------
+        float
+            Radius [um].
+        """
         return float((max(delta, 0.0) / self.indentation(1.0)) ** (1 / self.exponent))
 
     def force(self, delta: float, modulus: float = 1.0) -> float:
-        """Return F = 2 m / (m + 1) E* a Delta [uN]."""
+        """Return F = 2 m / (m + 1) E* a Delta [uN].
+
+        Parameters
+        ----------
+        delta : float
+            Indentation [um].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Force [uN].
+        """
         share = 2 * self.exponent / (self.exponent + 1)
         return share * modulus * self.contact_radius(delta) * delta
 
@@ -80,6 +131,20 @@ class PowerLaw:
 
         p = m E* Delta / (pi a) sqrt(q) 2F1(1 - m/2, 1; 3/2; q) with q = 1 - r^2 / a^2. At the tip
         it is infinite for m = 1, the cone, and m / (m - 1) E* Delta / (pi a) otherwise.
+
+        Parameters
+        ----------
+        radii : ndarray
+            Distance from the axis [um].
+        delta : float
+            Indentation [um].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        ndarray, shape of radii
+            Pressure [MPa].
         """
         radius = self.contact_radius(delta)
         if not radius:
@@ -135,19 +200,69 @@ class FlatPunch:
     depth: float = 1e6
 
     def heights(self, radii: Field) -> Field:
-        """Return the height, zero on the punch and -depth beyond [um]."""
+        """Return the height, zero on the punch and -depth beyond [um].
+
+        Parameters
+        ----------
+        radii : ndarray
+            Distance from the axis [um].
+
+        Returns
+        -------
+        ndarray, shape of radii
+            Height [um].
+        """
         return np.where(radii <= self.radius, 0.0, -self.depth)
 
     def contact_radius(self, delta: float) -> float:
-        """Return the radius of the punch, which no indentation changes [um]."""
+        """Return the radius of the punch, which no indentation changes [um].
+
+        Parameters
+        ----------
+        delta : float
+            Indentation [um].
+
+        Returns
+        -------
+        float
+            Radius [um].
+        """
         return self.radius if delta > 0 else 0.0
 
     def force(self, delta: float, modulus: float = 1.0) -> float:
-        """Return F = 2 E* a Delta [uN]."""
+        """Return F = 2 E* a Delta [uN].
+
+        Parameters
+        ----------
+        delta : float
+            Indentation [um].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Force [uN].
+        """
         return 2 * modulus * self.contact_radius(delta) * delta
 
     def pressure(self, radii: Field, delta: float, modulus: float = 1.0) -> Field:
-        """Return p = E* Delta / (pi sqrt(a^2 - r^2)), infinite at the rim [MPa]."""
+        """Return p = E* Delta / (pi sqrt(a^2 - r^2)), infinite at the rim [MPa].
+
+        Parameters
+        ----------
+        radii : ndarray
+            Distance from the axis [um].
+        delta : float
+            Indentation [um].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        ndarray, shape of radii
+            Pressure [MPa].
+        """
         if delta <= 0:
             return np.zeros(np.shape(radii))
         inside = self.radius**2 - radii**2

@@ -82,12 +82,24 @@ class PerssonInterface:
     gamma: float = 0.45
 
     def rms_height(self) -> float:
-        """Return the rms height of these waves [um]."""
+        """Return the rms height of these waves [um].
+
+        Returns
+        -------
+        float
+            Square root of the integral of 2 pi q C [um].
+        """
         moment = np.trapezoid(self.wavenumbers * self.spectrum, self.wavenumbers)
         return math.sqrt(2 * math.pi * float(moment))
 
     def rms_slope(self) -> float:
-        """Return the rms of the gradient's modulus of these waves [1]."""
+        """Return the rms of the gradient's modulus of these waves [1].
+
+        Returns
+        -------
+        float
+            Square root of the integral of 2 pi q^3 C [1].
+        """
         return math.sqrt(2 * float(self._squared_scatter()[-1]))
 
     def mean_gap(self, pressure: Values, modulus: float = 1.0) -> Values:
@@ -128,7 +140,13 @@ class PerssonInterface:
             return np.asarray(pressure / lengths)
 
     def light_load_length(self) -> float:
-        """Return u0 of dp/dDelta = p / u0 and mean gap = u0 ln(constant / p) at light load [um]."""
+        """Return u0 of dp/dDelta = p / u0 and mean gap = u0 ln(constant / p) at light load [um].
+
+        Returns
+        -------
+        float
+            Length u0 [um].
+        """
         return float(self._sum_over_waves(np.array(self.gamma)))
 
     def _squared_scatter(self) -> Values:

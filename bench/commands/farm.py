@@ -1,23 +1,18 @@
 """Commands on the farm and its database: scale, writing, outputs."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from bench.commands.options import Folder, numbers, require_place, tell
+from bench.commands.options import Folder, numbers, option, require_place, tell
 from gen.runtime.errors import InputError
 
 
 def writers(
-    ranks: Annotated[
-        str, typer.Option(metavar="N,...", help="Numbers of processes, in turn.")
-    ] = "2,4,8",
-    rows: Annotated[int, typer.Option(min=1, help="Rows of 129 x 129 nodes to write.")] = 2000,
-    rounds: Annotated[int, typer.Option(min=1, help="Turns of each writer; medians count.")] = 5,
-    folder: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where to write: another file system, say.")
-    ] = None,
+    ranks: str = option("2,4,8", "Numbers of processes, in turn.", metavar="N,..."),
+    rows: int = option(2000, "Rows of 129 x 129 nodes to write.", min=1),
+    rounds: int = option(5, "Turns of each writer; medians count.", min=1),
+    folder: Path | None = option(None, "Where to write: another file system, say.", metavar="DIR"),
 ) -> None:
     """Measure how fast rows with pressure fields are written, by rank 0 and by every worker.
 
@@ -36,8 +31,8 @@ def writers(
 
 
 def outputs(
-    scene: Annotated[str, typer.Argument(help="Scene whose first rows are computed.")] = "paper",
-    rounds: Annotated[int, typer.Option(min=1, help="Repetitions; medians count.")] = 7,
+    scene: str = typer.Argument("paper", help="Scene whose first rows are computed."),
+    rounds: int = option(7, "Repetitions; medians count.", min=1),
 ) -> None:
     """Measure what each optional output of a database costs, and print it as a table."""
     from bench.outputs import COLUMNS, measure
@@ -48,15 +43,10 @@ def outputs(
 
 def scale(
     output: Folder,
-    costs: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="JSON", help="DIR/costs.json of an earlier report, not measured anew."
-        ),
-    ] = None,
-    validate: Annotated[
-        bool, typer.Option("--validate", help="Compare with real runs on this machine first.")
-    ] = False,
+    costs: Path | None = option(
+        None, "DIR/costs.json of an earlier report, not measured anew.", metavar="JSON"
+    ),
+    validate: bool = option(False, "Compare with real runs on this machine first.", "--validate"),
 ) -> None:
     """Simulate the farm on 10 to 10,000 ranks, from costs that are measured here.
 
@@ -64,15 +54,15 @@ def scale(
     master's memory for 1e4 to 1e7 rows, both writers and several sizes of blocks: DIR/scale.csv and
     DIR/scale.png. Some minutes.
     """
-    from bench.scale.report import report
+    from bench.scale.studies import report
 
     require_place(output, "costs.json", "scale.csv", "scale.png", "validation.csv")
     tell(output, report(costs, validate=validate))
 
 
 def speedup(
-    rows: Annotated[int, typer.Option(min=1, help="Rows of `paper` to generate.")] = 1000,
-    rounds: Annotated[int, typer.Option(min=1, help="Repetitions; medians count.")] = 5,
+    rows: int = option(1000, "Rows of `paper` to generate.", min=1),
+    rounds: int = option(5, "Repetitions; medians count.", min=1),
 ) -> None:
     """Generate the same rows alone, with one MPI worker and with two, in turn, and compare.
 

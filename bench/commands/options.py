@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -16,25 +16,20 @@ if TYPE_CHECKING:
 
 Number = TypeVar("Number", int, float)
 
-Folder = Annotated[
-    Path, typer.Option("--output", "-o", metavar="DIR", help="The folder to write into.")
-]
-FolderIfAny = Annotated[
-    Path | None,
-    typer.Option("--output", "-o", metavar="DIR", help="The folder to write into."),
-]
 
-PaperRows = Annotated[
-    int, typer.Option(min=1, help="Rows of the paper preset; all of them unless given.")
-]
-PaperDatabase = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="A database of the paper preset, not generated anew."),
-]
-AreaMax = Annotated[
-    float,
-    typer.Option(metavar="PERCENT", help="Rows of larger area are left out; the paper's range."),
-]
+def option(default: Any, words: str, *names: str, **settings: Any) -> Any:
+    """Declare an option: its default, what `--help` says, its names, and typer's settings."""
+    return typer.Option(default, *names, help=words, **settings)
+
+
+_output = typer.Option("--output", "-o", metavar="DIR", help="The folder to write into.")
+Folder = Annotated[Path, _output]
+FolderIfAny = Annotated[Path | None, _output]
+
+PAPER_ROWS = option(15_878, "Rows of the paper preset; all of them unless given.", min=1)
+PAPER_DATABASE = option(None, "A database of the paper preset, not generated anew.", metavar="FILE")
+AREA_MAX = option(16.56, "Rows of larger area are left out; the paper's range.", metavar="PERCENT")
+PARTS = option(None, "May be repeated; all if left out.", metavar="PART")
 
 
 def numbers(name: str, text: str, kind: type[Number]) -> list[Number]:

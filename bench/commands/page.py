@@ -1,27 +1,21 @@
 """Commands that put the paper beside ours, and all reports on one page."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from bench.commands.options import Folder, PaperDatabase, require_place, tell
-from bench.remarks import remark
+from bench.commands.options import PAPER_DATABASE, PARTS, Folder, option, require_place, tell
+from bench.report import remark
 
 
 def run(
     output: Folder,
-    full: Annotated[
-        bool, typer.Option("--full", help="Everything: hours. Else what fits into ten minutes.")
-    ] = False,
-    database: PaperDatabase = None,
-    comparison: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder of learn compare and tune; made if left out."),
-    ] = None,
-    only: Annotated[
-        list[str] | None, typer.Option(metavar="PART", help="May be repeated; all if left out.")
-    ] = None,
+    full: bool = option(False, "Everything: hours. Else what fits into ten minutes.", "--full"),
+    database: Path | None = PAPER_DATABASE,
+    comparison: Path | None = option(
+        None, "Folder of learn compare and tune; made if left out.", metavar="DIR"
+    ),
+    only: list[str] | None = PARTS,
 ) -> int:
     """Make all reports, and one page of them: DIR/index.html, which needs no network.
 
@@ -31,7 +25,7 @@ def run(
     failed or a part could not be made.
     """
     from bench.page.inputs import Inputs
-    from bench.page.report import run as make
+    from bench.page.run import run as make
 
     path, outcome = make(Inputs(output, database, comparison, full), only or ())
     typer.echo(path)
@@ -44,37 +38,29 @@ def run(
 
 
 def page(
-    folder: Annotated[Path, typer.Argument(help="Folder of `bench run`.")],
-    full: Annotated[bool, typer.Option("--full", help="It was made with --full.")] = False,
-    comparison: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Comparison that it was made with.")
-    ] = None,
+    folder: Path = typer.Argument(help="Folder of `bench run`."),
+    full: bool = option(False, "It was made with --full.", "--full"),
+    comparison: Path | None = option(None, "Comparison that it was made with.", metavar="DIR"),
 ) -> None:
     """Write the page of what a folder holds anew, and make nothing."""
     from bench.page.inputs import Inputs
-    from bench.page.report import page as write
+    from bench.page.run import page as write
 
     typer.echo(write(Inputs(folder, None, comparison, full)))
 
 
 def paper(
     output: Folder,
-    rows: Annotated[
-        int, typer.Option(min=100, help="Rows of the paper preset, where no database is given.")
-    ] = 1000,
-    database: PaperDatabase = None,
-    fine: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="A database on a finer grid, not generated anew."),
-    ] = None,
-    comparison: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder of learn compare and learn tune, for the area."),
-    ] = None,
-    cost: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder of bench cost.")] = None,
-    only: Annotated[
-        list[str] | None, typer.Option(metavar="PART", help="May be repeated; all if left out.")
-    ] = None,
+    rows: int = option(1000, "Rows of the paper preset, where no database is given.", min=100),
+    database: Path | None = PAPER_DATABASE,
+    fine: Path | None = option(
+        None, "A database on a finer grid, not generated anew.", metavar="FILE"
+    ),
+    comparison: Path | None = option(
+        None, "Folder of learn compare and learn tune, for the area.", metavar="DIR"
+    ),
+    cost: Path | None = option(None, "Folder of bench cost.", metavar="DIR"),
+    only: list[str] | None = PARTS,
 ) -> None:
     """Draw the paper's figures and tables anew, its numbers beside ours.
 
@@ -92,7 +78,7 @@ def paper(
 
 def unstated(
     output: Folder,
-    rows: Annotated[int, typer.Option(min=50, help="Rows of each database.")] = 1000,
+    rows: int = option(1000, "Rows of each database.", min=50),
 ) -> None:
     """Vary what the paper leaves unstated, one choice at a time, and show what that moves.
 

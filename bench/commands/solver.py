@@ -1,22 +1,18 @@
 """Commands on the contact solver: exactness, speed, stiff cases."""
 
-from typing import Annotated
-
 import typer
 
-from bench.commands.options import Folder, FolderIfAny, numbers, require_place, tell
+from bench.commands.options import Folder, FolderIfAny, numbers, option, require_place, tell
 from gen.runtime.errors import InputError
 
 
 def solver(
     output: FolderIfAny = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Small grids: a look in seconds.")] = False,
-    default_tolerance: Annotated[
-        bool, typer.Option("--default-tolerance", help="Print what the default's choice rests on.")
-    ] = False,
-    samples: Annotated[
-        int, typer.Option(min=1, help="Rows of the paper preset for --default-tolerance.")
-    ] = 1000,
+    quick: bool = option(False, "Small grids: a look in seconds.", "--quick"),
+    default_tolerance: bool = option(
+        False, "Print what the default's choice rests on.", "--default-tolerance"
+    ),
+    samples: int = option(1000, "Rows of the paper preset for --default-tolerance.", min=1),
 ) -> None:
     """Measure the solver's error against its cost.
 
@@ -40,19 +36,13 @@ def solver(
 
 def peers(
     output: Folder,
-    nodes: Annotated[
-        str, typer.Option(metavar="N,...", help="Nodes a side, each 2^k + 1, or 2^k if periodic.")
-    ] = "",
-    deltas: Annotated[
-        str, typer.Option(metavar="UM,...", help="Displacements of the far field.")
-    ] = "5,25,45",
-    rounds: Annotated[int, typer.Option(min=1, help="Turns; medians count.")] = 4,
-    hardness: Annotated[
-        str, typer.Option(metavar="RATIO,...", help="Over E*: bodies that yield, DIR/hardness.csv.")
-    ] = "",
-    boundary: Annotated[
-        str, typer.Option(metavar="NAME", help="free, or periodic: DIR/periodic.csv.")
-    ] = "free",
+    nodes: str = option("", "Nodes a side, each 2^k + 1, or 2^k if periodic.", metavar="N,..."),
+    deltas: str = option("5,25,45", "Displacements of the far field.", metavar="UM,..."),
+    rounds: int = option(4, "Turns; medians count.", min=1),
+    hardness: str = option(
+        "", "Over E*: bodies that yield, DIR/hardness.csv.", metavar="RATIO,..."
+    ),
+    boundary: str = option("free", "free, or periodic: DIR/periodic.csv.", metavar="NAME"),
 ) -> None:
     """Compare with other solvers, and with the paper's algorithm, at equal accuracy.
 
@@ -84,10 +74,10 @@ def peers(
 
 def growth(
     output: Folder,
-    nodes: Annotated[
-        str, typer.Option(metavar="N,...", help="Nodes a side of the grids, each 2^k + 1.")
-    ] = "129,257,513,1025",
-    surfaces: Annotated[int, typer.Option(min=1, help="Surfaces, each of its own seed.")] = 3,
+    nodes: str = option(
+        "129,257,513,1025", "Nodes a side of the grids, each 2^k + 1.", metavar="N,..."
+    ),
+    surfaces: int = option(3, "Surfaces, each of its own seed.", min=1),
 ) -> None:
     """Measure how convolutions, time and memory of a solve grow with the grid.
 
@@ -100,6 +90,30 @@ def growth(
     require_place(output, "growth.csv", "growth.png", "yielding.csv", "yielding.png")
     sizes = numbers("nodes", nodes, int)
     tell(output, report(cost(sizes, surfaces), pressures(sizes, surfaces)))
+
+
+def threads(
+    output: Folder,
+    nodes: str = option("1025,2049", "Nodes a side of the grids, each 2^k + 1.", metavar="N,..."),
+    percents: str = option("1,10,50", "Shares of the nodes in contact.", metavar="PERCENT,..."),
+    number: int = option(2, "Threads beside a single one.", "--threads", metavar="N", min=2),
+    rounds: int = option(3, "Turns; medians count.", min=1),
+    peers: bool = option(False, "Time iterations of Tamaas on threads of its own too.", "--peers"),
+) -> None:
+    """Measure how much faster one large solve is on several threads.
+
+    Beside it what as many copies of the transforms alone reach, and estimates for more threads by
+    Amdahl's law, from the part of the solve that threads share. On a quiet machine a minute at
+    1,025 nodes. Prints a table, writes DIR/threads.csv and, with --peers, DIR/threads-peers.csv.
+    """
+    from bench import peer_threads
+    from bench.threads import measure, report
+
+    require_place(output, "threads.csv", *(["threads-peers.csv"] if peers else []))
+    sizes, shares = numbers("nodes", nodes, int), numbers("percents", percents, float)
+    rows = measure(sizes, shares, number, rounds)
+    others = peer_threads.measure(sizes, number, rounds) if peers else None
+    tell(output, report(rows, others))
 
 
 def hertz(output: Folder) -> None:
@@ -116,8 +130,8 @@ def hertz(output: Folder) -> None:
 
 def theory(
     output: Folder,
-    nodes: Annotated[int, typer.Option(min=128, help="Nodes a side.")] = 512,
-    surfaces: Annotated[int, typer.Option(min=1, help="Surfaces of each spectrum.")] = 3,
+    nodes: int = option(512, "Nodes a side.", min=128),
+    surfaces: int = option(3, "Surfaces of each spectrum.", min=1),
 ) -> None:
     """Compare contacts of random surfaces without edges with the theories of such contacts.
 
@@ -133,14 +147,12 @@ def theory(
 
 def stability(
     output: FolderIfAny = None,
-    full: Annotated[bool, typer.Option("--full", help="The slow cases too.")] = False,
-    of: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="TABLE",
-            help="surfaces, solver, loads, hardness, edgeless or models alone; may be repeated.",
-        ),
-    ] = None,
+    full: bool = option(False, "The slow cases too.", "--full"),
+    of: list[str] | None = option(
+        None,
+        "surfaces, solver, loads, hardness, edgeless or models alone; may be repeated.",
+        metavar="TABLE",
+    ),
 ) -> int:
     """Ask for what is stiff and extreme, and check every answer independently.
 

@@ -20,21 +20,13 @@ class Figure:
 
 @dataclass(frozen=True)
 class Table:
-    """A CSV file, with the names of its columns first, and a caption as that of a figure.
-
-    Attributes
-    ----------
-    columns : tuple of str
-        The columns that are shown, in this order; all of them if empty.
-    verdict : str
-        The column whose value is `passed` where all is well: other rows are red.
-    """
+    """A CSV file, with the names of its columns first, and a caption as that of a figure."""
 
     data: Path
     caption: str
     command: str = ""
-    columns: tuple[str, ...] = ()
-    verdict: str = ""
+    columns: tuple[str, ...] = ()  # that are shown, in this order; all of them if empty
+    verdict: str = ""  # the column whose value is `passed` where all is well: other rows are red
 
 
 @dataclass(frozen=True)

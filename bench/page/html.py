@@ -11,9 +11,10 @@ from bench.circumstances import circumstances
 from bench.files import content_of
 from bench.page.content import Content, Figure, Table, tables_of
 from bench.page.inputs import Inputs, typed
-from bench.page.part import Part
+from bench.page.parts import Part
 from bench.page.record import Record, read
 from bench.page.table import tabulated
+from bench.template import rendered
 from gen.runtime.errors import InputError
 from gen.runtime.output import write
 
@@ -50,25 +51,12 @@ def write_page(parts: Sequence[Part], inputs: Inputs) -> Path:
 
 def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
     """Return the page of what a folder holds."""
-    try:
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-    except ImportError:
-        raise InputError("the page needs jinja2: install the extra 'bench'") from None
-    environment = Environment(
-        loader=PackageLoader("bench.page", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     shown = [_shown(part, inputs) for part in parts]
     chapters = groupby(shown, key=lambda each: each.part.chapter)
-    return environment.get_template("page.html").render(
-        chapters={chapter: list(each) for chapter, each in chapters},
-        made=circumstances(),
-        judged=sum(len(each.verdicts) for each in shown),
-        failures=sum(each.failures for each in shown),
-    )
+    said: dict[str, Any] = {"chapters": {chapter: list(each) for chapter, each in chapters}}
+    said |= {"made": circumstances(), "judged": sum(len(each.verdicts) for each in shown)}
+    said |= {"failures": sum(each.failures for each in shown)}
+    return rendered("page/page.html", said, markup=True)
 
 
 def _shown(part: Part, inputs: Inputs) -> Shown:

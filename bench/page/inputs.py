@@ -6,29 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.page.part import Part
+from bench.page.parts import Part
 from bench.page.record import Making
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """The places of the files that parts are made of, and of those that they make.
+    """The places of the files that parts are made of, and of those that they make."""
 
-    Attributes
-    ----------
-    output : Path
-        Folder of the page.
-    database, comparison : Path or None
-        Database of the paper preset, and folder of `learn compare` and `learn tune`; those in the
-        page's folder if None.
-    full : bool
-        True for everything, False for what fits into ten minutes.
-    """
-
-    output: Path
-    database: Path | None
-    comparison: Path | None
-    full: bool
+    output: Path  # folder of the page
+    database: Path | None  # of the paper preset; that in the page's folder if None
+    comparison: Path | None  # folder of `learn compare` and `learn tune`, likewise
+    full: bool  # True for everything, False for what fits into ten minutes
 
     @property
     def files(self) -> dict[str, Path]:

@@ -1,174 +1,107 @@
-"""The parts of the page, in its order. Names of commands that users type stand here once more."""
+"""The parts of the page, in its order: what each runs, and what it shows.
 
-from bench.page.part import Part, contents_of
+Each report says it in a file of its own, `NAME.toml`, beside the module that makes it: title,
+commands, and `contents`, each a figure, a table or words of a file, with its caption.
+"""
 
-SOLVER = "The contact solver: error against run time"
-STABILITY = "Stiff and extreme cases"
-FARM = "The farm"
-SURROGATES = "Surrogates: what they are worth, and what they cost"
-PAPER = "The paper, side by side"
-BENCHMARKS = "Benchmarks"
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import Any
 
-ROWS = 1500
-"""Rows of the paper preset that a short run generates; a full one generates all 15,878."""
+from bench.files import content_of, is_there, read_toml
+from bench.page.content import Absent, Content, Figure, Table, Words
+from bench.table import read_table
 
-PARTS = (
-    Part(
-        "solver",
-        SOLVER,
-        "Work and precision",
-        quick="-m bench solver --quick -o {folder}",
-        full="-m bench solver -o {folder}",
-        show=contents_of("bench.work_precision.report:contents"),
+ShowContents = Callable[[Path], Sequence[Content]]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A report of its own, under the headings of a chapter and a section.
+
+    `quick` and `full` are arguments of the Python interpreter in a short and in a full run, empty
+    if the part does not belong to that run. A run fills in {folder}, {database}, {comparison},
+    {cost} and {fine}; words in brackets are left out where the file that they name is not there.
+    """
+
+    name: str
+    chapter: str
+    title: str
+    quick: str
+    full: str
+    show: ShowContents  # lists what the part's folder holds
+    folder: str = ""  # name of another part, to whose files it adds; empty for a folder of its own
+    judges: bool = False  # whether exit code 1 says that a check failed, not that the report did
+
+
+def part_of(report: str, chapter: str) -> Part:
+    """Return the part of a report, which is named as its file without the ending, from `bench` on.
+
+    Where the report lists its contents itself, `show` names that function: its module is loaded
+    when the page asks, since a part does not need the packages of all others.
+    """
+    said = read_toml(report)
+    said.pop("contents", None)
+    own = said.pop("show", "")
+
+    def show(folder: Path) -> Sequence[Content]:
+        contents: ShowContents | None = resolve_name(own) if own else None
+        return contents(folder) if contents else contents_of(report, folder)
+
+    return Part(report.rpartition("/")[2], chapter, **{"quick": "", **said}, show=show)
+
+
+def contents_of(report: str, folder: Path) -> list[Content]:
+    """List what a folder holds of a report, by the report's file."""
+    return [each for entry in read_toml(report)["contents"] for each in _contents(entry, folder)]
+
+
+def _contents(entry: Mapping[str, Any], folder: Path) -> Iterator[Content]:
+    """Yield the contents of an entry: one for each file that its name, with a *, may stand for.
+
+    A table that is not there, or has no rows, is `absent` if the entry says so. Words, and what a
+    command of its own makes, are left out where they are not there.
+    """
+    (kind,) = entry.keys() & {"figure", "table", "words"}
+    name, command = entry[kind], entry.get("command", "")
+    for path in sorted(folder.glob(name)) if "*" in name else [folder / name]:
+        caption = " ".join(entry.get("caption", "").replace("{target}", path.parent.name).split())
+        if "absent" in entry and not (is_there(path) and read_table(path)[1]):
+            yield Absent(entry["absent"], entry["how"].format(folder=folder))
+        elif (command or kind == "words") and not is_there(path):
+            continue
+        elif kind == "figure":
+            data = tuple(folder / each for each in entry.get("data", ()))
+            yield Figure(path, caption, command, data)
+        elif kind == "table":
+            columns = tuple(entry.get("columns", ()))
+            yield Table(path, caption, command, columns, entry.get("verdict", ""))
+        else:
+            text, typed = content_of(path).decode(), entry.get("typed", False)
+            yield from [Words(text, typed)] if typed else map(Words, text.splitlines())
+
+
+ROWS = 1500  # rows of the paper preset that a short run generates; a full one generates all 15,878
+
+CHAPTERS = {
+    "The contact solver: error against run time": (
+        *("work_precision/solver", "peers/peers", "growth", "hertz", "theory"),
     ),
-    Part(
-        "peers",
-        SOLVER,
-        "Other solvers, and the paper's algorithm",
-        quick="-m bench peers --nodes 129 --deltas 5,15,25 --rounds 2 -o {folder}",
-        full="-m bench peers --nodes 129,257,513 --deltas 5,15,25,35,45 --rounds 2 -o {folder}",
-        show=contents_of("bench.peers.report:contents"),
+    "Stiff and extreme cases": ("stability/stability",),
+    "The farm": ("scale/scale",),
+    "Surrogates: what they are worth, and what they cost": (
+        *("page/comparison", "page/tuning", "page/grids", "surrogates/models"),
+        *("surrogates/tolerance", "surrogates/generalisation", "surrogates/coverage"),
+        *("populations/scans", "populations/grow"),
+        *("surrogates/cost", "surrogates/throughput", "memory"),
     ),
-    Part(
-        "growth",
-        SOLVER,
-        "Growth with the grid",
-        quick="-m bench growth --nodes 129,257,513 --surfaces 1 -o {folder}",
-        full="-m bench growth --nodes 129,257,513,1025,2049 --surfaces 3 -o {folder}",
-        show=contents_of("bench.growth:contents"),
-    ),
-    Part(
-        "hertz",
-        SOLVER,
-        "Hertz",
-        quick="-m bench hertz -o {folder}",
-        full="-m bench hertz -o {folder}",
-        show=contents_of("bench.hertz:contents"),
-    ),
-    Part(
-        "theory",
-        SOLVER,
-        "Theories of random contact",
-        quick="-m bench theory --nodes 256 --surfaces 1 -o {folder}",
-        full="-m bench theory -o {folder}",
-        show=contents_of("bench.theory:contents"),
-    ),
-    Part(
-        "stability",
-        STABILITY,
-        "Generators, statistics, solver, models",
-        quick="-m bench stability -o {folder}",
-        full="-m bench stability --full -o {folder}",
-        show=contents_of("bench.stability.tables:contents"),
-        judges=True,
-    ),
-    Part(
-        "scale",
-        FARM,
-        "Many ranks, simulated",
-        quick="",
-        full="-m bench scale --validate -o {folder}",
-        show=contents_of("bench.scale.report:contents"),
-    ),
-    Part(
-        "comparison",
-        SURROGATES,
-        "Nine models",
-        quick="-m learn compare {database} --area-max 16.56 -o {folder}",
-        full="-m learn compare {database} --area-max 16.56 -o {folder}",
-        show=contents_of("bench.page.comparison:scores"),
-    ),
-    Part(
-        "tuning",
-        SURROGATES,
-        "The search for settings",
-        quick="",
-        full="-m learn tune {database} --area-max 16.56 --budget 2h -o {comparison}",
-        show=contents_of("bench.page.comparison:searches"),
-        folder="comparison",
-    ),
-    Part(
-        "grids",
-        SURROGATES,
-        "What the search over whole grids takes",
-        quick="",
-        full="-m learn estimate {database} --area-max 16.56 --budget 1h -o {comparison}",
-        show=contents_of("bench.page.comparison:whole_grids"),
-        folder="comparison",
-    ),
-    Part(
-        "models",
-        SURROGATES,
-        "Error against the time of prediction, fit and search",
-        quick="-m bench models {comparison} -o {folder}",
-        full="-m bench models {comparison} -o {folder}",
-        show=contents_of("bench.surrogates.models:contents"),
-    ),
-    Part(
-        "tolerance",
-        SURROGATES,
-        "What the solver's tolerance does to a surrogate",
-        quick="-m bench tolerance --rows 400 -o {folder}",
-        full="-m bench tolerance --rows 4000 -o {folder}",
-        show=contents_of("bench.surrogates.tolerance_report:contents"),
-    ),
-    Part(
-        "generalisation",
-        SURROGATES,
-        "Where surrogates were not trained",
-        quick="-m bench generalisation --rows 600 --database {database} -o {folder}",
-        full="-m bench generalisation --database {database} -o {folder}",
-        show=contents_of("bench.surrogates.generalisation_report:contents"),
-    ),
-    Part(
-        "cost",
-        SURROGATES,
-        "Total cost, and from where on a surrogate pays",
-        quick="-m bench cost --rows 1000 --database {database} -o {folder}",
-        full="-m bench cost --database {database} -o {folder}",
-        show=contents_of("bench.surrogates.cost_report:contents"),
-    ),
-    Part(
-        "throughput",
-        SURROGATES,
-        "Time of one contact",
-        quick="-m bench throughput --rows 500 --database {database} -o {folder}",
-        full="-m bench throughput --database {database} -o {folder}",
-        show=contents_of("bench.surrogates.throughput:contents"),
-    ),
-    Part(
-        "memory",
-        SURROGATES,
-        "Memory of fits",
-        quick="",
-        full="-m bench memory -o {folder}",
-        show=contents_of("bench.memory:contents"),
-    ),
-    Part(
-        "paper",
-        PAPER,
-        "Figures and tables",
-        quick="-m bench paper --database {database} [--comparison {comparison}] [--cost {cost}]"
-        " -o {folder}",
-        full="-m bench paper --database {database} [--comparison {comparison}] [--cost {cost}]"
-        " [--fine {fine}] -o {folder}",
-        show=contents_of("bench.paper.report:contents"),
-    ),
-    Part(
-        "unstated",
-        PAPER,
-        "What the paper does not say, and what it does to the result",
-        quick="",
-        full="-m bench unstated --rows 3000 -o {folder}",
-        show=contents_of("bench.paper.unstated.report:contents"),
-    ),
-    Part(
-        "benchmarks",
-        BENCHMARKS,
-        "Times of single steps",
-        quick="-m pytest bench --benchmark-only -q -k smoke --benchmark-json {folder}/times.json",
-        full="-m pytest bench --benchmark-only -q --benchmark-json {folder}/times.json",
-        show=contents_of("bench.benchmarks:contents"),
-        judges=True,
-    ),
+    "The paper, side by side": ("paper/paper", "paper/unstated"),
+    "Benchmarks": ("benchmarks",),
+}
+"""The reports under each chapter's heading: their files, without the ending."""
+
+PARTS = tuple(
+    part_of(report, chapter) for chapter, reports in CHAPTERS.items() for report in reports
 )

@@ -12,11 +12,9 @@ from bench.files import is_there
 from bench.page.content import Content, Figure, Table, files_of, moved
 from gen.runtime import documents, output
 
-SAME = ("commit", "versions", "machine")
-"""What has to be as it was for something to stay."""
-
+SAME = ("commit", "versions", "machine")  # what has to be as it was for something to stay
+# Ends of the names of files that say how something was made, and are nobody's input.
 NOT_READ = (".part.json", ".printed.txt")
-"""Ends of the names of files that say how something was made, and are nobody's input."""
 
 
 class Machine(documents.Document):

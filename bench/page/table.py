@@ -7,13 +7,12 @@ from bench.page.content import Table
 from bench.table import read_table
 from gen.runtime.errors import InputError
 
-DIGITS = 4
-"""Significant digits of numbers on the page; the files have all of them."""
+DIGITS = 4  # significant digits of numbers on the page; the files have all of them
 
 PASSED = "passed"
 SPECIAL = {"": "", "nan": "nan", "inf": "∞", "-inf": "-∞"}
+# Last words of columns' names that are units.
 UNITS = {"um": "µm", "s": "s", "seconds": "s", "ms": "ms", "percent": "%", "uN": "µN"}
-"""Last words of columns' names that are units."""
 
 
 class Cell(NamedTuple):

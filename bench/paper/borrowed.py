@@ -4,8 +4,8 @@ from pathlib import Path
 
 from bench import hertz
 from bench.page.content import Content, Figure
-from bench.paper import deviations
 from bench.paper.facts import AREA_MAX
+from bench.paper.texts import caption
 from learn.comparison import appendix
 from learn.request import Request
 
@@ -16,20 +16,14 @@ process's memory grows with their square."""
 
 def paraboloid(folder: Path) -> list[Content]:
     """Press the paraboloid, and draw it as `python -m bench hertz` does (section 2.4)."""
-    exact, *curves = hertz.compare()
-    table, picture = hertz.report([exact, *curves]).write(folder)
-    areas = exact.area_percent.sum()
+    rows = hertz.compare()
+    table, picture = hertz.report(rows).write(folder)
+    exact, *areas = rows.groupby(["solution", "nodes"], sort=False)["area_percent"].sum().items()
     off = [
-        f"{100 * (each.area_percent.sum() / areas - 1):+.1f} %"
-        f" ({each.solution} on {each.nodes} nodes a side)"
-        for each in curves
+        f"{100 * (area / exact[1] - 1):+.1f} % ({kernel} on {nodes} nodes a side)"
+        for (kernel, nodes), area in areas
     ]
-    caption = (
-        "Section 2.4, a paraboloid against Hertz: force and area over the displacement, below how"
-        " far they are off. As in the paper, the area moves in steps, finer on the finer grid, for"
-        f" it counts nodes. Mean deviation of the area: {', '.join(off)}. {deviations.KERNEL}."
-    )
-    return [Figure(picture, caption, data=(table,))]
+    return [Figure(picture, caption("hertz", off=", ".join(off)), data=(table,))]
 
 
 def equal_kernels(folder: Path, database: Path) -> list[Content]:
@@ -37,15 +31,8 @@ def equal_kernels(folder: Path, database: Path) -> list[Content]:
     said: list[str] = []
     # Its own folder of other rows, if the inputs have changed: `learn appendix` would refuse it.
     (folder / "appendix" / "area" / "comparison.json").unlink(missing_ok=True)
-    asked = Request(
-        database, folder / "appendix", area_max=AREA_MAX, train_rows=APPENDIX_ROWS, again=True
-    )
+    output, rows = folder / "appendix", APPENDIX_ROWS
+    asked = Request(database, output, area_max=AREA_MAX, train_rows=rows, again=True)
     table, picture = appendix.write_report(asked, said.append)
-    caption = (
-        "Appendix A, Gaussian process and kernel ridge with equal kernels: both over the solved"
-        " area, one over the other, and their difference (1e-18 where there is none). As in the"
-        " paper both are good with the radial basis function and poor with the linear kernel, and"
-        " predict the same:"
-        f" {'; '.join(said)}. At most {APPENDIX_ROWS:,} training rows here."
-    )
-    return [Figure(picture, caption, data=(table,))]
+    words = caption("appendix", said="; ".join(said), rows=rows)
+    return [Figure(picture, words, data=(table,))]

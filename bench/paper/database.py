@@ -6,27 +6,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bench.page.content import Content, Figure, Table
-from bench.paper import deviations
-from bench.paper.deviations import DIGITS
+from bench.page.content import Content
 from bench.paper.facts import AREA_MAX, LONGEST_SOLVE, RANGES
-from bench.picture import new_figure, save
-from bench.style import COLOURS
-from bench.surrogates.break_even import PAPER_ROWS, PAPER_SOLVE
+from bench.paper.texts import DIGITS, picture, table, why
+from bench.picture import COLOURS, new_figure
+from bench.surrogates.times import PAPER_ROWS, PAPER_SOLVE
 from bench.table import write_table
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.schema import COLUMNS, Column, Status, statistics_columns
 
+# Share of rows inside the paper's range from which on only its ends differ [%].
 ENOUGH_INSIDE = 99.0
-"""Share of rows inside the paper's range from which on only its ends differ [%]."""
-
-UNEXPLAINED = {"bandwidth_x", "bandwidth_y"}
-"""Columns that the paper defines otherwise."""
-
-SHOWN = [column for column in COLUMNS if column.name in RANGES]
-"""Columns of Table 1."""
-
+UNEXPLAINED = {"bandwidth_x", "bandwidth_y"}  # columns that the paper defines otherwise
+SHOWN = [column for column in COLUMNS if column.name in RANGES]  # columns of Table 1
 LABELS = {"delta": "far-field displacement Δ [µm]", "area_percent": "effective contact area [%]"}
 
 
@@ -52,19 +45,14 @@ def solve_times(folder: Path, database: Path) -> list[Content]:
             told = times.agg(["mean", "median", "max"])
             bins.append((name, values.min(), values.max(), len(part), *told))
     header = ("against", "from", "to", "rows", "mean_ms", "median_ms", "longest_ms")
-    table = write_table(folder / "solve-times.csv", header, bins, DIGITS)
+    data = write_table(folder / "solve-times.csv", header, bins, DIGITS)
     half = len(bins) // 2
     delta, area = (each[-1][4] / each[0][4] for each in (bins[:half], bins[half:]))
-    caption = (
-        f"Section 2.4, solve times on 128 x 128 cells: {len(rows):,} contacts of ours as dots"
-        f" ({1000 * seconds.mean():.3g} ms in the mean, {1000 * seconds.max():.3g} ms at most, wall"
-        " time as measured while the database was made), the paper's as lines:"
-        f" {PAPER_SOLVE / seconds.mean():,.0f} times longer in the mean. As there, time grows with"
-        " displacement and area: from the tenth of the rows with the least to that with the most"
-        f" {delta:.2g}-fold and {area:.2g}-fold. {deviations.SOLVER}."
-    )
-    picture = save(_times_picture(rows), folder / "solve-times.png")
-    return [Figure(picture, caption, data=(table, _points(folder, rows)))]
+    mean, most = 1000 * seconds.mean(), 1000 * seconds.max()
+    said = {"rows": len(rows), "mean": mean, "most": most, "times": 1000 * PAPER_SOLVE / mean}
+    said |= {"delta": delta, "area": area, "why": why("solver")}
+    drawn, points = _times_picture(rows), _points(folder, rows)
+    return [picture(folder, "solve-times", drawn, data, points, **said)]
 
 
 def _times_picture(rows: pd.DataFrame) -> Any:
@@ -110,14 +98,10 @@ def distributions(folder: Path, database: Path) -> list[Content]:
     right.legend(loc="upper left", fontsize=9)
     right.set(title="(b) areas", xlabel=LABELS["delta"], ylabel=LABELS["area_percent"])
     figure.colorbar(shown, ax=right, label="Hurst exponent H")
-    below = 100 * float((area <= AREA_MAX).mean())
-    caption = (
-        f"Section 3.2, the database ({len(rows):,} rows; the paper has {PAPER_ROWS:,}): (a)"
-        " more rows at small displacements, as in the paper; (b) areas at one displacement differ"
-        f" with the surface, smooth ones have more. {below:.1f} % of ours lie below the paper's"
-        f" largest area, the others reach {area.max():.1f} %: {deviations.AREAS.format(AREA_MAX)}."
-    )
-    return [Figure(save(figure, folder / "database.png"), caption, data=(_points(folder, rows),))]
+    said = {"rows": len(rows), "papers": PAPER_ROWS, "largest": area.max()}
+    said |= {"below": 100 * float((area <= AREA_MAX).mean())}
+    said |= {"why": why("areas", largest=AREA_MAX)}
+    return [picture(folder, "database", figure, _points(folder, rows), **said)]
 
 
 def table_1(folder: Path, database: Path) -> list[Content]:
@@ -129,36 +113,25 @@ def table_1(folder: Path, database: Path) -> list[Content]:
     low, high = pd.DataFrame(RANGES).to_numpy()
     inside = 100 * ((shown >= low) & (shown <= high)).mean()
     ranges = [_range(column, rows[column.name], inside[column.name]) for column in SHOWN]
-    table = write_table(folder / "table-1.csv", header, ranges, DIGITS)
+    data = write_table(folder / "table-1.csv", header, ranges, DIGITS)
     outside = [each.long_name for each in SHOWN if inside[each.name] < ENOUGH_INSIDE]
     return [
-        Table(
-            table,
-            "Table 1, ranges of the raw database, ours beside the paper's. Deviation: how far our"
-            " ends lie above the paper's, in per cent of its range. More than one row in a hundred"
-            f" lies outside in: {', '.join(outside) or 'none'}.",
-        ),
-        Figure(
-            save(_histograms(rows), folder / "statistics.png"),
-            "Table 1 as a picture: how the parameters of our database are distributed; between the"
-            " dashed lines is the paper's range. They fill it, but for the bandwidths (logarithmic"
-            " here), whose definition the paper leaves open, and the area, which goes on.",
-            data=(table,),
-        ),
+        table(data, outside=", ".join(outside) or "none"),
+        picture(folder, "statistics", _histograms(rows), data),
     ]
 
 
 def _range(column: Column, values: pd.Series, inside: float) -> tuple[object, ...]:
     """Return a row of Table 1, which says why its ends differ."""
     (low, high), ours = RANGES[column.name], (values.min(), values.max())
-    apart = (ours[0] - low, ours[1] - high)
-    why = {
-        **dict.fromkeys(UNEXPLAINED, deviations.BANDWIDTH),
+    reason = {
+        **dict.fromkeys(UNEXPLAINED, why("bandwidth")),
         **dict.fromkeys(("hurst", "delta"), ""),
-        "area_percent": deviations.AREAS.format(AREA_MAX),
-    }.get(column.name, deviations.EXTREMES)
+        "area_percent": why("areas", largest=AREA_MAX),
+    }.get(column.name, why("extremes"))
+    apart = (ours[0] - low, ours[1] - high)
     shifts = ", ".join(f"{100 * each / (high - low):+.1f} %" for each in apart)
-    return column.long_name, column.unit, *ours, low, high, f"{inside:.1f}", shifts, why
+    return column.long_name, column.unit, *ours, low, high, f"{inside:.1f}", shifts, reason
 
 
 def _histograms(rows: pd.DataFrame) -> Any:

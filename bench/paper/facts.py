@@ -2,43 +2,27 @@
 
 Its ranges (Table 1) stand in `gen.schema`, its search spaces and optima (Table 2) in
 `learn.comparison.search.spaces`, its times and scores (Tables 3 and 4) in
-`learn.comparison.paper`, its costs (section 4.4) in `bench.surrogates.break_even`, its paraboloid
+`learn.comparison.paper`, its costs (section 4.4) in `bench.surrogates.times`, its paraboloid
 (section 2.4) in `bench.hertz`: modules here take them from there.
 """
 
 from statistics import median
 
-from bench.surrogates.break_even import PAPER_ROWS, PAPER_TESTS
+from bench.surrogates.times import PAPER_ROWS, PAPER_TESTS
 from gen.schema import COLUMNS
 from learn.comparison import paper
 from learn.metrics import Scores
 
-GRIDS = (2, 8, 32, 128)
-"""Cells a side of the surfaces that show how the generator works (section 2.2)."""
-
-DELTAS = (25.0, 35.0)
-"""Displacements at which two topographies are pressed (section 2.4) [um]."""
-
-LONGEST_SOLVE = 1750.0
-"""Time that a simulation takes at most, approximately (section 2.4) [s]."""
-
-TRAIN_ROWS = PAPER_ROWS - PAPER_TESTS
-"""Rows that train (section 3.2)."""
-
-FINE_ROWS = 800
-"""Simulations on the finer grid (section 4.3)."""
-
-FINE = Scores(1.46, 3.95, 7.56, 99.16)
-"""Scores of kernel ridge on the finer grid, Table 5 [%]."""
-
-TUNING_PAYS = 14
-"""Evaluations after which the search for settings has paid, all else aside (section 4.4)."""
-
+GRIDS = (2, 8, 32, 128)  # cells a side of the surfaces that show how the generator works
+DELTAS = (25.0, 35.0)  # displacements at which two topographies are pressed (section 2.4) [um]
+LONGEST_SOLVE = 1750.0  # time that a simulation takes at most, approximately (section 2.4) [s]
+TRAIN_ROWS = PAPER_ROWS - PAPER_TESTS  # rows that train (section 3.2)
+FINE_ROWS = 800  # simulations on the finer grid (section 4.3)
+FINE = Scores(1.46, 3.95, 7.56, 99.16)  # scores of kernel ridge on the finer grid, Table 5 [%]
+TUNING_PAYS = 14  # evaluations after which the search for settings has paid (section 4.4)
+# Smallest and largest value of each quantity of Table 1.
 RANGES = {column.name: column.paper_range for column in COLUMNS if column.paper_range}
-"""Smallest and largest value of each quantity of Table 1."""
-
-AREA_MAX = RANGES["area_percent"][1]
-"""Largest area in the paper's database [%]."""
+AREA_MAX = RANGES["area_percent"][1]  # largest area in the paper's database [%]
 
 
 def spread_of(scores: Scores) -> float:
@@ -46,5 +30,5 @@ def spread_of(scores: Scores) -> float:
     return scores.nmse / (100 - scores.r2)
 
 
+# That of the paper's test rows, the median over Table 4.
 SPREAD = median(spread_of(each) for kind in paper.TEST.values() for each in kind.values())
-"""That of the paper's test rows, the median over Table 4."""

@@ -1,22 +1,20 @@
 """Kernel ridge on a finer grid than it was trained with: section 4.3 and Table 5."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bench.page.content import Content, Figure, Table
-from bench.paper import deviations
-from bench.paper.deviations import DIGITS, ratio
+from bench.page.content import Content
 from bench.paper.facts import AREA_MAX, FINE, FINE_ROWS
-from bench.picture import new_figure, save
-from bench.style import COLOURS
-from bench.surrogates.clock import median_seconds
+from bench.paper.texts import DIGITS, picture, ratio, table, why
+from bench.picture import COLOURS, new_figure
 from bench.surrogates.fitting import fit, parted, read, request_for
+from bench.surrogates.times import median_seconds
 from bench.table import write_table
+from gen.arrays import Values
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.scene import Scene, differences, load
@@ -24,16 +22,13 @@ from learn.dataset import Dataset
 from learn.features import SETS
 from learn.metrics import Scores, scores
 
-Values = NDArray[np.float64]
-
 MODEL = "kernel-ridge"
 CURVATURE = "peak_curvature_mean"
 
 PRESET = load("paper")
 
 
-@dataclass(frozen=True, eq=False)
-class Judged:
+class Judged(NamedTuple):
     """A surrogate of the coarse grid on rows of the fine one: predicted areas [%] and times [s].
 
     A single prediction takes `seconds`, one among all of them `batched`, features at hand.
@@ -52,26 +47,20 @@ def fine_grid(folder: Path, database: Path, fine: Path) -> list[Content]:
     found = {name: _judge(database, fine, name) for name in SETS}
     first = found["paper"].rows
     curvature = _curvature(database, first)
-    table = _table(folder, found, curvature)
+    data = _table(folder, found, curvature)
     predictions = write_table(
         folder / "fine-grid.csv",
         ("row", "solved_percent", *found),
         zip(first.rows, first.target, *(e.prediction for e in found.values()), strict=True),
         digits=5,
     )
-    r2 = ", ".join(f"{each.scores.r2:.2f}" for each in found.values())
     seen = " (surfaces of the training's seed: not unseen)" if same else ""
+    said: dict[str, Any] = {"rows": first.size, "seen": seen, "papers": FINE_ROWS}
+    said |= {"theirs": FINE.r2, "ours": ", ".join(f"{e.scores.r2:.2f}" for e in found.values())}
+    drawn = _picture(found, fine)
     return [
-        Figure(
-            save(_picture(found, fine), folder / "fine-grid.png"),
-            f"Section 4.3, kernel ridge trained on 128 x 128 cells and tested on a finer grid:"
-            f" {first.size:,} rows{seen}, the paper has {FINE_ROWS}. On the line both agree; inputs"
-            " are the paper's, then without units, then with a loose solve among them (hybrid)."
-            f" Its R2 is {FINE.r2:g} %, ours {r2}. Last: time of a solve on that grid and of a"
-            " prediction with features at hand.",
-            data=(table, predictions),
-        ),
-        Table(table, f"Table 5, scores on the finer grid [%]. Why: {curvature}."),
+        picture(folder, "fine-grid", drawn, data, predictions, **said),
+        table(data, why=curvature),
     ]
 
 
@@ -79,7 +68,7 @@ def check(fine: Path) -> Scene:
     """Return a database's scene; refuse all but the paper preset's on a finer grid."""
     with Reader(fine) as reader:
         scene = reader.scene
-    nodes, coarse = scene.surface.nodes, PRESET.surface.nodes
+    nodes, coarse = scene.shape[0], PRESET.shape[0]
     if nodes <= coarse:
         raise InputError(
             f"--fine {fine}: has {nodes} nodes a side, give one with more than {coarse}:"
@@ -100,34 +89,28 @@ def _judge(database: Path, fine: Path, features: str) -> Judged:
     parts = parted(read(request))
     fitted = fit(request, parts.train, parts.calibration, parts.folds)
     rows = read(request_for(fine, MODEL, features, AREA_MAX))
-    prediction = fitted.predict(rows)
-    return Judged(
-        rows,
-        prediction,
-        scores(rows.target, prediction),
-        median_seconds(partial(fitted.predict, rows.at(np.array([0])))),
-        median_seconds(partial(fitted.predict, rows)) / rows.size,
-    )
+    found = fitted.predict(rows)
+    alone = median_seconds(partial(fitted.predict, rows.at(np.array([0]))))
+    together = median_seconds(partial(fitted.predict, rows)) / rows.size
+    return Judged(rows, found, scores(rows.target, found), alone, together)
 
 
 def _curvature(database: Path, fine: Dataset) -> str:
     """Say why the statistics do not carry over: how the mean curvature of peaks changes."""
-    with Reader(database) as reader:
-        coarse = reader.column(CURVATURE)
-    with Reader(Path(fine.source["database"])) as reader:
-        own = reader.column(CURVATURE)[fine.rows]
+    with Reader(database) as reader, Reader(Path(fine.source["database"])) as other:
+        coarse, own = reader.column(CURVATURE), other.column(CURVATURE)[fine.rows]
     growth = float(np.median(own) / np.nanmedian(coarse))
-    return deviations.FINE.format(growth, 100 * float((own > np.nanmax(coarse)).mean()))
+    return why("fine", growth=growth, beyond=100 * float((own > np.nanmax(coarse)).mean()))
 
 
 def _table(folder: Path, found: dict[str, Judged], curvature: str) -> Path:
     """Write Table 5, a column for each feature set."""
     rows: list[tuple[object, ...]] = []
     for name, theirs in asdict(FINE).items():
-        ours = [getattr(each.scores, name) for each in found.values()]
-        mine = ours[list(found).index("paper")]
+        ours = {features: getattr(each.scores, name) for features, each in found.items()}
+        mine = ours["paper"]
         apart = f"{mine - theirs:+.2f}" if name == "r2" else ratio(mine, theirs)
-        rows.append((name, *ours, theirs, apart, curvature))
+        rows.append((name, *ours.values(), theirs, apart, curvature))
     header = ("score_percent", *(f"ours_{name}" for name in found))
     names = (*header, "paper", "deviation", "explanation")
     return write_table(folder / "table-5.csv", names, rows, DIGITS)
@@ -136,7 +119,7 @@ def _table(folder: Path, found: dict[str, Judged], curvature: str) -> Path:
 def _picture(found: dict[str, Judged], fine: Path) -> Any:
     """Draw predictions over truth with each feature set, then times."""
     figure = new_figure(10, 8)
-    axes = figure.subplots(2, 2).ravel()
+    *axes, last = figure.subplots(2, 2).ravel()
     for axis, (name, each) in zip(axes, found.items(), strict=False):
         ends = [0.0, float(each.rows.target.max())]
         axis.plot(ends, ends, "k-", lw=1)
@@ -147,13 +130,10 @@ def _picture(found: dict[str, Judged], fine: Path) -> Any:
     first = found["paper"]
     with Reader(fine) as reader:
         seconds = reader.column("solve_seconds")[first.rows.rows]
-    last = axes[-1]
     last.plot(first.rows.target, seconds, ".", ms=3, color=COLOURS[0], label="a solve")
-    for value, style, label in (
-        (first.seconds, "--", "a prediction alone"),
-        (first.batched, ":", f"a prediction among {first.rows.size:,}"),
-    ):
-        last.axhline(value, color=COLOURS[1], ls=style, lw=2, label=label)
+    among = f"a prediction among {first.rows.size:,}"
+    last.axhline(first.seconds, color=COLOURS[1], ls="--", lw=2, label="a prediction alone")
+    last.axhline(first.batched, color=COLOURS[1], ls=":", lw=2, label=among)
     last.set(yscale="log", xlabel="solved area [%]", ylabel="time [s]")
     last.set_title("time of an answer, features at hand", fontsize=10)
     last.legend(fontsize=9)

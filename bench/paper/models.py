@@ -4,10 +4,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.page.content import Content, Table
-from bench.paper import deviations
-from bench.paper.deviations import DIGITS, ratio
+from bench.page.content import Content
 from bench.paper.facts import SPREAD, TRAIN_ROWS, spread_of
+from bench.paper.texts import DIGITS, ratio, table, why
 from bench.table import write_table
 from gen.runtime.errors import InputError
 from learn.comparison import paper, tables
@@ -16,16 +15,13 @@ from learn.comparison.search.spaces import OPTIMA, SPACES
 from learn.metrics import Scores
 from learn.models import MODELS
 
-ALIKE = 1.3
-"""Unexplained variances count as alike up to this ratio."""
-
+ALIKE = 1.3  # unexplained variances count as alike up to this ratio
+# So far may the paper's nMSE and R2 of a model be from those of its others, relatively.
 BELONG = 0.15
-"""So far may the paper's nMSE and R2 of a model be from those of its others, relatively."""
-
-MANY = 20
-"""Values of a hyperparameter that are all listed."""
+MANY = 20  # values of a hyperparameter that are all listed
 
 Shown = dict[str, dict[str, Any]]
+ENDS = "", "_paper"  # of the names of columns
 
 
 def opened(comparison: Path) -> Folder:
@@ -43,16 +39,17 @@ def opened(comparison: Path) -> Folder:
 
 def results(folder: Folder, kind: str) -> Shown:
     """Return the results that have scores, by model, in the order of Table 4."""
-    return {
-        model: result
-        for model, found, result in tables.results(folder)
-        if found == kind and result.get("test") is not None
-    }
+    return {model: result for model, found, result in _scored(folder) if found == kind}
+
+
+def _scored(folder: Folder) -> list[tuple[str, str, dict[str, Any]]]:
+    """Return model, kind and result of all that have scores."""
+    return [each for each in tables.results(folder) if each[2].get("test") is not None]
 
 
 def spread(folder: Folder) -> float:
     """Return variance over mean of the test areas [%], as in `facts.SPREAD`."""
-    model, kind, _ = next(each for each in tables.results(folder) if each[2].get("test"))
+    model, kind, _ = _scored(folder)[0]
     truth, _ = folder.prediction(kind, model)
     return float(truth.var() / truth.mean())
 
@@ -71,14 +68,9 @@ def table_2(folder: Path, comparison: Path | None = None) -> list[Content]:
             rows.append((_title(model), parameter, len(values), tried, theirs, ours, same))
     header = ("model", "hyperparameter", "points", "values_tried", "paper_optimum", "our_optimum")
     path = write_table(folder / "table-2.csv", (*header, "deviation"), rows)
-    missing = [_title(model) for model in SPACES if model not in tuned]
-    text = (
-        "Table 2, search spaces: ranges, numbers of points and optima are the paper's; the values"
-        " between are ours, since it prints none, chosen so that its optimum is one of them."
-    )
-    if missing:
-        text += f" Not searched here: {', '.join(missing)}; learn tune does that."
-    return [Table(path, text)]
+    missing = ", ".join(_title(model) for model in SPACES if model not in tuned)
+    said = f" Not searched here: {missing}; learn tune does that." if missing else ""
+    return [table(path, missing=said)]
 
 
 def _title(model: str) -> str:
@@ -102,23 +94,18 @@ def table_3(folder: Path, comparison: Path) -> list[Content]:
     """Tabulate the times of the searches."""
     tuned = results(opened(comparison), "tuned")
     rows: list[tuple[object, ...]] = []
-    for model, theirs in ((name, float(value)) for name, value in paper.TUNING_SECONDS.items()):
+    for model, theirs in paper.TUNING_SECONDS.items():
         search = tuned.get(model, {}).get("search")
         if search is None:
-            rows.append((_title(model), "", theirs, "", "not searched here"))
+            rows.append((_title(model), "", float(theirs), "", "not searched here"))
             continue
         ours = float(tuned[model]["times"]["search"])
-        why = deviations.SEARCH.format(f"{search['fits']:,} fits", f"{search['fits_nominal']:,}")
+        reason = why("search", done=search["fits"], nominal=search["fits_nominal"])
         if search["how"] != "whole grid":
-            why = f"{search['how']} of the grid searched; {why}"
-        rows.append((_title(model), ours, theirs, ratio(ours, theirs), why))
+            reason = f"{search['how']} of the grid searched; {reason}"
+        rows.append((_title(model), ours, float(theirs), ratio(ours, theirs), reason))
     header = ("model", "ours_s", "paper_s", "ours_over_paper", "explanation")
-    path = write_table(folder / "table-3.csv", header, rows, DIGITS)
-    text = (
-        "Table 3, times of the searches for settings: ours is the sum of the times of all fits on"
-        " one thread."
-    )
-    return [Table(path, text)]
+    return [table(write_table(folder / "table-3.csv", header, rows, DIGITS))]
 
 
 def table_4(folder: Path, comparison: Path) -> list[Content]:
@@ -127,23 +114,13 @@ def table_4(folder: Path, comparison: Path) -> list[Content]:
     here = spread(ours)
     rows = [
         (_title(model), kind, *_scores_and_times(model, kind, result, here))
-        for model, kind, result in tables.results(ours)
-        if result.get("test") is not None
+        for model, kind, result in _scored(ours)
     ]
-    pairs = [*tables.SCORES.values(), "fit_s", "predict_s"]
-    header = ["model", "result", *(f"{name}{end}" for name in pairs for end in ("", "_paper"))]
-    path = write_table(
-        folder / "table-4.csv",
-        [*header, "nMAE_ratio", "unexplained_ratio", "explanation"],
-        rows,
-    )
-    record = ours.record()["conditions"]
-    text = (
-        f"Table 4, scores on the test rows [%] and times [s]; {record['train_rows']:,} rows train"
-        f" here, {TRAIN_ROWS:,} in the paper. Compare R2: unexplained_ratio is our 100 - R2 over"
-        f" the paper's; {deviations.SPREAD.format(here, SPREAD)}."
-    )
-    return [Table(path, text)]
+    pairs = [f"{n}{end}" for n in (*tables.SCORES.values(), "fit_s", "predict_s") for end in ENDS]
+    header = ("model", "result", *pairs, "nMAE_ratio", "unexplained_ratio", "explanation")
+    path = write_table(folder / "table-4.csv", header, rows)
+    trained = ours.record()["conditions"]["train_rows"]
+    return [table(path, rows=trained, papers=TRAIN_ROWS, here=here, there=SPREAD)]
 
 
 def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float) -> Iterator[str]:
@@ -152,10 +129,8 @@ def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float
     for name in tables.SCORES:
         yield f"{result['test'][name]:.2f}"
         yield f"{getattr(theirs, name):.2f}"
-    for ours, published in zip(
-        (times.get("fit"), times.get("test")), paper.TIMES[kind][model], strict=True
-    ):
-        yield "" if ours is None else f"{ours:.3g}"
+    for name, published in zip(("fit", "test"), paper.TIMES[kind][model], strict=True):
+        yield "" if times.get(name) is None else f"{times[name]:.3g}"
         yield f"{published:.3g}"
     unexplained = (100 - result["test"]["r2"]) / (100 - theirs.r2)
     yield ratio(result["test"]["nmae"], theirs.nmae)
@@ -165,9 +140,9 @@ def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float
 
 def _why(theirs: Scores, unexplained: float, here: float) -> str:
     """Say what is known about the distance of a row from the paper's."""
-    reasons = [] if unexplained <= ALIKE else [f"worse R2: {deviations.UNEXPLAINED}"]
+    reasons = [] if unexplained <= ALIKE else ["worse R2: not explained"]
     if abs(spread_of(theirs) / SPREAD - 1) > BELONG:
-        reasons.append(deviations.TWO_SPREADS)
+        reasons.append(why("two-spreads"))
     if unexplained <= ALIKE:
         reasons.append(f"R2 alike; nMSE x {here / SPREAD:.2g} by the areas' spread")
     return "; ".join(reasons)

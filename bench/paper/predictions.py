@@ -6,18 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from bench.page.content import Content, Figure
-from bench.paper.deviations import DIGITS
+from bench.page.content import Content
 from bench.paper.models import Shown, opened, results
-from bench.picture import new_figure, save
-from bench.style import COLOURS
+from bench.paper.texts import DIGITS, picture
+from bench.picture import COLOURS, new_figure
 from bench.table import write_table
 from learn.comparison import paper, tables
 from learn.comparison.folder import Folder
 from learn.models import MODELS
 
+# Times of Table 4, in its order.
 TIMES = {"fit": "fit [s]", "test": "prediction of\nall test rows [s]"}
-"""Times of Table 4, in its order."""
 
 
 def baselines(folder: Path, comparison: Path) -> list[Content]:
@@ -54,26 +53,18 @@ def predictions(folder: Path, comparison: Path, kind: str) -> list[Content]:
     header = ("model", "result", "solved", "predicted")
     path = write_table(folder / f"predictions-{kind}.csv", header, rows, digits=5)
     section = "4.1, baselines" if kind == "baseline" else "4.2, tuned models beside baselines"
-    text = (
-        f"Section {section}: predicted over solved areas of the test rows; on the line they agree."
-        f" {_seen(ours, kind, shown)}"
-    )
-    return [Figure(save(figure, folder / f"predictions-{kind}.png"), text, data=(path,))]
+    said = {"section": section, **_seen(ours, kind, shown)}
+    return [picture(folder, f"predictions-{kind}", figure, path, shows="predictions", **said)]
 
 
-def _seen(folder: Folder, kind: str, shown: Shown) -> str:
+def _seen(folder: Folder, kind: str, shown: Shown) -> dict[str, str]:
     """Say which model is closest here and in the paper, and which predict areas that cannot be."""
     best = max(shown, key=lambda model: float(shown[model]["test"]["r2"]))
     theirs = max(shown, key=lambda model: paper.TEST[kind][model].r2)
-    below = [
-        f"{MODELS[model].title} ({share:.0f} % of the rows)"
-        for model in shown
-        if (share := 100 * float((folder.prediction(kind, model)[1] < 0).mean())) >= 1
-    ]
-    return (
-        f"The closest of these here: {MODELS[best].title}, in the paper: {MODELS[theirs].title}."
-        f" Predicted areas below zero, which cannot be: {', '.join(below) or 'hardly any'}."
-    )
+    negative = {m: 100 * float((folder.prediction(kind, m)[1] < 0).mean()) for m in shown}
+    below = [f"{MODELS[m].title} ({p:.0f} % of the rows)" for m, p in negative.items() if p >= 1]
+    titles = {"best": MODELS[best].title, "theirs": MODELS[theirs].title}
+    return {**titles, "below": ", ".join(below) or "hardly any"}
 
 
 def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> list[tuple[object, ...]]:
@@ -120,12 +111,7 @@ def bars(folder: Path, comparison: Path) -> list[Content]:
     axes[0].legend(ncols=2, loc="upper right", fontsize=9)
     header = ("model", "quantity", "ours", "paper")
     path = write_table(folder / "bars.csv", header, rows, DIGITS)
-    text = (
-        "Section 4.1, baselines: scores and times, the paper's hatched beside ours. Errors above"
-        f" (less is better), R2 (from {lowest:g} % on), then times on a logarithmic axis. Compare"
-        " the order of the models; the times are another machine's."
-    )
-    return [Figure(save(figure, folder / "bars.png"), text, data=(path,))]
+    return [picture(folder, "bars", figure, path, lowest=lowest)]
 
 
 def _draw_bars(

@@ -11,7 +11,7 @@ from bench.page.content import Absent, Content, files_of
 from bench.page.inputs import typed
 from bench.page.record import Making, contents_of
 from bench.paper import borrowed, cost, database, fine, models, numbers, predictions, surfaces
-from bench.remarks import remark
+from bench.report import remark
 from bench.surrogates.cases import CASES, FINE
 from bench.surrogates.generalisation import tests_of
 from gen.runtime.errors import InputError
@@ -40,8 +40,7 @@ PARTS: Mapping[str, Callable[..., list[Content]]] = {
 The further parameters of a function are its inputs by name; it makes more of those with a default.
 """
 
-GENERATED = {"database", "fine"}
-"""Inputs that are generated where they are not given."""
+GENERATED = {"database", "fine"}  # inputs that are generated where they are not given
 
 HOW = {
     "comparison": "python -m learn compare and learn tune, then their folder as --comparison of ",
@@ -63,30 +62,12 @@ def missing_of(name: str, given: Mapping[str, Path]) -> list[str]:
 
 
 def write_report(
-    folder: Path,
-    given: Mapping[str, Path],
-    rows: int,
-    *,
-    only: Sequence[str] = (),
+    folder: Path, given: Mapping[str, Path], rows: int, *, only: Sequence[str] = ()
 ) -> list[Path]:
     """Make the parts that are not made yet, or whose inputs have changed.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder to write into; its `databases` holds the databases that are generated.
-    given : mapping of str to Path
-        Inputs by name: `database` and `fine`, databases of the paper preset and of its finer grid;
-        `comparison`, a folder of `learn compare` or `learn tune`; `cost`, a folder of `bench cost`.
-    rows : int
-        Rows of the paper preset that are generated where no database is given.
-    only : sequence of str
-        Names of the parts that are made; all that the inputs allow if empty.
-
-    Returns
-    -------
-    list of Path
-        Pictures and tables, in the paper's order.
+    Inputs are `given` by the names of the command's options; databases that are not are generated
+    in the folder's `databases`. Return pictures and tables, in the paper's order.
     """
     check_folder(folder)
     for name, refuse in (("comparison", models.opened), ("cost", cost.read), ("fine", fine.check)):

@@ -7,25 +7,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
-from bench.page.content import Content, Figure
-from bench.paper.deviations import DIGITS
+from bench.page.content import Content
 from bench.paper.facts import DELTAS, GRIDS
+from bench.paper.texts import DIGITS, picture
 from bench.paper.unstated.readings import ALONG, NEIGHBOURS, above
-from bench.picture import new_figure, save
-from bench.style import COLOURS
+from bench.picture import COLOURS, new_figure
 from bench.table import write_table
-from gen.scene import load
+from gen.arrays import Heights
+from gen.scene import DisplacedSurface, load
+from gen.scene.distribution import limits
 from gen.statistics import describe
 from gen.surface import GENERATORS, generate
 
-Heights = NDArray[np.float64]
-
 SEED = 3
-PRESET = load("paper").surface
+_PAPER = load("paper").surface
+assert isinstance(_PAPER, DisplacedSurface)
+PRESET = _PAPER
 SIDE, NODES = PRESET.side, PRESET.nodes
-ROUGH, SMOOTH = PRESET.hurst
-SIGMA0 = sum(PRESET.sigma0) / 2
-"""The middle of the preset's range [um]."""
+ROUGH, SMOOTH = limits(PRESET.hurst)
+# The middle of the preset's range [um].
+SIGMA0 = sum(limits(PRESET.sigma0)) / 2
 
 
 def surface(hurst: float, generator: str = "diamond-square", nodes: int = NODES) -> Heights:
@@ -45,22 +46,14 @@ def levels(folder: Path) -> list[Content]:
         for axis, cells, heights in zip(line, GRIDS, grids, strict=True):
             shown = _image(axis, heights, vmin=0, vmax=highest)
             axis.set_title(f"{cells} × {cells}", fontsize=10)
-            rms, top = float(heights.std()), float(heights.max())
-            rows.append((generator, cells, cells + 1, rms, top))
+            rows.append((generator, cells, cells + 1, float(heights.std()), float(heights.max())))
         figure.colorbar(shown, ax=line, label="height [µm]", shrink=0.9)
         line[0].set_ylabel(f"{generator}\ny [µm]")
     for axis in axes[-1]:
         axis.set_xlabel("x [µm]")
     header = ("generator", "cells_a_side", "nodes_a_side", "rms_height_um", "largest_height_um")
     table = write_table(folder / "levels.csv", header, rows, DIGITS)
-    caption = (
-        f"Section 2.2, random midpoint displacement: one surface (H = {middle:g}, sigma0 ="
-        f" {SIGMA0:g} um) on finer and finer grids. Each level keeps the nodes it has and adds"
-        " ever smaller hills between them (a tile is a node). Above the generator of our"
-        " databases, which also reproduces the paper's statistics; below the algorithm as the"
-        " paper's text tells it."
-    )
-    return [Figure(save(figure, folder / "levels.png"), caption, data=(table,))]
+    return [picture(folder, "levels", figure, table, hurst=middle, sigma0=SIGMA0)]
 
 
 def profile(folder: Path) -> list[Content]:
@@ -72,8 +65,7 @@ def profile(folder: Path) -> list[Content]:
     asperities = above(heights, NEIGHBOURS[4], border=False)
     figure = new_figure(11, 4.2)
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.7))
-    shown = _image(left, heights)
-    figure.colorbar(shown, ax=left, label="height [µm]")
+    figure.colorbar(_image(left, heights), ax=left, label="height [µm]")
     left.axhline(x[middle], color="w", lw=1.5)
     left.plot(*(x[places] for places in np.nonzero(asperities)), "w.", ms=1.2)
     left.set(title="(a) topography: asperities, a profile", xlabel="x [µm]", ylabel="y [µm]")
@@ -88,13 +80,7 @@ def profile(folder: Path) -> list[Content]:
     )
     header = ("of", "number", "mean_height_um", "rms_um")
     table = write_table(folder / "profile.csv", header, counted, DIGITS)
-    caption = (
-        f"Section 2.3, what the statistics count: (a) asperities of a surface (H = {ROUGH:g}) as"
-        " dots, nodes above their four neighbours, and the line of a profile; (b) that profile"
-        " with its peaks, nodes above both neighbours, the highest of them and their mean. Only"
-        " some peaks are asperities: the others are flanks across the profile."
-    )
-    return [Figure(save(figure, folder / "profile.png"), caption, data=(table,))]
+    return [picture(folder, "profile", figure, table, hurst=ROUGH)]
 
 
 def _draw_profile(
@@ -102,23 +88,17 @@ def _draw_profile(
 ) -> None:
     """Draw a profile, its peaks and what is said of them."""
     heights = line[peaks]
-    mean, rms = float(heights.mean()), float(heights.std())
+    mean, rms, top = (float(each) for each in (heights.mean(), heights.std(), heights.max()))
+    circles = {"ms": 8, "mfc": "none", "color": COLOURS[1]}
     axis.plot(x, line, color="0.45", lw=1, label="profile")
     axis.plot(x[peaks], heights, "^", ms=4, color=COLOURS[0], label="peaks")
-    axis.plot(x[asperities], line[asperities], "o", ms=8, mfc="none", color=COLOURS[1])
-    axis.plot([], [], "o", ms=8, mfc="none", color=COLOURS[1], label="also asperities")
+    axis.plot(x[asperities], line[asperities], "o", label="also asperities", **circles)
     axis.axhspan(mean - rms, mean + rms, color=COLOURS[5], alpha=0.25, lw=0)
     axis.axhline(mean, color=COLOURS[0], ls="--", label=f"mean of peaks {mean:.3g} ± {rms:.2g} µm")
-    top = float(heights.max())
     axis.axhline(top, color="k", ls=":", label=f"highest peak {top:.3g} µm")
-    span = float(np.ptp(line))
-    axis.set(
-        title="(b) the profile",
-        xlabel="x [µm]",
-        ylabel="height [µm]",
-        xlim=(x[0], x[-1]),
-        ylim=(float(line.min()) - 0.05 * span, top + 0.45 * span),
-    )
+    span, low = float(np.ptp(line)), float(line.min())
+    axis.set(title="(b) the profile", xlabel="x [µm]", ylabel="height [µm]")
+    axis.set(xlim=(x[0], x[-1]), ylim=(low - 0.05 * span, top + 0.45 * span))
     axis.legend(ncols=2, fontsize=8, loc="upper center")
 
 
@@ -144,22 +124,15 @@ def topographies(folder: Path) -> list[Content]:
         lower.set_title(f"({names[1]}) Δ = {delta:g} µm: area {area:.2f} %", fontsize=10)
         lower.set_xlabel("x [µm]")
         numbers = (area, contact.force, float(force.max()), contact.residual)
-        rows.append((f"{names[0]}, {names[1]}", hurst, delta, *numbers))
-    axes[0, 0].set_ylabel("y [µm]")
-    axes[1, 0].set_ylabel("y [µm]")
-    figure.colorbar(shown, ax=axes[0], label="height [µm]")
-    figure.colorbar(forces, ax=axes[1], label="force on a node [µN], E* = 1 MPa")
+        rows.append((", ".join(names), hurst, delta, *numbers))
+    labels = "height [µm]", "force on a node [µN], E* = 1 MPa"
+    for line, drawn, label in zip(axes, (shown, forces), labels, strict=True):
+        line[0].set_ylabel("y [µm]")
+        figure.colorbar(drawn, ax=line, label=label)
     header = ("panels", "hurst", "delta_um", "area_percent", "force_uN", "largest_uN", "residual")
     table = write_table(folder / "topographies.csv", header, rows, DIGITS)
     areas = [contact.area_percent for contact in pressed]
-    caption = (
-        "Section 2.4, topography against contact pressure, at the paper's displacements. More"
-        f" displacement on the same surface, (d) to (e), raises the area from {areas[0]:.2f} to"
-        f" {areas[1]:.2f} %; the same displacement on a smoother surface of the same random"
-        f" numbers, (d) to (f), to {areas[2]:.2f} %. The paper's own surfaces and areas stand in"
-        " its picture only: what can be compared is the order, which is the same."
-    )
-    return [Figure(save(figure, folder / "topographies.png"), caption, data=(table,))]
+    return [picture(folder, "topographies", figure, table, areas=areas)]
 
 
 def _image(axis: Any, field: Any, **options: Any) -> Any:

@@ -1,42 +1,90 @@
-"""Equal accuracy first, then time: each solver at the loosest tolerance that is good enough."""
+"""Equal accuracy first, then time: each solver at the loosest tolerance that is good enough.
+
+`Errors` says when a solution counts as one, `loosest` finds the tolerance, `compare` times.
+"""
 
 import time
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
 
 import numpy as np
 
-from bench.peers.accuracy import find_errors, loosest
 from bench.peers.sample import SIGMA0
-from bench.remarks import remark
-from bench.solvers.case import Case, find_exact
-from bench.solvers.solver import REFERENCE_RTOL, Answer, Failure, Solver, back_and_forth
+from bench.report import remark
+from bench.solvers.case import Case, Exact, find_exact
+from bench.solvers.solver import REFERENCE_RTOL, Answer, Control, Failure, Solver, back_and_forth
+from gen.arrays import Values
 
+# The force at the displacement given, or the displacement of the far field at the force given [1].
+LOAD_ERROR = 1e-6
+# Nodes in contact in one solution only, of those in contact [1]; one is always allowed.
+MISPLACED_SHARE = 5e-4
 Row = dict[str, Any]
-
 FIRST_GUESS = 1e-4  # of a tolerance; later ones are what the last contact took
 TURN = 0.05  # s of CPU time that a solver's turn takes at least, by repetition
 PATIENCE = 5.0  # s of CPU time of a solve that is not repeated for its median
 UNKNOWN = dict.fromkeys(("load_error", "misplaced_nodes", "pressure_error", "convolutions"))
 
 
-class Trial:
-    """One solver on one contact.
+@dataclass(frozen=True)
+class Errors:
+    """How far a pressure is from the reference."""
 
-    Attributes
-    ----------
-    tolerance : float or None
-        The loosest that is good enough, once it has been found.
-    remark : str
-        Why there is none.
+    load_error: float  # of the force, or of the displacement where the force is given, relative
+    misplaced_nodes: int  # in contact, or yielded, in it or in the reference, not in both
+    pressure_error: float  # the largest, over the largest pressure
+
+    def good_enough(self, contact_nodes: int) -> bool:
+        """Say whether a solution of a contact of this many nodes may have these errors."""
+        allowed = max(1.0, MISPLACED_SHARE * contact_nodes)
+        return self.load_error <= LOAD_ERROR and self.misplaced_nodes <= allowed
+
+
+def find_errors(pressure: Values, control: Control, case: Case, exact: Exact) -> Errors:
+    """Measure the errors of an (n, n) pressure [MPa] that was found under a given load.
+
+    A given force is met by construction, so that its displacement counts, which is computed here
+    and not by the peer.
     """
+    if control == "force":
+        approach = case.displacement(pressure) - (case.heights - case.heights.max())
+        load_error = (pressure * approach).sum() / pressure.sum() / case.delta - 1
+    else:
+        load_error = pressure.sum() * case.spacing**2 / exact.force - 1
+    touching = (pressure > 0) != (exact.pressure > 0)
+    yielded = case.yielded(pressure) != case.yielded(exact.pressure)
+    return Errors(
+        load_error=abs(float(load_error)),
+        misplaced_nodes=int(np.count_nonzero(touching) + np.count_nonzero(yielded)),
+        pressure_error=float(np.abs(pressure - exact.pressure).max() / exact.pressure.max()),
+    )
+
+
+def loosest(
+    good_enough: Callable[[float], bool], ladder: Sequence[float], guess: float
+) -> float | None:
+    """Find the loosest tolerance of a falling ladder that is good enough, or None if none is.
+
+    Begin at the nearest tolerance that is not looser than the guess. Go looser from one that is
+    good enough, as far as that holds; go tighter from one that is not.
+    """
+    rung = next((r for r, tolerance in enumerate(ladder) if tolerance <= guess), len(ladder) - 1)
+    if good_enough(ladder[rung]):
+        while rung > 0 and good_enough(ladder[rung - 1]):
+            rung -= 1
+        return ladder[rung]
+    return next((tolerance for tolerance in ladder[rung + 1 :] if good_enough(tolerance)), None)
+
+
+class Trial:
+    """One solver on one contact."""
 
     def __init__(self, solver: Solver, case: Case) -> None:
         self.solver, self._case = solver, case
-        self.tolerance: float | None = None
-        self.remark = ""
+        self.tolerance: float | None = None  # the loosest that is good enough, once it is found
+        self.remark = ""  # why there is none
         self._exact = find_exact(case, REFERENCE_RTOL)
         self.contact_nodes = int(np.count_nonzero(self._exact.pressure > 0))
         self._tried: dict[float, Row] = {}

@@ -12,17 +12,15 @@ import numpy as np
 import bem
 from bench.peers.compare import Row
 from bench.peers.sample import sample
-from bench.remarks import remark
+from bench.report import remark
 from bench.solvers.case import Case
 from bench.solvers.contact_mechanics import primal_gradients
 from bench.solvers.others import installed
 from bench.solvers.solver import MAX_ITERATIONS, Failure
 
-HARDNESS = 0.1
-"""Over E* [1]."""
-
+HARDNESS = 0.1  # over E* [1]
+# Over E*; at the hardness every node has yielded [1].
 MEAN_PRESSURES = (0.01, 0.03, 0.05, 0.06, 0.07, 0.08, 0.09, 0.095, 0.099)
-"""Over E*; at the hardness every node has yielded [1]."""
 
 RTOL = 1e-6
 THEIRS = "ContactMechanics"

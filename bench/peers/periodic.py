@@ -4,75 +4,57 @@ All solve the same problem: the displacement of a wave is 2 / (E* |q|) of its pr
 average. Surfaces have a power spectrum from a quarter of the side down to four cells.
 """
 
-import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache, partial
-from pathlib import Path
-from statistics import median
 from typing import Any
 
 import numpy as np
 
-import bem
-from bench.page import content
-from bench.peers.accuracy import Errors, loosest
+from bench.peers.compare import Errors, find_errors
+from bench.peers.compare import compare as equal_accuracy
 from bench.picture import draw_curves, new_figure
-from bench.remarks import remark
 from bench.report import Report
 from bench.solvers import aspher, contact_mechanics, tamaas
-from bench.solvers.case import Case, Field
+from bench.solvers.case import PERIODIC_RTOL, Case, find_exact
 from bench.solvers.others import installed
-from bench.solvers.solver import Answer, Failure, Press, Solver, back_and_forth
+from bench.solvers.own import press_boundary_elements
+from bench.solvers.solver import REFERENCE_RTOL, Failure, Press, Solver
 from gen.runtime.errors import InputError
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 Row = dict[str, Any]
 
-HURSTS = (0.8, 0.3, 0.5, 0.65, 0.95)
-"""One surface each; solvers are timed on the first."""
-
+HURSTS = (0.8, 0.3, 0.5, 0.65, 0.95)  # one surface each; solvers are timed on the first
+# Mean pressures over E* times the rms slope: some 1, 10, 50, 90 and 99 % of the nodes touch.
 LOADS = (0.004, 0.04, 0.26, 0.75, 1.2)
-"""Mean pressures over E* times the rms slope: some 1, 10, 50, 90 and 99 % of the nodes touch."""
 
-REFERENCE_RTOL = 1e-13
+CLOSEST = "closest_load_error", "closest_misplaced_nodes", "closest_pressure_error"
+MEASURED = "tolerance", "seconds", "times_ours", "convolutions"
 LADDER = tuple(10.0**-decade for decade in range(2, 13))
-GUESS = 1e-5
-LARGEST = 512
-"""Nodes a side up to which all surfaces are solved, as closely as each solver can."""
+LARGEST = 512  # nodes a side up to which all surfaces are solved, as closely as each solver can
 
 
 def _edgeless(nodes: int, spacing: float) -> Press:
-    """Open `bem.solve` for periodic patches."""
-    side = nodes * spacing
-
-    def press(case: Case, force: float, tolerance: float) -> Answer:
-        load = case.mean_pressure(force)
-        try:
-            contact = bem.solve(
-                case.heights, side, pressure=load, boundary="periodic", rtol=tolerance
-            )
-        except bem.NotConverged as failure:
-            raise Failure(str(failure)) from None
-        return Answer(contact.pressure, contact.iterations, contact.convolutions)
-
-    return press
+    """Open `bem.solve` for periodic patches, which keeps nothing for a grid."""
+    return press_boundary_elements
 
 
-_cm = partial(Solver, package="ContactMechanics", install="peers")
-_aspher = partial(Solver, package="aspher", install="peers", control="force")
+_peer = partial(Solver, install="peers", ladder=LADDER)
+_cm = partial(_peer, package="ContactMechanics")
+_aspher = partial(_peer, package="aspher", control="force")
 SOLVERS = (
-    Solver("bem", _edgeless, control="force", precision="mixed"),
+    Solver("bem", _edgeless, control="force", precision="mixed", ladder=LADDER),
     _cm(
         "ContactMechanics primal",
         partial(contact_mechanics.primal_gradients, control="force", boundary="periodic"),
         control="force",
     ),
     _cm("ContactMechanics dual", partial(contact_mechanics.dual_gradients, boundary="periodic")),
-    Solver(
+    _peer(
         "Tamaas",
         partial(tamaas.projected_gradients, boundary="periodic"),
         package="tamaas",
-        install="peers",
         control="force",
     ),
     _aspher("ASPHER", partial(aspher.single_grid, precond="fourier-fft", backend="periodic")),
@@ -85,101 +67,52 @@ SOLVERS = (
 
 
 @lru_cache(maxsize=4)
-def contact_of(nodes: int, hurst: float, load: float) -> bem.Contact:
-    """Return the reference, on a side of 1 um with a rms slope of 1 and E* = 1 MPa."""
+def sample(nodes: int, hurst: float, load: float) -> Case:
+    """Return a contact on a side of 1 um with a rms slope of 1; the load is a mean pressure."""
     spectrum = SelfAffineSpectrum(hurst, roll_off=0.25, cut_off=4 / nodes)
     random = np.random.default_rng(25)
     heights = generate_spectral((nodes, nodes), 1.0, spectrum, random, rms_slope=1.0)
-    return bem.solve(heights, 1.0, pressure=load, boundary="periodic", rtol=REFERENCE_RTOL)
+    name = f"H = {hurst:g}, p / (E* h') = {load:g}"
+    case = Case(name, heights, side=1.0, delta=np.nan, hurst=hurst, load=load)
+    return replace(case, delta=case.solve(PERIODIC_RTOL).delta)
 
 
-class Trial:
-    """One solver on one contact."""
+def errors_of(solver: Solver, case: Case, tolerance: float) -> Errors:
+    """Solve, and compare with the exact solution; raise `Failure` if the solver fails."""
+    pressure = solver.solve(case, tolerance).pressure
+    return find_errors(pressure, solver.control, case, find_exact(case, REFERENCE_RTOL))
 
-    def __init__(self, solver: Solver, exact: bem.Contact) -> None:
-        nodes = len(exact.pressure)
-        # A case is of nodes that end at the border: this side makes its spacing that of the cells.
-        heights = np.array(exact.problem.heights)
-        self.case = Case("periodic", heights, (nodes - 1) / nodes, exact.delta)
-        self.solver, self.exact = solver, exact
-        self.press = solver.set_up(nodes, 1 / nodes)
-        self.seconds: list[float] = []
-        self.convolutions: int | None = None
-        self.remark = ""
 
-    def errors(self, tolerance: float) -> Errors | None:
-        """Solve, and compare; None if the solver fails."""
-        began = time.process_time()
+def _closest(solver: Solver, case: Case) -> tuple[Errors | None, str]:
+    """Return the errors at the tightest tolerance that a solver reaches, or why there are none."""
+    why = ""
+    for tolerance in (1e-12, 1e-10, 1e-8, 1e-6):
         try:
-            answer = self.press(self.case, self.exact.force, tolerance)
-        except Exception as failure:
-            if not (self.solver.install or isinstance(failure, Failure)):
-                raise  # only other people's code may fail in any way
-            self.remark = f"tolerance {tolerance:.0e}: {failure}"
-            return None
-        self.seconds = [*self.seconds, time.process_time() - began]
-        pressure, exact = answer.pressure, self.exact
-        self.convolutions = answer.convolutions
-        waves = np.fft.rfft2(pressure) * _compliances(len(pressure))
-        moved = np.fft.irfft2(waves, s=pressure.shape)
-        depth = moved - (self.case.heights - self.case.heights.max())
-        given = {"force": (pressure * depth).sum() / pressure.sum() / exact.delta}
-        load = given.get(self.solver.control, pressure.mean() / exact.pressure.mean())
-        return Errors(
-            abs(float(load) - 1),
-            int(np.count_nonzero((pressure > 0) != (exact.pressure > 0))),
-            float(np.abs(pressure - exact.pressure).max() / exact.pressure.max()),
-        )
-
-    def good_enough(self, tolerance: float) -> bool:
-        """Say whether a tolerance gives load and contact as closely as the comparison asks."""
-        errors = self.errors(tolerance)
-        return errors is not None and errors.good_enough(self.exact.contact_nodes)
-
-
-def _compliances(nodes: int) -> Field:
-    """Return 2 / |q| of all waves on a side of 1 um."""
-    orders = np.hypot.outer(np.fft.fftfreq(nodes, 1 / nodes), np.arange(nodes // 2 + 1.0))
-    orders[0, 0] = np.inf
-    return np.asarray(1 / (np.pi * orders))
+            return errors_of(solver, case, tolerance), ""
+        except Failure as failure:
+            why = f"tolerance {tolerance:.0e}: {failure}"
+    return None, why
 
 
 def rows_of(nodes: int, hurst: float, load: float, rounds: int) -> Iterator[Row]:
     """Compare all solvers on a contact; without rounds, only how close they come to it."""
-    exact = contact_of(nodes, hurst, load)
-    remark(f"{nodes} nodes a side, H = {hurst:g}, p / (E* h') = {load:g}")
-    trials = [Trial(solver, exact) for solver in (SOLVERS[0], *installed(SOLVERS[1:]))]
-    closest = [_closest(trial) if nodes <= LARGEST else None for trial in trials]
-    found = [loosest(each.good_enough, LADDER, GUESS) if rounds else None for each in trials]
-    for trial in trials:
-        trial.seconds = []
-    timed = [pair for pair in zip(trials, found, strict=True) if pair[1] is not None]
-    for trial, tolerance in back_and_forth(timed, rounds):
-        trial.errors(float(tolerance or 0))
-    ours = median(trials[0].seconds) if trials[0].seconds else None
-    for trial, tolerance, close in zip(trials, found, closest, strict=True):
-        seconds = median(trial.seconds) if trial.seconds else None
+    case, solvers = sample(nodes, hurst, load), [SOLVERS[0], *installed(SOLVERS[1:])]
+    share = find_exact(case, REFERENCE_RTOL).contact_share
+    timed = {row["solver"]: row for row in equal_accuracy([case], solvers, rounds)}
+    for solver in solvers:
+        close, why = _closest(solver, case) if nodes <= LARGEST else (None, "")
+        row = timed[solver.name] if rounds else {"remark": why}
         yield {
             "nodes": nodes,
             "hurst": hurst,
             "mean_pressure": load,  # over E* times the rms slope
-            "area_percent": exact.area_percent,
-            "solver": trial.solver.name,
-            "version": trial.solver.version,
-            "closest_load_error": close.load_error if close else None,
-            "closest_misplaced_nodes": close.misplaced_nodes if close else None,
-            "closest_pressure_error": close.pressure_error if close else None,
-            "tolerance": tolerance,  # the loosest that is good enough
-            "seconds": seconds,  # of CPU time, median
-            "times_ours": seconds / ours if seconds and ours else None,
-            "convolutions": trial.convolutions if tolerance else None,
-            "remark": "" if close or tolerance else trial.remark,
+            "area_percent": 100 * share,
+            "solver": solver.name,
+            "version": solver.version,
+            **{error: getattr(close, error.removeprefix("closest_"), None) for error in CLOSEST},
+            **{name: row.get(name) for name in MEASURED},
+            "remark": "" if close or row.get("tolerance") else row["remark"],
         }
-
-
-def _closest(trial: Trial) -> Errors | None:
-    """Return the errors at the tightest tolerance that the solver reaches."""
-    return next(filter(None, map(trial.errors, (1e-12, 1e-10, 1e-8, 1e-6))), None)
 
 
 def compare(nodes: Sequence[int], rounds: int) -> list[Row]:
@@ -216,43 +149,10 @@ def report(rows: Sequence[Row]) -> Report:
 
 def agreement(rows: Sequence[Row]) -> Iterator[Row]:
     """Yield how far each solver is from ours at most, over all surfaces and loads of a grid."""
-    errors = ("closest_load_error", "closest_misplaced_nodes", "closest_pressure_error")
     for nodes, solver in dict.fromkeys((row["nodes"], row["solver"]) for row in rows):
         own = [row for row in rows if (row["nodes"], row["solver"]) == (nodes, solver)]
-        found = [row for row in own if row[errors[0]] is not None]
+        found = [row for row in own if row[CLOSEST[0]] is not None]
         if found:
-            largest = {error: max(row[error] for row in found) for error in errors}
+            largest = {error: max(row[error] for row in found) for error in CLOSEST}
             counts = {"contacts": len(own), "solved": len(found)}
             yield {"nodes": nodes, "solver": solver, **counts, **largest}
-
-
-def contents(folder: Path) -> list[content.Content]:
-    """List what a folder holds of this comparison."""
-    table = folder / "periodic.csv"
-    command = "python -m bench peers --boundary periodic --nodes 128,256 --rounds 2 -o DIR"
-    return [
-        content.Figure(
-            folder / "periodic.png",
-            "Periodic patches: processor time over ours against the load, at which 1 to 99 % of the"
-            " nodes touch, each solver at its loosest tolerance with the displacement within 1e-6"
-            " and the contact set within 0.05 %. Above 1 we are faster.",
-            command,
-            (table,),
-        ),
-        content.Table(
-            table,
-            "The same as numbers.",
-            command,
-            (
-                *("nodes", "mean_pressure", "area_percent", "solver", "tolerance", "seconds"),
-                *("times_ours", "convolutions", "remark"),
-            ),
-        ),
-        content.Table(
-            folder / "periodic-agreement.csv",
-            "How far solvers of periodic patches are from ours at most, each at its tightest"
-            " tolerance, on five surfaces under five loads: displacement, or force where the"
-            " displacement is given, nodes in contact, and pressure over the largest.",
-            command,
-        ),
-    ]

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from functools import lru_cache
 
-from bench.solvers.case import Case, Field
+from bench.solvers.case import Case
+from gen.arrays import Heights
 from gen.generation.plan import surface_random
 from gen.scene import load
 from gen.surface import generate
@@ -47,7 +48,7 @@ def samples(
 
 
 @lru_cache(maxsize=8)
-def _heights(nodes: int, hurst: float) -> Field:
+def _heights(nodes: int, hurst: float) -> Heights:
     """Generate the (nodes, nodes) surface [um]."""
     random = surface_random(load("paper"), SURFACE)
     heights = generate("diamond-square", nodes, hurst, SIGMA0, random)

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from bem.influence import Kernel
-from bench.references.half_space import displacement, flat_punch, influence_coefficients
+from bench.references.half_space import Field, displacement, flat_punch, influence_coefficients
 
-Field = NDArray[np.float64]
 Nodes = NDArray[np.intp]
 Sides = NDArray[np.intp]
 

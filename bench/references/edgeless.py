@@ -11,16 +11,14 @@ from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from bench.references import dense, yielding
+from bench.references.half_space import Field
 
-Field = NDArray[np.float64]
 Boundary = Literal["periodic", "mirror"]
 
-CLOSE = 4 * np.finfo(float).eps
-"""Relative accuracy of the spring's displacement."""
+CLOSE = 4 * np.finfo(float).eps  # relative accuracy of the spring's displacement
 
 
 class Solution(NamedTuple):

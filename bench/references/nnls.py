@@ -15,14 +15,14 @@ from scipy.linalg.lapack import dposv
 
 from bem.influence import Kernel
 from bench.references.dense import influence_matrix
+from bench.references.half_space import Field
 
-Values = NDArray[np.float64]
 Nodes = NDArray[np.intp]
 
 
 def press(
-    heights: Values, delta: float, *, kernel: Kernel = "uniform-pressure", rtol: float = 1e-8
-) -> tuple[Values, int]:
+    heights: Field, delta: float, *, kernel: Kernel = "uniform-pressure", rtol: float = 1e-8
+) -> tuple[Field, int]:
     """Press a surface on square cells as `dense.press` does, up to a penetration rtol over Delta.
 
     Returns
@@ -40,7 +40,7 @@ def press(
     return pressure.reshape(heights.shape), solves
 
 
-def solve(matrix: Values, interference: Values, rtol: float = 1e-8) -> tuple[Values, int]:
+def solve(matrix: Field, interference: Field, rtol: float = 1e-8) -> tuple[Field, int]:
     """Find (m,) p >= 0 with gap w = H p - u >= -rtol and p w = 0, for a positive definite H.
 
     Return p and the number of dense systems solved; raise ArithmeticError if rounding keeps the
@@ -70,7 +70,7 @@ def solve(matrix: Values, interference: Values, rtol: float = 1e-8) -> tuple[Val
     return pressure, solves
 
 
-def _balance(matrix: Values, interference: Values) -> Values:
+def _balance(matrix: Field, interference: Field) -> Field:
     """Pressure of either sign that closes the gap on all nodes of a small matrix."""
     _, values, failed = dposv(matrix.T, interference, overwrite_a=True)
     if failed:
@@ -78,7 +78,7 @@ def _balance(matrix: Values, interference: Values) -> Values:
     return np.asarray(values)
 
 
-def _release(pressure: Values, values: Values, active: Nodes, rows: Values, count: int) -> int:
+def _release(pressure: Field, values: Field, active: Nodes, rows: Field, count: int) -> int:
     """Go towards the balance as far as pressures stay positive; release the node that stops it.
 
     The last of the active nodes takes the place of the one released.

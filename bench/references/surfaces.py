@@ -3,9 +3,9 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Field = NDArray[np.float64]
+from bench.references.half_space import Field
+
 Random = np.random.Generator
 Shape = tuple[int, int]
 

@@ -9,14 +9,13 @@ sets, and accepts a pressure only if it fulfils all conditions of contact, which
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 
 from bem.influence import Kernel
 from bench.references import dense
+from bench.references.half_space import Field
 
-Field = NDArray[np.float64]
 Method = Callable[[Field, Field, float], dense.Sides]
 
 

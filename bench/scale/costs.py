@@ -4,7 +4,6 @@ All are processor times, so that they bear the presence of other users alike; th
 short measurements counts. Writing is to a local disk, through the kernel's cache.
 """
 
-import json
 import resource
 import tempfile
 import time
@@ -18,8 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
-from bench.remarks import remark
+from bench.report import remark
 from bench.scale.launch import launch
 from bench.scale.probe import empty_rows, scene_of
 from gen import database
@@ -29,14 +29,10 @@ from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 from gen.scene import Scene, load
 
-NODES = {129: 192, 1025: 12}
-"""Grids of which rows are measured, and how many: k = 7 and k = 10."""
-
-BLOCK_ROWS = (1, 64, 512)
-"""Rows of the blocks of which messages and writes are measured."""
-
+NODES = {129: 192, 1025: 12}  # grids of which rows are measured, and how many: k = 7 and k = 10
+BLOCK_ROWS = (1, 64, 512)  # rows of the blocks of which messages and writes are measured
+# Numbers of workers for which the master's bookkeeping is measured.
 CROWDS = (10, 100, 1000, 10_000)
-"""Numbers of workers for which the master's bookkeeping is measured."""
 
 MESSAGES, WRITES, REPEATS = 60, 60, 9
 
@@ -90,15 +86,14 @@ def measure() -> Costs:
 
 def read_costs(path: Path) -> Costs:
     """Read the costs that a report keeps; raises InputError for anything else."""
-    require_file(path)
     try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        rows = {int(nodes): tuple(seconds) for nodes, seconds in content.pop("rows").items()}
-        for name in ("message", "write", "bookkeeping"):
-            content[name] = Line(**content[name])
-        return Costs(rows=rows, **content)
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        return TypeAdapter(Costs).validate_json(require_file(path).read_bytes())
+    except OSError as error:
         raise InputError(f"{path}: no measured costs: {error}") from None
+    except ValidationError as error:
+        fault = error.errors()[0]
+        key = ".".join(map(str, fault["loc"]))
+        raise InputError(f"{path}: no measured costs: {key} {fault['msg']}") from None
 
 
 def scene_with(nodes: int) -> Scene:

@@ -11,9 +11,9 @@ from typing import Any
 
 from gen.runtime import farm
 from gen.runtime.errors import InputError
+from gen.runtime.installing import command_for
 
-TIMEOUT = 300.0
-"""Seconds after which a measurement counts as hanging."""
+TIMEOUT = 300.0  # seconds after which a measurement counts as hanging
 
 ENVIRONMENT = {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
@@ -75,5 +75,5 @@ def _mpiexec() -> str:
     beside = Path(sys.executable).with_name("mpiexec")
     found = str(beside) if beside.exists() else shutil.which("mpiexec")
     if found is None:
-        raise InputError("scale: no mpiexec; install the extra 'mpich'")
+        raise InputError(f"scale: no mpiexec: {command_for('mpich')}")
     return found

@@ -20,8 +20,7 @@ from gen.runtime import farm
 from gen.scene import Scene
 from gen.schema import Status, columns_for
 
-Task = tuple[Block, float]
-"""A block of rows, and how long it takes [s]."""
+Task = tuple[Block, float]  # a block of rows, and how long it takes [s]
 
 
 def scene_of(rows: int) -> Scene:
@@ -32,7 +31,7 @@ def scene_of(rows: int) -> Scene:
 def empty_rows(scene: Scene, count: int) -> Columns:
     """Return rows in which nothing stands but that they are done."""
     rows = {
-        column.name: np.full(column.shape(count, scene.surface.nodes), column.fill, column.dtype)
+        column.name: np.full(column.shape(count, scene.shape), column.fill, column.dtype)
         for column in columns_for(scene)
     }
     rows["status"][:] = Status.DONE

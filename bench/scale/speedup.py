@@ -19,21 +19,18 @@ from pathlib import Path
 from statistics import mean, median
 from typing import Any
 
-from bench.remarks import remark
+from bench.report import remark
 from bench.scale.launch import answer, launch
 from gen.generation.run import Request, generate_database
 from gen.generation.sample import compute_rows
 from gen.runtime import farm
 from gen.scene import load
 
+# Runs of a round, and their ranks: 0 is without MPI; rank 0 of the others is the master.
 RANKS = {"alone": 0, "1 worker": 2, "2 workers": 3}
-"""Runs of a round, and their ranks: 0 is without MPI; rank 0 of the others is the master."""
-
-COPIES = "2 copies"
-"""The run of two processes alone, side by side; its times are the means of both."""
-
+COPIES = "2 copies"  # the run of two processes alone, side by side; its times are the means of both
+# Generation times of one round by the name of the run, without start-up [s].
 Turn = dict[str, float]
-"""Generation times of one round by the name of the run, without start-up [s]."""
 
 GAINS: dict[str, Callable[[Turn], float]] = {
     "2 workers over 1 worker": lambda turn: turn["1 worker"] / turn["2 workers"],

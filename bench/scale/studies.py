@@ -1,16 +1,22 @@
-"""What is simulated: ranks, rows, grids, writers and block sizes."""
+"""`python -m bench scale`: ranks, rows, grids, writers and block sizes simulated, and reported."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from itertools import product
+from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.remarks import remark
-from bench.scale.costs import Costs, scene_with
+from bench.picture import new_figure
+from bench.report import Report, remark
+from bench.scale.costs import Costs, measure, read_costs, scene_with
 from bench.scale.simulation import Writer, simulate
+from bench.scale.validation import TOLERANCE, compare
+from bench.template import rendered
 from gen.generation import plan
 from gen.generation.delivery import Block
 from gen.generation.run import blocks_of
@@ -18,8 +24,8 @@ from gen.runtime.farm import IN_FLIGHT
 from gen.schema import row_bytes
 
 RANKS = (10, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
+# Rows by nodes a side. More of the large ones only prolong the middle of a run.
 ROWS = {129: (10**4, 10**5, 10**6, 10**7), 1025: (10**4, 10**5)}
-"""Rows by nodes a side. More of the large ones only prolong the middle of a run."""
 
 BLOCKS = {
     129: [(n, 1) for n in (16, 64, 256, 1024)]
@@ -28,20 +34,17 @@ BLOCKS = {
 }
 """Rows that blocks may and should have, by nodes a side."""
 
+# Ranks, and rows by nodes a side, that scheduling is judged by.
 GOAL_RANKS, GOAL_ROWS = 500, {129: 10**6, 1025: 10**5}
-"""Ranks, and rows by nodes a side, that scheduling is judged by."""
-
-WANTED = 0.9
-"""Efficiency that they have to reach."""
-
+WANTED = 0.9  # efficiency that they have to reach
+# Who writes, by the name of the writer.
 WRITERS: dict[str, Writer] = {"single": "master", "parallel": "workers"}
-"""Who writes, by the name of the writer."""
 
 SEED = 1
 
 
-Point = dict[str, Any]
-"""One simulated run, by the names of its columns."""
+Point = dict[str, Any]  # one simulated run, by the names of its columns
+FILLING = (1, 16, 64, 256, 1024)  # rows of blocks for which the master's capacity is said
 
 
 def sweep(costs: Costs) -> Iterator[Point]:
@@ -128,3 +131,72 @@ def saturation(costs: Costs, nodes: int, block: int, *, write: bool) -> int:
     if not each:
         return round(time / fixed)
     return round((math.sqrt(fixed**2 + 4 * each * time) - fixed) / (2 * each))
+
+
+def report(known: Path | None, *, validate: bool) -> Report:
+    """Measure the costs unless they are known, compare with real runs if asked to, and simulate.
+
+    Raises
+    ------
+    InputError
+        If the costs cannot be read, or there is no mpiexec.
+    """
+    costs = measure() if known is None else read_costs(known)
+    validation = {"validation": compare(costs)} if validate else {}
+    points = list(sweep(costs))
+    errors = [abs(row["relative_error"]) for rows in validation.values() for row in rows]
+    return Report(
+        {**validation, "scale": points},
+        records={"costs": asdict(costs)},
+        pictures={"scale": _picture(points)},
+        text=summary(costs, points, errors),
+    )
+
+
+def summary(costs: Costs, points: Sequence[Point], errors: Sequence[float] = ()) -> str:
+    """Say what the simulation says, and by how much it is off in real runs [1]."""
+
+    def workers(nodes: int, writer: str) -> dict[int, int]:
+        write = writer == "single"
+        return {block: saturation(costs, nodes, block, write=write) for block in FILLING}
+
+    said = {"errors": errors, "tolerance": TOLERANCE, "costs": costs, "goal": GOAL_RANKS}
+    said |= {"wanted": WANTED, "mean": fmean, "min": min, "max": max}
+    said |= {"busy": {pair: workers(*pair) for pair in product(costs.rows, WRITERS)}}
+    said |= {"goals": list(_at_goal(points))}
+    return rendered("scale/scale.txt.jinja", said).rstrip()
+
+
+def _at_goal(points: Sequence[Point]) -> Iterator[tuple[Point, Point]]:
+    """Yield the runs at the goal with the program's blocks, and with the best of others."""
+    for nodes, writer in product(GOAL_ROWS, WRITERS):
+        goal = {"ranks": GOAL_RANKS, "rows": GOAL_ROWS[nodes], "nodes": nodes, "writer": writer}
+        mine = [point for point in points if goal.items() <= point.items()]
+        own = [point for point in mine if not point["largest"]]
+        yield from ((each, max(mine, key=lambda point: point["efficiency"])) for each in own[:1])
+
+
+def _picture(points: Sequence[Point]) -> Any:
+    """Draw efficiency over ranks above, the busy master below; a column for each grid."""
+    grids = sorted({point["nodes"] for point in points})
+    figure = new_figure(5 * len(grids), 7)
+    figure.suptitle("Simulation of the farm, from measured costs")
+    panels = figure.subplots(2, len(grids), squeeze=False, sharex=True, sharey="row")
+    for (efficiency, busy), nodes in zip(panels.T, grids, strict=True):
+        here = [point for point in points if point["nodes"] == nodes and not point["largest"]]
+        for number, rows in enumerate(sorted({point["rows"] for point in here})):
+            for writer, style in (("single", "o-"), ("parallel", "s--")):
+                mine = [p for p in here if (p["rows"], p["writer"]) == (rows, writer)]
+                ranks = [point["ranks"] for point in mine]
+                label = f"{rows:.0e} rows, {writer} writer"
+                look = {"color": f"C{number}", "markersize": 3, "label": label}
+                for panel, column in ((efficiency, "efficiency"), (busy, "busy")):
+                    panel.plot(ranks, [point[column] for point in mine], style, **look)
+        efficiency.axhline(WANTED, color="0.7", linewidth=0.8)
+        efficiency.axvline(GOAL_RANKS, color="0.7", linewidth=0.8)
+        efficiency.set(xscale="log", title=f"{nodes} × {nodes} nodes")
+        busy.set(xlabel="ranks")
+    panels[0, 0].set_ylabel("efficiency of the workers")
+    panels[1, 0].set_ylabel("share of time the master works")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return figure

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.remarks import remark
+from bench.report import remark
 from bench.scale.costs import Costs
 from bench.scale.launch import launch
 from bench.scale.simulation import Writer, simulate
@@ -15,14 +15,10 @@ from gen.database import Reader
 from gen.generation import plan
 from gen.generation.run import blocks_of
 
+# Relative error of the simulated time that is still right; on a machine with no other users.
 TOLERANCE = 0.25
-"""Relative error of the simulated time that is still right; on a machine with no other users."""
-
-MILLISECONDS = 4.0
-"""That a row of the sleeping workers takes [ms]."""
-
-ROWS = 1000
-"""Rows of the real generation."""
+MILLISECONDS = 4.0  # that a row of the sleeping workers takes [ms]
+ROWS = 1000  # rows of the real generation
 
 CASES = (
     (2, 64, 1500, True),

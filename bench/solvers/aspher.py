@@ -14,8 +14,7 @@ import numpy as np
 from bench.solvers.case import Case
 from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Press, Solver
 
-COARSEST = 32
-"""Nodes a side that the coarsest of the nested grids has at least."""
+COARSEST = 32  # nodes a side that the coarsest of the nested grids has at least
 
 
 def levels(nodes: int) -> int:

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 import bem
+from bem.convolution import displacement_filter
 from bem.influence import Kernel
+from bem.spacing import node_spacing
 from bench.references import half_space
 from bench.references.dense import influence_matrix
+from bench.references.half_space import Field
 
-Field = NDArray[np.float64]
 Nodes = NDArray[np.bool_]
 
 # Contacts of this many nodes at most are solved by Cholesky's factors: the memory grows with the
@@ -22,6 +24,7 @@ Nodes = NDArray[np.bool_]
 DENSE_NODES = 3000
 # Where that is too much: a hundredth of the tightest tolerance that is measured, near rounding.
 EXACT_RTOL = 1e-14
+PERIODIC_RTOL = 1e-13  # of the exact solution of a periodic patch, which is never dense
 # Pressure and gap of an exact solution may be wrong by this, over Delta [1].
 ROUNDING = 1e-13
 # A pressure counts as the hardness within this share of it: solvers scale what they return.
@@ -32,7 +35,7 @@ CORRECTIONS = 20
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A contact on a rigid far field with E* = 1 MPa."""
+    """A contact on a rigid far field with E* = 1 MPa, of a free or, with a load, periodic patch."""
 
     name: str  # of the surface
     heights: Field  # (n, n) [um]
@@ -41,6 +44,7 @@ class Case:
     kernel: Kernel = "uniform-pressure"
     hardness: float | None = None  # upper bound of the pressure, None for elastic bodies [MPa]
     hurst: float | None = None  # Hurst exponent of the surface, if it matters
+    load: float | None = None  # mean pressure on a periodic patch, which has the given Delta [MPa]
 
     @property
     def nodes(self) -> int:
@@ -50,7 +54,7 @@ class Case:
     @property
     def spacing(self) -> float:
         """Of the nodes [um]."""
-        return self.side / (self.nodes - 1)
+        return node_spacing(self.nodes, self.side, "free" if self.load is None else "periodic")
 
     def mean_pressure(self, force: float) -> float:
         """Return a force over the area of all cells [MPa]."""
@@ -82,16 +86,22 @@ class Case:
         overlap: Field = ((self.heights - self.heights.max()) + self.delta) / self.delta
         return overlap
 
+    def displacement(self, pressure: Field) -> Field:
+        """Return the (n, n) displacement [um] under a pressure [MPa]."""
+        if self.load is None:
+            return displacement_filter(pressure.shape, self.kernel)(pressure) * self.spacing
+        along = np.fft.fftfreq(self.nodes, self.spacing)
+        orders = np.hypot.outer(along, np.abs(along[: self.nodes // 2 + 1]))
+        orders[0, 0] = np.inf  # of zero mean
+        waves = np.fft.rfft2(pressure) / (np.pi * orders)
+        return np.asarray(np.fft.irfft2(waves, s=pressure.shape))
+
     def solve(self, rtol: float) -> bem.Contact:
         """Solve it by `bem.solve`."""
-        return bem.solve(
-            self.heights,
-            self.side,
-            self.delta,
-            kernel=self.kernel,
-            rtol=rtol,
-            hardness=self.hardness,
-        )
+        solve = partial(bem.solve, self.heights, self.side, rtol=rtol)
+        if self.load is not None:
+            return solve(pressure=self.load, boundary="periodic")
+        return solve(self.delta, kernel=self.kernel, hardness=self.hardness)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,8 +144,12 @@ def find_exact(case: Case, rtol: float = EXACT_RTOL) -> Exact:
     ArithmeticError
         If the dense solution does not pass that proof.
     """
+    rtol = rtol if case.load is None else min(rtol, PERIODIC_RTOL)
     pressure, method = case.solve(rtol).pressure, f"rtol {rtol:.0e}"
-    if np.count_nonzero((pressure > 0) & ~case.yielded(pressure)) <= DENSE_NODES:
+    if (
+        case.load is None
+        and np.count_nonzero((pressure > 0) & ~case.yielded(pressure)) <= DENSE_NODES
+    ):
         # A node may carry hardly anything: only the tightest guess is sure to know of it.
         guess = pressure if rtol <= EXACT_RTOL else case.solve(EXACT_RTOL).pressure
         reduced = proved_pressure(case, guess > 0, case.yielded(guess))

@@ -22,8 +22,8 @@ from bem.spacing import Boundary
 from bench.solvers.case import Case
 from bench.solvers.solver import MAX_ITERATIONS, Answer, Control, Failure, Press, Solver
 
+# Stiffness of the mean displacement of a periodic patch, which is to be zero [MPa / um].
 RIGID = 1e30
-"""Stiffness of the mean displacement of a periodic patch, which is to be zero [MPa / um]."""
 
 
 def fast_grid(nodes: int) -> int:
@@ -107,7 +107,7 @@ def _answer(result: Any, pressure: Any, convolutions: int | None = None) -> Answ
     return Answer(np.asarray(pressure), int(result.nit), convolutions)
 
 
-_solver = partial(Solver, package="ContactMechanics", install='pip install -e ".[peers]"')
+_solver = partial(Solver, package="ContactMechanics", install="pip install ContactMechanics")
 
 SOLVERS = (
     _solver("ContactMechanics primal", primal_gradients, plastic=True),

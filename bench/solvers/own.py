@@ -25,10 +25,11 @@ def boundary_elements(nodes: int, spacing: float) -> Press:
     shape, everywhere = (nodes, nodes), np.arange(nodes * nodes)
     with ThreadPoolExecutor(1) as pool:  # plans belong to a thread: a new one has none
         pool.submit(HalfSpace, shape, "uniform-pressure", 1.0, everywhere).result()
-    return _press_boundary_elements
+    return press_boundary_elements
 
 
-def _press_boundary_elements(case: Case, force: float, tolerance: float) -> Answer:
+def press_boundary_elements(case: Case, force: float, tolerance: float) -> Answer:
+    """Press a case by `bem.solve`."""
     try:
         contact = case.solve(tolerance)
     except bem.NotConverged as failure:

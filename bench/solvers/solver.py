@@ -5,22 +5,22 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from importlib import metadata
 from typing import Literal, TypeVar
 
 from bem.influence import Kernel
-from bench.solvers.case import Case, Field, find_exact
+from bench.references.half_space import Field
+from bench.solvers.case import Case, find_exact
+from gen.runtime.provenance import versions
 
 Control = Literal["displacement", "force"]
 Item = TypeVar("Item")
 
-MAX_ITERATIONS = 1000
-"""Bound on the steps of a solver; a run that meets it counts as failed."""
+MAX_ITERATIONS = 1000  # bound on the steps of a solver; a run that meets it counts as failed
 
 REFERENCE_RTOL = 1e-12
 
+# Tolerances that are tried, falling from 0.1 to 1e-12.
 LADDER = tuple(10.0 ** (-half_decades / 2) for half_decades in range(2, 25))
-"""Tolerances that are tried, falling from 0.1 to 1e-12."""
 
 
 class Failure(ArithmeticError):
@@ -64,10 +64,7 @@ class Solver:
     @property
     def version(self) -> str:
         """Version of the package, empty if it is not installed; nothing is imported for it."""
-        try:
-            return metadata.version(self.package)
-        except metadata.PackageNotFoundError:
-            return ""
+        return versions([self.package]).get(self.package, "")
 
     def set_up(self, nodes: int, spacing: float) -> Press:
         """Set the solver up for a grid, anew."""

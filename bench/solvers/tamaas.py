@@ -51,7 +51,7 @@ SOLVERS = (
         "Tamaas, margin",
         projected_gradients,
         package="tamaas",
-        install='pip install -e ".[peers]"',
+        install="pip install tamaas",
         control="force",
         grid=fast_grid,
     ),

@@ -52,23 +52,14 @@ class Refusal(NamedTuple):
 class Answer:
     """The answer to a case, judged.
 
-    Attributes
-    ----------
-    out : str
-        The answer in words, or the message of the error.
-    findings : sequence of Finding
-        Is it right? `run_case` adds whether it was refused as it should be, and warnings.
-    asked : str
-        The input in words; `run_case` takes those of the case if this is empty.
-    numbers, raised : mapping of str to object, Exception or None
-        Further columns of the table; the error, if there was no answer.
+    `run_case` adds whether the case was refused as it should be, warnings, and its input in words.
     """
 
-    out: str
-    findings: Sequence[Finding] = ()
-    asked: str = ""
-    numbers: Mapping[str, object] = field(default_factory=dict)
-    raised: Exception | None = None
+    out: str  # the answer in words, or the message of the error
+    findings: Sequence[Finding] = ()  # whether it is right
+    asked: str = ""  # the input in words
+    numbers: Mapping[str, object] = field(default_factory=dict)  # further columns of the table
+    raised: Exception | None = None  # the error, if there was no answer
 
     @property
     def passed(self) -> bool:

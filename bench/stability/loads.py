@@ -12,7 +12,8 @@ import numpy as np
 import bem
 from bem.problem import RTOL
 from bench.references import surfaces
-from bench.references.surfaces import Field, Random, Shape
+from bench.references.half_space import Field
+from bench.references.surfaces import Random, Shape
 from bench.stability.case import Answer, Case, Finding
 from bench.stability.solver.checks import honesty
 from bench.stability.solver.setup import Setup
@@ -120,9 +121,7 @@ def judge(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
     yield from findings
     excess = contact.residual + findings[0].error - asked.rtol
     yield Finding("residual above rtol", max(excess, 0.0), ROUNDING)
-    cells = asked.surface.size * asked.cell[0] * asked.cell[1]
-    force = asked.force or (asked.pressure or 0.0) * cells
-    yield Finding("force off", abs(contact.force / force - 1), 1e-12)
+    yield Finding("force off", abs(contact.force / asked.given_force - 1), 1e-12)
 
 
 def stated(asked: Setup, contact: bem.Contact) -> list[Finding]:

@@ -10,7 +10,6 @@ from pathlib import Path
 from rich.progress import track
 from rich.table import Table
 
-from bench.page import content
 from bench.stability.case import Answer, Case, run_case
 from bench.table import write_rows
 from gen.runtime.console import console
@@ -27,17 +26,12 @@ NUMBERS = "area_percent", "force_uN", "residual", "iterations", "ordinary_iterat
 
 @dataclass(frozen=True)
 class Sheet:
-    """A table of cases: titles, the modules whose `cases` are its rows, and columns.
-
-    The file has all `columns`, the page those `shown`, under the `caption`.
-    """
+    """A table of cases: title, file, the modules whose `cases` are its rows, and columns."""
 
     title: str
     file: str
     modules: tuple[str, ...]
-    caption: str
     columns: tuple[str, ...] = (*FIRST, "what_came_out", *LAST, "all_checks", "verdict")
-    shown: tuple[str, ...] = (*FIRST, "what_came_out", *LAST, "verdict")
 
     def row(self, case: Case, answer: Answer) -> Mapping[str, object]:
         """Return a row of the file: the answer, its numbers, the worst check, then all checks."""
@@ -65,61 +59,17 @@ TABLES = {
         "Generators and statistics",
         "surfaces.csv",
         ("surfaces.generator_cases", "surfaces.statistics_cases"),
-        "Generators and the 22 statistics: Hurst exponents as near to 0 and 1 as numbers go,"
-        " amplitudes from 0 to 1e300 um, offsets under which variance cancels, ties, plateaus, one"
-        " peak and none, every memory layout. Judged by the same definitions in whole numbers and"
-        " fractions, or by an exact scaling or symmetry; what an offset has rounded away has to be"
-        " said.",
     ),
     "solver": Sheet(
         "The contact solver",
         "stability.csv",
         ("solver.elastic_cases", "solver.hardness_cases"),
-        "The contact solver: each answer is proved from its pressure alone, with influence"
-        " coefficients and a convolution of the check's own, and many again by a dense solve, a"
-        " closed form or a symmetry. Iterations stand beside those of an ordinary contact.",
         (*FIRST, "message", *NUMBERS, "times_ordinary", "checks", "worst", "verdict", "reason"),
-        (
-            *(*FIRST, "message", "area_percent", "residual", "iterations"),
-            *("ordinary_iterations", "reason", "worst", "verdict"),
-        ),
     ),
-    "loads": Sheet(
-        "Random loads",
-        "loads.csv",
-        ("loads",),
-        "Random forces and mean pressures at every tolerance from 1e-2 to 1e-13: an answer to each,"
-        " whose residual a convolution of the check's own confirms and whose force is the one given"
-        " to 12 digits. Solves of more than 20 s count as endless.",
-    ),
-    "hardness": Sheet(
-        "Random contacts that yield",
-        "hardness.csv",
-        ("hardness",),
-        "Bodies that yield: 1,000 random contacts of up to 33 x 33 nodes beside bounded least"
-        " squares, by dense algebra and by iterations alone, with the conditions of contact checked"
-        " by the dense matrix; then 1,000 surfaces of the paper preset at the default tolerance,"
-        " none of which may fail, or touch at fewer nodes than the elastic contact.",
-    ),
-    "edgeless": Sheet(
-        "Random contacts without edges",
-        "edgeless.csv",
-        ("edgeless",),
-        "Periodic and mirrored patches: 1,000 random contacts of up to 24 x 24 nodes, with and"
-        " without a hardness, beside the dense matrix of sines and cosines; then 200 mirrored"
-        " patches beside periodic ones of their mirror images, and 100 periodic ones that begin"
-        " elsewhere.",
-    ),
-    "models": Sheet(
-        "The nine models",
-        "models.csv",
-        ("models.fit_cases", "models.part_cases"),
-        "The nine models with their libraries' settings and with tuned ones, their features, splits"
-        " and scores: constant and collinear inputs, outliers, extreme units, nearly singular"
-        " kernels, rows far outside the training. Predictions have to be finite, right where an"
-        " exact solution or a change of units says what is right, and flagged where nothing is"
-        " known.",
-    ),
+    "loads": Sheet("Random loads", "loads.csv", ("loads",)),
+    "hardness": Sheet("Random contacts that yield", "hardness.csv", ("hardness",)),
+    "edgeless": Sheet("Random contacts without edges", "edgeless.csv", ("edgeless",)),
+    "models": Sheet("The nine models", "models.csv", ("models.fit_cases", "models.part_cases")),
 }
 """In the order of the page, which is that of the work."""
 
@@ -180,15 +130,3 @@ def show(title: str, judged: Sequence[tuple[Case, Answer]]) -> None:
     output.print()
     names = f": {'; '.join(failed)}" if failed else ""
     output.print(f"{len(judged)} cases, {len(failed)} failed{names}")
-
-
-def contents(folder: Path) -> list[content.Content]:
-    """List the tables in a folder for the page: short columns, red where a verdict is bad."""
-    listed: list[content.Content] = []
-    for name, sheet in TABLES.items():
-        data = folder / sheet.file
-        table = content.Table(data, sheet.caption, columns=sheet.shown, verdict="verdict")
-        command = f"python -m bench stability --of {name} -o {folder}"
-        absent = content.Absent(f"Stiff and extreme cases of the {name}", command)
-        listed.append(table if data.exists() else absent)
-    return listed

@@ -1,14 +1,39 @@
 """Many random contacts as one case: the largest of each deviation, and what was raised."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 import bem
-from bench.stability.case import Answer, Finding
+from bench.references.half_space import Field
+from bench.references.surfaces import SURFACES, Random
+from bench.stability.case import Answer, Case, Finding
 from bench.stability.solver.setup import Setup
 from gen.runtime.overtime import Overtime, at_most
+
+BLOCK = 100  # problems of a case; the first block is in the quick table
+
+
+def blocks(
+    family: str, problems: int, asked: str, examine: Callable[[range], Answer], what: str
+) -> Iterator[Case]:
+    """Cut many problems into cases, named by what is numbered."""
+    for first in range(0, problems, BLOCK):
+        name, block = f"{what} {first} to {first + BLOCK - 1}", range(first, first + BLOCK)
+        yield Case(family, name, asked, partial(examine, block), slow=first > 0)
+
+
+def surface_and_aspect(
+    random: Random, nodes: tuple[int, int], largest_aspect: float
+) -> tuple[Field, float]:
+    """Draw heights with a range of 1, fewest to most nodes a side; half of the cells are oblong."""
+    rows, columns = (int(each) for each in random.integers(nodes[0], nodes[1] + 1, 2))
+    heights = SURFACES[list(SURFACES)[random.integers(len(SURFACES))]](random, (rows, columns))
+    oblong = random.random() < 0.5
+    aspect = float(largest_aspect ** random.uniform(-1, 1)) if oblong else 1.0
+    return heights / (np.ptp(heights) or 1.0), aspect
 
 
 @dataclass
@@ -47,8 +72,9 @@ class Tally:
         names = [f"{type(error).__name__} at {where}" for error, where in others[:3]]
         return Finding(", ".join([what, *names]), len(others), 0)
 
-    def answer(self, problems: int, said: str, *first: Finding) -> Answer:
-        """Judge all solves, by these findings and by the worst of each name."""
+    def answer(self, problems: int, said: str = "", *first: Finding) -> Answer:
+        """Judge all solves, by these findings, or that there are no errors, and by the worst."""
         middle, most = np.percentile(np.array(self.iterations or [0]), (50, 100))
         out = f"{problems} solves, {middle:.0f} iterations in the middle, {most:.0f} at most{said}"
-        return Answer(out, [*first, *self.largest.values()])
+        conduct = first or (self.raised("without an answer"),)
+        return Answer(out, [*conduct, *self.largest.values()])

@@ -21,10 +21,12 @@ from scipy import optimize
 import bem
 from bem import displacement_control, half_space, influence
 from bem.convolution import displacement_filter
+from bem.derived.stiffness import punch_of
 from bem.direct import FEW_NODES
 from bem.influence import KERNELS, Kernel
 from bem.preconditioner import circulant_inverse
 from bem.problem import RTOL
+from bem.spacing import BOUNDARIES, Boundary
 from bench.references import half_space as references
 from bench.work_precision.studies import paper_case
 
@@ -229,6 +231,30 @@ def test_solve_given_force(benchmark: BenchmarkFixture, control: str) -> None:
     record_effort(benchmark, contacts)
     times = [lambda: [solve() for solve in asked], lambda: [solve() for solve in given]]
     record_time_over(benchmark, "time_over_given_delta", *times)
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+@sizes
+def test_stiffness(benchmark: BenchmarkFixture, nodes: int, boundary: Boundary) -> None:
+    """The linear solve for the stiffness at 10 % contact; its cost over that of the contact."""
+    heights = paper_case(0, nodes).heights[:-1, :-1]
+    solve = partial(bem.solve, heights, SIDE, DELTAS[nodes][10], boundary=boundary)
+    if boundary != "free":
+        solve = partial(bem.solve, heights, SIDE, pressure=0.01, boundary=boundary)
+    contact = solve()
+    touching = np.flatnonzero(contact.pressure)
+    work = partial(punch_of, contact.problem, touching)
+    punch = benchmark(work)
+    step = 1e-5 * contact.delta
+    more, less = (
+        bem.solve(heights, SIDE, contact.delta + way, boundary=boundary, rtol=EXACT)
+        for way in (step, -step)
+    )
+    slope = (more.force - less.force) / (2 * step)
+    assert punch.stiffness == pytest.approx(slope, rel=1e-2)  # a node may come to touch
+    benchmark.extra_info["convolutions"] = punch.effort.convolutions
+    benchmark.extra_info["convolutions_of_the_contact"] = contact.convolutions
+    record_time_over(benchmark, "time_over_the_contact", work, solve)
 
 
 @pytest.mark.parametrize("rungs", [9, 41, 161])

@@ -11,18 +11,15 @@ from bench.databases import OTHER_SEED, generated
 from bench.surrogates.fitting import Parts, read
 from gen.database import Reader
 from gen.scene import load
+from gen.scene.distribution import limits
 from learn.arrays import Indices
 from learn.dataset import Dataset
 from learn.request import Request
 
-HURST_BORDER = 0.7
-"""Surfaces below it train, surfaces above it test."""
-
+HURST_BORDER = 0.7  # surfaces below it train, surfaces above it test
+# Of the rows of a test database: what is tried as a cure. The others judge.
 MENDING_SHARE = 1 / 3
-"""Of the rows of a test database: what is tried as a cure. The others judge."""
-
-HOME = "same distribution"
-"""The case that all others are compared with."""
+HOME = "same distribution"  # the case that all others are compared with
 
 HURST = "unseen Hurst"
 FINE = "fine grid (257)"
@@ -55,13 +52,14 @@ class Trial:
 def scan_length(side: float, heights: float) -> str:
     """Return the scene of another scan length [um], heights and displacements times a factor."""
     preset = load("paper")
+    sigma0 = limits(preset.drawn_parameters["sigma0"])
     pieces = ", ".join(
-        f"{{ share = {piece.share!r}, range = {[each * heights for each in piece.range]} }}"
-        for piece in preset.delta.pieces
+        f"{{ share = {piece.share!r}, range = {[each * heights for each in limits(piece.range)]} }}"
+        for piece in preset.pieces
     )
     return (
         f"[surface]\nside = {side!r}\n"
-        f"sigma0 = {[each * heights for each in preset.surface.sigma0]}\n"
+        f"sigma0 = {[each * heights for each in sigma0]}\n"
         f"[delta]\npieces = [{pieces}]\n"
     )
 
@@ -75,8 +73,8 @@ CASES = (
     Case("L = 0.3 um, same heights", "side0.3", scan_length(0.3, 1.0)),
 )
 
+# The surfaces of the fine grid at its coarse nodes: surfaces of one seed are nested.
 RESAMPLED = Case("every second node", "every-second-node", "")
-"""The surfaces of the fine grid at its coarse nodes: surfaces of one seed are nested."""
 
 
 def databases(folder: Path, rows: int) -> dict[str, Path]:

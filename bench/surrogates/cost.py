@@ -1,75 +1,54 @@
-"""When a surrogate pays: solver and surrogate against the number of queries (section 4.4)."""
+"""When a surrogate pays: solver and surrogate against the number of queries (section 4.4).
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+`cost` measures, `report` tells, tabulates and draws.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from bench import databases
-from bench.remarks import remark
-from bench.surrogates.answer_times import (
-    SolverTimes,
-    SurrogateTimes,
-    measure_solver,
-    measure_surrogate,
-    new_contacts,
-)
-from bench.surrogates.break_even import (
-    PAPER_ROWS,
-    PAPER_SOLVE,
-    PAPER_TESTS,
-    BuildTimes,
-    break_even,
-)
+from bench.picture import STYLES, draw_curves, new_figure
+from bench.report import Report, remark
+from bench.surrogates import times
 from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_for
+from bench.surrogates.times import SolverTimes, SurrogateTimes
+from bench.template import rendered
 from gen.runtime.errors import InputError
 from learn.comparison import paper
 from learn.comparison.folder import Folder
 from learn.features import SETS, chosen
 from learn.request import Request
+from learn.surrogate.break_even import break_even, time_of
 
-PAPER, OURS = "the paper's", "ours"
-"""Solvers."""
+PAPER, OURS = "the paper's", "ours"  # solvers
 
 NEW, LADDER, KNOWN = "new surfaces", "loads on one surface", "statistics at hand"
 """What is asked: a contact on a surface that nobody has seen, one more load on a surface, a contact
 of which the features are known already."""
 
-FEWEST = 100
-"""Training rows of a learning curve's first point."""
-
+FEWEST = 100  # training rows of a learning curve's first point
+# Fits of a point, each to other rows, as long as the rows suffice; the median error counts.
 DRAWS = 3
-"""Fits of a point, each to other rows, as long as the rows suffice; the median error counts."""
+
+Row = dict[str, Any]
+Build = dict[str, float]
+"""Times before the first answer [s]: t_d, `database`, with the surfaces generated again where
+features need them; t_h, `tuning`; t_f, `fit`."""
+GOALS = (10.0, 5.0, 3.0, 2.0, 1.0)  # errors (nMAE) that a user may want [%]
 
 
-@dataclass(frozen=True)
-class Question:
-    """Solver against surrogate in one situation."""
-
-    asked: str
-    solver: str  # whose
-    features: str  # of the surrogate; "paper, as published" for the paper's own numbers
-    rows: int  # of its database
-    build: BuildTimes
-    solve: float  # a query by the solver [s]
-    query: float  # t_p of a query, with the features that it needs [s]
-
-    @property
-    def break_even(self) -> float:
-        """Queries from which on the surrogate is cheaper."""
-        return break_even(self.build.total, self.solve, self.query)
-
-
-@dataclass(frozen=True)
-class Costs:
-    """Times of answers, by feature set those of surrogates; break-even points; learning curves."""
+class Costs(NamedTuple):
+    """Times of answers, by feature set those of surrogates; `question`s; learning curves."""
 
     solver: SolverTimes
     answers: dict[str, SurrogateTimes]
-    questions: list[Question]
-    points: list[dict[str, Any]]
+    questions: list[Row]
+    points: list[Row]
 
 
 def cost(
@@ -96,17 +75,16 @@ def cost(
     searched = 0.0 if comparison is None else tuning_seconds(comparison)
     path = databases.of_the_paper(given, folder / "databases", rows)
     remark(f"the solver on {surfaces} surfaces")
-    contacts = new_contacts(surfaces)
-    costs = Costs(measure_solver(contacts), {}, [of_the_paper()], [])
+    contacts = times.new_contacts(surfaces)
+    costs = Costs(times.measure_solver(contacts), {}, [of_the_paper()], [])
     for features in SETS:
         request = request_for(path, "kernel-ridge", features, area_max)
         parts = parted(read(request, rows))
         remark(f"{features} features: {parts.train.size} rows train")
         full = fit(request, parts.train, parts.calibration, parts.folds)
-        answer = measure_surrogate(full, features, contacts)
+        answer = times.measure_surrogate(full, features, contacts)
         build = build_times(rows, costs.solver, answer, full, features)
-        if features == "paper":
-            build = replace(build, tuning=build.tuning + searched)
+        build["tuning"] += searched if features == "paper" else 0.0
         costs.answers[features] = answer
         costs.questions.extend(_questions(features, rows, costs.solver, answer, build))
         costs.points.extend(_curve(request, parts, rows, costs.solver, answer, full))
@@ -131,33 +109,47 @@ def tuning_seconds(comparison: Path) -> float:
         ) from None
 
 
-def of_the_paper() -> Question:
+def question(
+    asked: str, solver: str, features: str, rows: int, build: Build, solve: float, query: float
+) -> Row:
+    """Return a row: surrogate against a solver in one situation, by the times of an answer [s].
+
+    `query` is t_p, with the features that it needs.
+    """
+    who = {"asked": asked, "solver": solver, "features": features, "rows": rows}
+    even = break_even(sum(build.values()), solve, query)
+    return {**who, **build, "solve": solve, "query": query, "break_even": even}
+
+
+def of_the_paper() -> Row:
     """Return the paper's own break-even, from its own times."""
     fit, tests = paper.TIMES["tuned"]["kernel-ridge"]
-    build = BuildTimes(PAPER_ROWS * PAPER_SOLVE, paper.TUNING_SECONDS["kernel-ridge"], fit)
-    who = KNOWN, PAPER, "paper, as published"
-    return Question(*who, PAPER_ROWS, build, PAPER_SOLVE, tests / PAPER_TESTS)
+    searched = paper.TUNING_SECONDS["kernel-ridge"]
+    build = {"database": times.PAPER_ROWS * times.PAPER_SOLVE, "tuning": searched, "fit": fit}
+    query, who = tests / times.PAPER_TESTS, (KNOWN, PAPER, "paper, as published")
+    return question(*who, times.PAPER_ROWS, build, times.PAPER_SOLVE, query)
 
 
 def build_times(
     rows: float, solver: SolverTimes, answer: SurrogateTimes, fitted: Fitted, features: str
-) -> BuildTimes:
+) -> Build:
     """Add up a surrogate's time before its first answer; some features need surfaces again."""
     again = solver.surface + answer.surface if chosen(features).needs_surface else 0.0
-    return BuildTimes(rows * (solver.row + again), fitted.choosing, fitted.fitting)
+    database = rows * (solver.row + again)
+    return {"database": database, "tuning": fitted.choosing, "fit": fitted.fitting}
 
 
 def _questions(
-    features: str, rows: int, solver: SolverTimes, answer: SurrogateTimes, build: BuildTimes
-) -> Iterator[Question]:
+    features: str, rows: int, solver: SolverTimes, answer: SurrogateTimes, build: Build
+) -> Iterator[Row]:
     """Yield all situations of a feature set; a surface itself costs both sides the same."""
-    theirs = replace(build, database=build.database + rows * (PAPER_SOLVE - solver.solve))
-    more = answer.load + answer.batched
-    yield Question(NEW, PAPER, features, rows, theirs, PAPER_SOLVE, answer.new)
-    yield Question(NEW, OURS, features, rows, build, solver.solve, answer.new)
-    yield Question(LADDER, OURS, features, rows, build, solver.ladder, more)
+    theirs = {**build, "database": build["database"] + rows * (times.PAPER_SOLVE - solver.solve)}
+    new, more = (each + answer.batched for each in (answer.surface, answer.load))
+    yield question(NEW, PAPER, features, rows, theirs, times.PAPER_SOLVE, new)
+    yield question(NEW, OURS, features, rows, build, solver.solve, new)
+    yield question(LADDER, OURS, features, rows, build, solver.ladder, more)
     if not chosen(features).needs_surface:
-        yield Question(KNOWN, OURS, features, rows, build, solver.solve, answer.batched)
+        yield question(KNOWN, OURS, features, rows, build, solver.solve, answer.batched)
 
 
 def sizes(most: int) -> list[int]:
@@ -173,7 +165,7 @@ def _curve(
     solver: SolverTimes,
     answer: SurrogateTimes,
     full: Fitted,
-) -> Iterator[dict[str, Any]]:
+) -> Iterator[Row]:
     """Yield a feature set's learning curve, judged on the same rows; its last point is `full`.
 
     The times of a point count the rows that had to be solved for it, with those left out.
@@ -184,14 +176,14 @@ def _curve(
         solved = size * rows / most
         judged = [asdict(each.scores(parts.test)) for each in fits]
         builds = [build_times(solved, solver, answer, each, request.features) for each in fits]
-        build = float(np.median([each.total for each in builds]))
+        build = float(np.median([sum(each.values()) for each in builds]))
         yield {
             "features": request.features,
             "trained": size,
             "rows": round(solved),
             **{name: float(np.median([each[name] for each in judged])) for name in judged[0]},
             "build": build,
-            "break_even": break_even(build, solver.solve, answer.new),
+            "break_even": break_even(build, solver.solve, answer.surface + answer.batched),
         }
 
 
@@ -201,3 +193,81 @@ def _fits(request: Request, parts: Parts, size: int) -> list[Fitted]:
     draws = range(min(DRAWS, parts.train.size // size))
     drawn = (parts.train.at(np.arange(draw * size, (draw + 1) * size)) for draw in draws)
     return [fit(request, rows, parts.calibration, folds) for rows in drawn]
+
+
+def report(costs: Costs) -> Report:
+    """Make a report of what was measured."""
+    return Report(
+        {"cost": costs.questions, "learning": costs.points},
+        pictures={"cost": _picture(costs)},
+        text=_advice(costs),
+        text_name="cost",
+    )
+
+
+def _advice(costs: Costs) -> str:
+    """Say what was measured, when to use a surrogate, and when not."""
+    new, loose = _new(costs, OURS), costs.solver.loose
+    evens = [break_even(_build(each), loose, each["query"]) for each in new]
+    goals = {goal: [p for p in costs.points if p["nmae"] <= goal] for goal in GOALS}
+    said = costs._asdict() | {"new": new, "ours": OURS, "known": KNOWN, "never": math.inf}
+    said |= {"loads": times.LOADS, "loose": times.LOOSE, "papers": times.PAPER_BREAK_EVEN}
+    said |= {"taken": times.TAKEN, "time": time_of, "count": count}
+    said["goals"] = {
+        goal: min(points, key=lambda point: point["break_even"], default=None)
+        for goal, points in goals.items()
+    }
+    said["beside_loose"] = [
+        f"{each['features']} from {count(even)}" for each, even in zip(new, evens, strict=True)
+    ]
+    return rendered("surrogates/cost.txt.jinja", said)
+
+
+def _new(costs: Costs, solver: str) -> list[Row]:
+    """Return what new surfaces cost, beside a solver."""
+    return [each for each in costs.questions if (each["asked"], each["solver"]) == (NEW, solver)]
+
+
+def _build(question: Row) -> float:
+    """Return the time before the first answer [s]."""
+    return float(question["database"] + question["tuning"] + question["fit"])
+
+
+def _picture(costs: Costs) -> Any:
+    """Draw costs over queries for both solvers, and errors over samples and over costs."""
+    figure = new_figure(11, 8)
+    (theirs, ours), (samples, seconds) = figure.subplots(2, 2)
+    for axis, solver, title in ((theirs, PAPER, "the paper's solver"), (ours, OURS, "our solver")):
+        questions = _new(costs, solver)
+        names = [f"{each['features']} ({count(each['break_even'])})" for each in questions]
+        draw_costs(axis, questions, names, "solver")
+        axis.set(title=f"New surfaces, {title}", xlabel="queries", ylabel="total cost [s]")
+    for axis, column in ((samples, "trained"), (seconds, "build")):
+        axis.set(xscale="log", yscale="log", ylabel="nMAE [%]")
+        draw_curves(axis, costs.points, column, "nmae", by="features", marker="o")
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.yaxis.set_minor_formatter("{x:g}")
+        axis.grid(visible=True, which="major", color="0.9")
+        axis.legend()
+    samples.set(title="Learning curves", xlabel="training samples")
+    seconds.set(title="... against what they cost", xlabel="t_d + t_h + t_f [s]")
+    return figure
+
+
+def draw_costs(axis: Any, questions: Sequence[Row], names: Sequence[str], solver: str) -> None:
+    """Draw a named line for the solver, one for each surrogate, and dots where they cross."""
+    finite = [q["break_even"] for q in questions if math.isfinite(q["break_even"])]
+    queries, solve = np.geomspace(1, 30 * max(finite, default=1e5), 300), questions[0]["solve"]
+    axis.loglog(queries, queries * solve, color="0.3", lw=2, label=solver)
+    for each, name, style in zip(questions, names, STYLES, strict=False):
+        total = _build(each) + queries * each["query"]
+        axis.loglog(queries, total, color=style["color"], label=name)
+        if math.isfinite(each["break_even"]):
+            axis.plot(each["break_even"], each["break_even"] * solve, ms=8, **style)
+    axis.grid(visible=True, which="major", color="0.9")
+    axis.legend(fontsize=9, loc="upper left")
+
+
+def count(number: float) -> str:
+    """Write a number of queries, or never."""
+    return "never" if math.isinf(number) else f"{number:,.0f}"

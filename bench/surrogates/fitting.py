@@ -6,17 +6,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gen.arrays import Values
 from learn import dataset, split
 from learn.dataset import Dataset
 from learn.executor import Executor
 from learn.features import chosen
 from learn.metrics import Scores, scores
 from learn.request import Request, hybrid_for
+from learn.surrogate.calibration_rows import Plan, without_calibration
+from learn.surrogate.distance import Distance
 from learn.surrogate.fitting import Fit, fit_target
+from learn.surrogate.groups import groups_of
 from learn.surrogate.settings import Settings
-from learn.surrogate.training import without_calibration
-
-Values = NDArray[np.float64]
+from learn.target import within_bounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,31 +31,48 @@ class Parts:
     folds: NDArray[np.int8]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Fitted(Fit):
-    """A fitted model of the contact area, with its training ranges low and high, shape (d,)."""
+    """A fitted model of the contact area, with what tells rows of another kind.
+
+    Attributes
+    ----------
+    low, high : ndarray, shape (d,)
+        Training ranges.
+    distance : Distance
+        Distances from the training.
+    """
 
     low: Values
     high: Values
+    distance: Distance
 
     def predict(self, rows: Dataset) -> Values:
         """Predict the areas of n rows [%]."""
-        return np.clip(self.learnt.raw(rows.inputs), 0.0, 100.0)
+        return within_bounds(self.learnt.column, self.learnt.raw(rows.inputs))
 
     def scores(self, rows: Dataset) -> Scores:
         """Judge the predictions of some rows."""
         return scores(rows.target, self.predict(rows))
 
+    def interval(self, rows: Dataset, level: float) -> tuple[Values, Values]:
+        """Return both ends of the interval of each of n rows [%]."""
+        raw = self.learnt.raw(rows.inputs)
+        return self.learnt.calibration.ends(raw, level, rows.inputs)
+
     def covered(self, rows: Dataset, level: float) -> float:
         """Return the share of rows whose interval of a level holds the truth [1]."""
-        raw = self.learnt.raw(rows.inputs)
-        half = self.learnt.calibration.half_width(raw, level)
-        return float(np.mean(np.abs(rows.target - raw) <= half))
+        low, high = self.interval(rows, level)
+        return float(np.mean((low <= rows.target) & (rows.target <= high)))
 
     def flagged(self, rows: Dataset) -> float:
-        """Return the share of rows with an input outside the training ranges [1]."""
-        outside = (rows.inputs < self.low) | (rows.inputs > self.high)
-        return float(outside.any(axis=1).mean())
+        """Return the share of rows that are flagged [1]."""
+        return float(self.flags(rows).mean())
+
+    def flags(self, rows: Dataset) -> NDArray[np.bool_]:
+        """Return whether rows have an input outside the training ranges, or are far away, (n,)."""
+        outside = ((rows.inputs < self.low) | (rows.inputs > self.high)).any(axis=1)
+        return np.asarray(outside | (self.distance.of(rows.inputs) > self.distance.limit))
 
 
 def request_for(path: Path, model: str, features: str, area_max: float | None) -> Request:
@@ -65,6 +84,7 @@ def request_for(path: Path, model: str, features: str, area_max: float | None) -
         area_max=area_max,
         features=features,
         normalisation=chosen(features).normalisation,
+        roots=True,
     )
 
 
@@ -79,13 +99,21 @@ def read(request: Request, rows: int | None = None) -> Dataset:
         If hybrid features were stopped by a signal while they were computed.
     """
     hybrid = hybrid_for(request, Executor())
-    found = dataset.read(request.database, "area", request.area_max, request.features, hybrid)
+    found = dataset.read(
+        request.database,
+        "area",
+        request.area_max,
+        request.features,
+        hybrid,
+        roots=request.roots,
+        blocks=request.blocks,
+    )
     return found if rows is None else found.at(np.flatnonzero(found.rows < rows))
 
 
-def parted(rows: Dataset) -> Parts:
-    """Split a dataset into training, calibration and test, as `learn fit` does."""
-    drawn = split.draw(rows)
+def parted(rows: Dataset, seed: int = 0) -> Parts:
+    """Split a dataset into training, calibration and test, as `learn fit` does with a seed."""
+    drawn = split.draw(rows, seed)
     train, calibration = without_calibration(rows, drawn.train)
     folds = drawn.folds[: train.size]
     return Parts(rows.at(train), rows.at(calibration), rows.at(drawn.test), folds)
@@ -94,11 +122,13 @@ def parted(rows: Dataset) -> Parts:
 def fit(
     request: Request,
     train: Dataset,
-    calibration: Dataset,
+    calibration: Dataset | None,
     folds: NDArray[np.int8],
     settings: Settings | None = None,
 ) -> Fitted:
     """Choose settings by the folds unless they are given, fit, calibrate.
+
+    Without rows that calibrate, the groups of the training rows do, as in `fit_target`.
 
     Raises
     ------
@@ -107,4 +137,5 @@ def fit(
     """
     fitted = fit_target(request, train, calibration, folds, settings=settings)
     low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
-    return Fitted(**vars(fitted), low=low, high=high)
+    plan = Plan(np.arange(train.size), np.empty(0, dtype=np.int64), groups_of(train))
+    return Fitted(**vars(fitted), low=low, high=high, distance=plan.distance(train))

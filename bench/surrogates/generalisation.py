@@ -13,19 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench import databases
-from bench.remarks import remark
+from bench.report import remark
 from bench.surrogates.cases import Trial, trials
 from bench.surrogates.cases import databases as databases_to_test_on
 from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_for
 from gen.runtime.errors import InputError
-from learn.dataset import Dataset
+from learn.dataset import Dataset, joined
 from learn.features import SETS
 from learn.metrics import scores
 from learn.models import models_named
 from learn.request import Request
 
-LEVEL = 0.9
-"""Of the intervals whose coverage is counted."""
+LEVEL = 0.9  # of the intervals whose coverage is counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +127,6 @@ def _mended(request: Request, trial: Trial, fitted: Fitted, rows: Dataset) -> Fi
     """Fit again with half of some rows in the training, and calibrate on the others."""
     order, parts = np.arange(rows.size), trial.parts
     added, calibration = rows.at(order[: rows.size // 2]), rows.at(order[rows.size // 2 :])
-    names = ("inputs", "target", "rows", "groups", "described", "scale")
-    both = {name: [getattr(each, name) for each in (parts.train, added)] for name in names}
-    train = Dataset(**vars(parts.train) | {name: np.concatenate(both[name]) for name in names})
+    train = joined([parts.train, added])
     folds = np.append(parts.folds, np.zeros(added.size, dtype=np.int8))
     return fit(request, train, calibration, folds, fitted.settings)

@@ -7,10 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.page.content import Content, Figure, Table
-from bench.picture import new_figure
+from bench.picture import STYLES, new_figure
 from bench.report import Report
-from bench.style import STYLES
 from bench.table import read_table
 from gen.runtime.errors import InputError
 from learn.models import MODELS
@@ -22,11 +20,11 @@ TIMES = {
 }
 """Kinds of run time, by column, as they stand below the axes; None where there is none."""
 
+# A model with its result (`baseline` or `tuned`), errors on the test rows, times and fronts.
 Cost = Mapping[str, Any]
-"""A model with its result (`baseline` or `tuned`), errors on the test rows, times and fronts."""
 
 
-def costs(comparison: Path, target: str = "area") -> list[Cost]:
+def costs(comparison: Path, target: str = "area") -> Sequence[Cost]:
     """Read errors and times of all models that a comparison has results of, in Table 4's order.
 
     Raises
@@ -43,26 +41,20 @@ def costs(comparison: Path, target: str = "area") -> list[Cost]:
         raise InputError(f"{error}; give a folder of learn compare or learn tune") from None
     timed = {(row["model"], row["result"]): row for row in times}
     searched = {(row["model"], "tuned"): float(row["fit_seconds"]) for row in searches}
-    found = [
-        {
-            "model": row["model"],
-            "result": row["result"],
-            "nmae": float(row["nmae"]),
-            "r2": float(row["r2"]),
-            "predict_s": float(timed[key]["predict_row_s"]),
-            "fit_s": float(timed[key]["fit_s"]),
-            "search_s": searched.get(key),
-        }
-        for row in scores
-        if (key := (row["model"], row["result"])) in timed and not row["failure"]
-    ]
+    found: list[dict[str, Any]] = []
+    for row in scores:
+        key = row["model"], row["result"]
+        if key in timed and not row["failure"]:
+            errors = {name: float(row[name]) for name in ("nmae", "r2")}
+            answer, fit = (float(timed[key][name]) for name in ("predict_row_s", "fit_s"))
+            spent = {"predict_s": answer, "fit_s": fit, "search_s": searched.get(key)}
+            found.append({"model": key[0], "result": key[1], **errors, **spent})
     if not found:
         raise InputError(f"{comparison}: has no scores and times of {target}; run learn compare")
     fronts = {time.removesuffix("_s"): front(found, time) for time in TIMES}
-    return [
-        {**cost, "front": " ".join(name for name, best in fronts.items() if cost in best)}
-        for cost in found
-    ]
+    for cost in found:
+        cost["front"] = " ".join(name for name, best in fronts.items() if cost in best)
+    return found
 
 
 def front(costs: Iterable[Cost], time: str) -> list[Cost]:
@@ -78,21 +70,6 @@ def front(costs: Iterable[Cost], time: str) -> list[Cost]:
 def report(found: Sequence[Cost]) -> Report:
     """Make a report of errors and times."""
     return Report({"models": found}, pictures={"models": _picture(found)})
-
-
-def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder that holds this report."""
-    return [
-        Figure(
-            folder / "models.png",
-            "Test error of the nine models over the time that one prediction, a fit and a search"
-            " of the hyperparameters take; filled dots are tuned, hollow ones have their"
-            " libraries' settings. The line is the Pareto front: whatever lies above it is both"
-            " slower and less accurate than something else.",
-            data=(folder / "models.csv",),
-        ),
-        Table(folder / "models.csv", "The same as numbers; times in seconds, error nMAE in %."),
-    ]
 
 
 def _picture(found: Sequence[Cost]) -> Any:

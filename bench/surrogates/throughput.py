@@ -11,19 +11,18 @@ import numpy as np
 
 import bem
 from bench import databases
-from bench.page.content import Content, Table
-from bench.remarks import remark
-from bench.report import Report
-from bench.surrogates.answer_times import (
+from bench.report import Report, remark
+from bench.surrogates.fitting import request_for
+from bench.surrogates.times import (
     DELTAS,
     LOADS,
     SIDE,
     Contacts,
     ladder_seconds,
+    mean_seconds,
+    median_seconds,
     new_contacts,
 )
-from bench.surrogates.clock import mean_seconds, median_seconds
-from bench.surrogates.fitting import request_for
 from bench.table import markdown
 from learn.executor import Executor
 from learn.features import SETS
@@ -32,17 +31,10 @@ from learn.surrogate.model import OnSurface
 from learn.surrogate.prediction import Rows
 from learn.surrogate.training import fit
 
-MODEL = "kernel-ridge"
-"""Model that is fitted where no surrogate is given."""
-
-BATCH = 10_000
-"""Displacements, or rows of statistics, of one call."""
-
-LAW = 40
-"""Displacements of a law's table (`python -m learn law`)."""
-
-HYBRID_BATCH = 200
-"""The same for features that press the surface at each displacement."""
+MODEL = "kernel-ridge"  # model that is fitted where no surrogate is given
+BATCH = 10_000  # displacements, or rows of statistics, of one call
+LAW = 40  # displacements of a law's table (`python -m learn law`)
+HYBRID_BATCH = 200  # the same for features that press the surface at each displacement
 
 WAYS: dict[str, dict[str, Any]] = {
     "with intervals and flags": {},
@@ -98,31 +90,15 @@ def report(rows: Sequence[dict[str, Any]]) -> Report:
     return Report({"throughput": rows}, text=markdown_table(rows))
 
 
-def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder that holds this report."""
-    return [
-        Table(
-            folder / "throughput.csv",
-            "Processor time of one contact, by surrogates called singly and in batches and by the"
-            " solver; `solves` is how many of them fit into the time of one solve.",
-        )
-    ]
-
-
 def markdown_table(rows: Sequence[dict[str, Any]]) -> str:
-    """Return lines of Markdown."""
+    """Return lines of Markdown, numbers with three digits and no exponent."""
     lines = []
     for row in rows:
-        seconds = row["seconds"]
-        numbers = map(_rounded, (1e6 * seconds, 1 / seconds, row["solves"]))
-        lines.append((row["what"], row["how"], *numbers))
+        numbers = 1e6 * row["seconds"], 1 / row["seconds"], row["solves"]
+        texts = (f"{n:.3g}" if n < 1000 else f"{float(f'{n:.3g}'):,.0f}" for n in numbers)
+        lines.append((row["what"], row["how"], *texts))
     header = ("what", "how", "us a contact", "contacts a second", "in the time of a solve")
     return markdown(header, lines)
-
-
-def _rounded(number: float) -> str:
-    """Write three digits, and no exponent."""
-    return f"{number:.3g}" if number < 1000 else f"{float(f'{number:.3g}'):,.0f}"
 
 
 def _surrogate(surrogate: Surrogate, contacts: Contacts) -> Iterator[tuple[str, float]]:

@@ -9,6 +9,7 @@ surface, statistics, solve.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -16,23 +17,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.databases import generated
-from bench.remarks import remark
+from bench.picture import STYLES, draw_curves, new_figure
+from bench.report import Report, remark
 from bench.surrogates.fitting import Parts, fit, parted, read, request_for
 from bench.surrogates.tolerance_labels import DEFAULT, MEASURED, TIGHT, solve_all
+from bench.template import rendered
+from gen.arrays import Values
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from learn.dataset import Dataset
 from learn.metrics import scores
 from learn.request import Request
+from learn.surrogate.break_even import time_of
 
-Row = dict[str, Any]
-"""One tolerance with one feature set."""
+Row = dict[str, Any]  # one tolerance with one feature set
 
-Values = NDArray[np.float64]
 
 TOLERANCES = (1e-1, 3e-2, 1e-2, 1e-3, 1e-4, 1e-5, DEFAULT, 1e-8)
 
 FEATURES = ("paper", "hybrid")
+GOOD = 1.02  # test errors count as the tight labels' up to this ratio
 
 
 def tolerance(
@@ -131,3 +135,79 @@ def _label_errors(values: Values, exact: Values) -> Row:
         "label_force": 100 * float(np.abs(force / true_force - 1).mean()),
         "right": 100 * (nodes == true_nodes).mean(),
     }
+
+
+def report(rows: Sequence[Row]) -> Report:
+    """Make a report of what was measured."""
+    return Report(
+        {"tolerance": rows},
+        pictures={"tolerance": _picture(rows)},
+        text=advice(rows),
+        text_name="tolerance",
+    )
+
+
+def advice(rows: Sequence[Row]) -> str:
+    """Say what was measured, and what to choose."""
+    names = list(dict.fromkeys(row["features"] for row in rows))
+    found = {
+        name: (_at(rows, name, TIGHT), _at(rows, name, DEFAULT), choice(rows, name))
+        for name in names
+    }
+    safest = min(chosen["tolerance"] for _, _, chosen in found.values())
+    usual, loose = (_at(rows, names[0], each) for each in (DEFAULT, safest))
+    said = {"trained": rows[0]["trained"], "judged": rows[0]["judged"], "found": found}
+    said |= {"tight": TIGHT, "default": DEFAULT, "good": GOOD, "usual": usual, "loose": loose}
+    said |= {"gain": 100 * (1 - loose["ratio"]), "time": time_of}
+    return rendered("surrogates/tolerance.txt.jinja", said).rstrip()
+
+
+def choice(rows: Sequence[Row], features: str) -> Row:
+    """Return the loosest tolerance that is as good as the tight one, as are all between them."""
+    limit = GOOD * _at(rows, features, TIGHT)["nmae"]
+    mine = sorted(_of(rows, features), key=lambda row: row["tolerance"])
+    return [mine[0], *takewhile(lambda row: row["nmae"] <= limit, mine)][-1]
+
+
+def _of(rows: Sequence[Row], features: str) -> list[Row]:
+    """Return the measured tolerances of a feature set."""
+    return [row for row in rows if row["features"] == features and row["tolerance"] != TIGHT]
+
+
+def _at(rows: Sequence[Row], features: str, tolerance: float) -> Row:
+    return next(r for r in rows if (r["features"], r["tolerance"]) == (features, tolerance))
+
+
+def _picture(rows: Sequence[Row]) -> Any:
+    """Draw errors over the time of the database, and over the tolerance."""
+    figure = new_figure(11, 5)
+    left, right = figure.subplots(1, 2, sharey=True)
+    measured = [row for row in rows if row["tolerance"] != TIGHT]
+    names = list(dict.fromkeys(row["features"] for row in rows))
+    labels = _of(rows, names[0])
+    floor = min((row["label_nmae"] for row in labels if row["label_nmae"] > 0), default=1.0) / 4
+    errors = [max(row["label_nmae"], floor) for row in labels]
+    for axis, quantity in ((left, "seconds"), (right, "tolerance")):
+        draw_curves(axis, measured, quantity, "nmae", by="features", label="{} features".format)
+        for name, style in zip(names, STYLES, strict=False):
+            axis.axhline(_at(rows, name, TIGHT)["nmae"], color=style["color"], ls="--", lw=1)
+        places = [row[quantity] for row in labels]
+        axis.plot(places, errors, "kx-", lw=1, label="the areas themselves")
+        axis.grid(visible=True, which="major", color="0.9")
+    beside = {"textcoords": "offset points", "ha": "right", "va": "top", "fontsize": 8}
+    for row, error in zip(labels, errors, strict=True):
+        text = f"{row['tolerance']:g}" + ("" if row["label_nmae"] else ":\nexact")
+        left.annotate(text, (row["seconds"], error), (-6, -3), **beside)
+    left.margins(x=0.1)
+    left.set_ylim(floor / 4, 2 * max(row["nmae"] for row in rows))
+    left.set(
+        yscale="log",
+        xlabel="processor time of the database [s]",
+        ylabel="nMAE [%]",
+        title="(a) error over time; tolerances at the crosses",
+    )
+    right.set(xscale="log", xlabel="tolerance of the solver", title="(b) error over the tolerance")
+    right.invert_xaxis()
+    right.axvline(DEFAULT, color="0.5", ls=":", label="default tolerance")
+    right.legend(fontsize=9, loc="lower left")
+    return figure

@@ -9,26 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.circumstances import circumstances
-from bench.remarks import remark
+from bench.report import remark
 from gen.generation.sample import compute_rows
 from gen.runtime.output import make_folder
 from gen.runtime.progress import RunProgress
 from gen.scene import Scene, load
 from gen.schema import PHYSICS, Status
 
-TIGHT = 1e-10
-"""Tolerance of the areas that count as true."""
+TIGHT = 1e-10  # tolerance of the areas that count as true
 
 DEFAULT = load("paper").contact.rtol
 
+# Columns of a row's labels; its processor time [s] is the last one.
 MEASURED = ("area_percent", "force", "contact_nodes")
-"""Columns of a row's labels; its processor time [s] is the last one."""
-
+# Rows that are solved at one tolerance before the next: none of them gets a busier machine.
 BLOCK = 20
-"""Rows that are solved at one tolerance before the next: none of them gets a busier machine."""
-
+# `MEASURED` and seconds of rows, shape (n, 4); NaN where not solved yet, or in vain.
 Labels = NDArray[np.float64]
-"""`MEASURED` and seconds of rows, shape (n, 4); NaN where not solved yet, or in vain."""
 
 
 def scene_of(tolerance: float) -> Scene:

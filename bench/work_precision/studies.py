@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from bem.influence import KERNELS, Kernel
-from bench.remarks import remark
+from bench.report import remark
 from bench.solvers.case import Case, find_exact
 from bench.solvers.others import installed, missing
 from bench.solvers.own import BEM, DOUBLE, MIXED
@@ -64,7 +64,7 @@ def paper_case(row: int, nodes: int, kernel: Kernel = "uniform-pressure") -> Cas
     scene = paper.model_copy(update={"surface": surface})
     plan = parameters(scene, row, row + 1)
     heights = surface_of(scene, plan, 0)
-    return Case(f"paper {row}", heights, surface.side, float(plan.delta[0]), kernel)
+    return Case(f"paper {row}", heights, scene.sides[0], float(plan.delta[0]), kernel)
 
 
 @lru_cache(maxsize=4)

@@ -73,11 +73,11 @@ def check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
     places = []
     for column in columns_for(scene):
         dataset = _dataset(file, path, column)
-        shape = column.shape(rows, scene.nodes)
+        shape = column.shape(rows, scene.shape)
         _check_kind(dataset, path, column, shape)
         if fault := _foreign(dataset):
             raise _refusal(path, column, fault)
-        first, length = dataset.get_offset(), rows * column.row_bytes(scene.nodes)
+        first, length = dataset.get_offset(), rows * column.row_bytes(scene.shape)
         if first is None or first + length > size:
             raise InputError(
                 f"{path} is damaged: {rows} rows of column {column.path!r} do not fit"

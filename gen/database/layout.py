@@ -15,7 +15,6 @@ from gen.runtime.provenance import git_commit, versions
 from gen.scene import Scene
 from gen.schema import (
     PART,
-    PHYSICS,
     REASON,
     REASONS,
     RUNTIME,
@@ -24,6 +23,7 @@ from gen.schema import (
     Column,
     Status,
     columns_for,
+    physics_of,
 )
 
 PART_NUMBERS = ("first_row", "rows")
@@ -65,7 +65,7 @@ def lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str 
         dimensions = [_dimension(file, name, size) for name, size in axes.items()]
         file.create_group(RUNTIME, track_order=True)
         for column in columns:
-            _add(file, column, column.shape(len(rows), scene.nodes), dimensions)
+            _add(file, column, column.shape(len(rows), scene.shape), dimensions)
 
 
 def _with_rows(
@@ -146,8 +146,8 @@ def fill(file: h5py.File, scene: Scene, first: int, last: int) -> None:
     """
     for column in columns_for(scene):
         dataset = file[column.path]
-        for start, stop in chunks(last, column.row_bytes(scene.nodes), first):
-            shape = column.shape(stop - start, scene.nodes)
+        for start, stop in chunks(last, column.row_bytes(scene.shape), first):
+            shape = column.shape(stop - start, scene.shape)
             write_rows(dataset, start, np.full(shape, column.fill, dtype=column.dtype))
 
 
@@ -196,8 +196,10 @@ def _word(text: str) -> str:
 
 def identity(scene: Scene) -> dict[str, str | int]:
     """Return the attributes that identify a scene."""
+    persons = {"creator_name": scene.creator, "license": scene.licence}  # ACDD's names
     return {
         "title": scene.title or "Contact of rough surfaces",
+        **{name: text for name, text in persons.items() if text},
         "scene": scene.text(),
         "scene_hash": scene.fingerprint(),
         "samples": scene.samples,
@@ -210,7 +212,7 @@ def provenance(scene: Scene) -> dict[str, str | int]:
         "Conventions": "CF-1.11",
         **identity(scene),
         "schema": SCHEMA,
-        "physics": PHYSICS,
+        "physics": physics_of(scene),
         "physics_forced": 0,
         "versions": json.dumps(_versions()),
         "git_commit": git_commit(),

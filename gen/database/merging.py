@@ -71,9 +71,9 @@ class Part(NamedTuple):
     file: h5py.File
     rows: range
 
-    def read(self, column: Column, start: int, stop: int, nodes: int) -> NDArray[Any]:
+    def read(self, column: Column, start: int, stop: int, grid: tuple[int, int]) -> NDArray[Any]:
         """Return the rows start..stop of a column, with fill values for rows that it lacks."""
-        values = np.full(column.shape(stop - start, nodes), column.fill, dtype=column.dtype)
+        values = np.full(column.shape(stop - start, grid), column.fill, dtype=column.dtype)
         first, last = max(start, self.rows.start), min(stop, self.rows.stop)
         stored = self.file[column.path][first - self.rows.start : last - self.rows.start]
         values[first - start : last - start] = stored
@@ -97,7 +97,7 @@ def _refuse_unequal(files: Mapping[Path, h5py.File], scenes: Mapping[Path, Scene
 
 def _merge_parts(target: h5py.File, parts: Sequence[Part], scene: Scene) -> None:
     """Write all rows of the scene into the target, a chunk of rows after the other."""
-    widest = max(column.row_bytes(scene.nodes) for column in columns_for(scene))
+    widest = max(column.row_bytes(scene.shape) for column in columns_for(scene))
     for start, stop in chunks(scene.samples, widest):
         overlapping = [part for part in parts if part.rows.start < stop and start < part.rows.stop]
         if overlapping:
@@ -110,18 +110,18 @@ def _merge_rows(
     target: h5py.File, parts: Sequence[Part], scene: Scene, start: int, stop: int
 ) -> None:
     """Write the rows start..stop, each from the first part in which it is done, or else failed."""
-    nodes = scene.nodes
-    status = np.stack([part.read(STATUS, start, stop, nodes) for part in parts])
+    grid = scene.shape
+    status = np.stack([part.read(STATUS, start, stop, grid) for part in parts])
     done = status == Status.DONE
     merit = 2 * done + (status == Status.FAILED)
     owner = merit.argmax(axis=0)
     for column in columns_for(scene):
-        merged = np.full(column.shape(stop - start, nodes), column.fill, dtype=column.dtype)
+        merged = np.full(column.shape(stop - start, grid), column.fill, dtype=column.dtype)
         for index, part in enumerate(parts):
             known = np.flatnonzero(merit[index])
             if not known.size:
                 continue
-            values = part.read(column, start, stop, nodes)
+            values = part.read(column, start, stop, grid)
             own = known[owner[known] == index]
             merged[own] = values[own]
             # The owner of a row precedes all other parts in which the row is done.

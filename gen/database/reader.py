@@ -14,7 +14,7 @@ from gen.database.making import SIGNATURE
 from gen.database.opening import OpenDatabase, checked, open_file
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
-from gen.schema import REASON, STATUS, Status
+from gen.schema import REASON, STATUS, Reason, Status
 
 
 def is_database(path: Path) -> bool:
@@ -101,8 +101,13 @@ class Reader(OpenDatabase):
         names = ", ".join(column.name for column in self.columns())
         raise InputError(f"{self.path} has no column {name!r}; it has {names}")
 
-    def reasons(self) -> dict[int, int]:
-        """Count the failed rows by their reason.
+    def reasons(self, status: Status = Status.FAILED) -> dict[int, int]:
+        """Count the failed rows, or the done rows that lack statistics, by their reason.
+
+        Parameters
+        ----------
+        status : Status
+            `Status.FAILED` or `Status.DONE`.
 
         Returns
         -------
@@ -111,10 +116,12 @@ class Reader(OpenDatabase):
         """
         total = np.zeros(256, dtype=np.int64)
         for start, stop in chunks(len(self.rows), 1):
-            failed = self._file[STATUS.path][start:stop] == Status.FAILED
-            if failed.any():
-                codes = self._file[REASON.path][start:stop][failed]
+            chosen = self._file[STATUS.path][start:stop] == status
+            if chosen.any():
+                codes = self._file[REASON.path][start:stop][chosen]
                 total += np.bincount(codes, minlength=total.size)
+        if status == Status.DONE:
+            total[Reason.NONE] = 0
         return {int(code): int(total[code]) for code in np.flatnonzero(total)}
 
     def ranges(self) -> dict[str, tuple[float, float]]:

@@ -140,7 +140,7 @@ class Writer(OpenDatabase):
         arrays = {}
         for column in self.columns():
             values = np.asarray(columns[column.name])
-            shape = column.shape(stop - start, self.scene.nodes)
+            shape = column.shape(stop - start, self.scene.shape)
             if values.shape != shape or values.dtype.kind not in KINDS[column.dtype[0]]:
                 raise ValueError(
                     f"column {column.name}: wanted {column.dtype} of shape {shape}, "

@@ -1,5 +1,6 @@
 """Checks of a database: its columns against plan and limits, rows recomputed bit for bit."""
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +11,9 @@ from gen.arrays import Columns, Values
 from gen.database import Reader
 from gen.generation.plan import parameters, planned_columns
 from gen.generation.sample import compute_rows
-from gen.schema import REASONS, Reason, Status
+from gen.populations import make_ready
+from gen.scene import Scene
+from gen.schema import DONE_REASONS, ENDLESS, REASONS, STATUS, Reason, Status, statistics_columns
 
 CHUNK_ROWS = 65_536
 """Rows that are read and checked together."""
@@ -51,6 +54,8 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:
             if some.size:
                 finished.append(start + some)
                 yield from _chunk_faults(reader, start, stop, status)
+        if finished and recompute:
+            make_ready(reader.scene, path.parent, sources=True)
         if finished:
             rows = np.concatenate(finished)
             chosen = np.random.default_rng(seed).permutation(rows)[:recompute]
@@ -65,7 +70,8 @@ def _chunk_faults(
     scene = reader.scene
     done, failed = status == Status.DONE, status == Status.FAILED
     reason = reader.column("reason", start, stop)
-    yield from _row_faults(done & (reason != Reason.NONE), start, "done, but has a reason to fail")
+    solved = np.isin(reason, DONE_REASONS)
+    yield from _row_faults(done & ~solved, start, "done, but has a reason to fail")
     known = np.isin(reason, [code for code in REASONS if code])
     yield from _row_faults(failed & ~known, start, "failed without a known reason")
     plan = parameters(scene, start, stop)
@@ -79,13 +85,42 @@ def _chunk_faults(
         if column.shape_of:
             continue  # only recomputation compares fields
         rows[column.name] = reader.column(column.name, start, stop)
-        unknown = ~np.isfinite(rows[column.name])
-        yield from _row_faults(done & unknown, start, f"{column.name} is not finite")
+    yield from _finite_faults(start, done, reason == Reason.NO_STATISTICS, rows)
     nodes = reader.column("contact_nodes", start, stop)
     yield from _range_faults(reader, start, done, rows, nodes)
+    yield from _load_faults(scene, plan.load, start, done, rows)
     if plan.hardness is not None:
-        bearable = plan.hardness * scene.spacing**2 * nodes
+        bearable = plan.hardness * (scene.spacing[0] * scene.spacing[1]) * nodes
         yield from _yielding_faults(start, done, rows, bearable)
+
+
+def _finite_faults(
+    start: int, done: NDArray[np.bool_], undefined: NDArray[np.bool_], rows: Columns
+) -> Iterator[str]:
+    """Refuse values that are not finite in done rows, but for statistics that are undefined.
+
+    A stiffness may be infinite.
+
+    Parameters
+    ----------
+    start : int
+        Number of the first row.
+    done, undefined : ndarray of bool, shape (rows,)
+        Whether a row is done, and whether its reason says that statistics are undefined.
+    rows : Columns
+        Columns of the rows.
+    """
+    statistics = {column.name for column in statistics_columns()}
+    missing = np.zeros_like(undefined)
+    for name, values in rows.items():
+        excused = undefined & np.isnan(values) if name in statistics else np.zeros_like(undefined)
+        missing |= excused
+        if name in ENDLESS:
+            excused |= values == np.inf
+        unknown = ~np.isfinite(values) & ~excused
+        yield from _row_faults(done & unknown, start, f"{name} is not finite")
+    groundless = done & undefined & ~missing
+    yield from _row_faults(groundless, start, "statistics are said to be undefined, but are not")
 
 
 def _range_faults(
@@ -97,7 +132,7 @@ def _range_faults(
 ) -> Iterator[str]:
     """Compare done rows with the limits that hold for every solution."""
     scene = reader.scene
-    area, total = rows["area_percent"], scene.nodes**2
+    area, total = rows["area_percent"], math.prod(scene.shape)
     yield from _row_faults(done & ~((area >= 0) & (area <= 100)), start, "area outside 0 to 100 %")
     shares = 100.0 * contact_nodes / total
     yield from _row_faults(done & (area != shares), start, "area is not the share of contact nodes")
@@ -106,6 +141,36 @@ def _range_faults(
     yield from _row_faults(done & ~loaded, start, "force without contact, or contact without force")
     wide = rows["residual"] > scene.contact.rtol
     yield from _row_faults(done & wide, start, f"residual above {scene.contact.rtol}")
+
+
+def _load_faults(
+    scene: Scene, load: Values, start: int, done: NDArray[np.bool_], rows: Columns
+) -> Iterator[str]:
+    """Compare done rows with their loads; that of a pressure over E* and slope is not stored.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the rows.
+    load : ndarray, shape (rows,)
+        Loads in the scene's quantity.
+    start : int
+        Number of the first row.
+    done : ndarray of bool, shape (rows,)
+        Whether a row is done.
+    rows : Columns
+        Columns of the rows.
+    """
+    patch = math.prod(scene.shape) * math.prod(scene.spacing)
+    asked = {
+        "force": ("force", load),
+        "pressure": ("force", load * patch),
+        "delta/height_rms": ("delta", load * rows["height_rms"]),
+    }
+    if scene.quantity in asked:
+        name, wanted = asked[scene.quantity]
+        unequal = ~np.isclose(rows[name], wanted, rtol=ROUNDING, atol=0.0)
+        yield from _row_faults(done & unequal, start, f"{name} is not that of the load")
 
 
 def _yielding_faults(
@@ -140,7 +205,10 @@ def _row_faults(wrong: NDArray[np.bool_], start: int, fault: str) -> Iterator[st
 
 
 def _recomputed_faults(reader: Reader, row: int) -> Iterator[str]:
-    """Compute a row again, with the other rows of its surface, and compare the bits."""
+    """Compute a row again, with the other rows of its surface, and compare the bits.
+
+    Rows with undefined statistics were failed rows once; those of older files stay sound.
+    """
     m = reader.scene.samples_per_surface
     first = row // m * m
     again = compute_rows(reader.scene, first, min(first + m, reader.scene.samples))
@@ -149,6 +217,8 @@ def _recomputed_faults(reader: Reader, row: int) -> Iterator[str]:
             continue
         stored = reader.column(column.name, row, row + 1)
         fresh = again[column.name][row - first : row - first + 1]
+        if column is STATUS and again["reason"][row - first] == Reason.NO_STATISTICS:
+            continue
         if stored.tobytes() != fresh.tobytes():
             detail = "" if column.shape_of else f": {stored[0]!r} in the file, {fresh[0]!r} now"
             yield (

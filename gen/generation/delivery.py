@@ -193,8 +193,8 @@ def in_parallel(choice: Choice, path: Path, world: farm.World) -> bool:
     if choice == "parallel":
         if not database.parallel_hdf5():
             raise InputError(
-                "--writer parallel: this h5py has no MPI; build one as the README's section"
-                " Parallel HDF5 says, or leave the option out"
+                "--writer parallel: this h5py has no MPI; build one as"
+                " docs/how-to/parallel-hdf5.md says, or leave the option out"
             )
         if world.size == 1:
             raise InputError(

@@ -9,13 +9,14 @@ import numpy as np
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows
 from gen.scene import Scene
+from gen.scene.load import Quantity
 from gen.schema import row_bytes
 
 MEASURED_SURFACES = 16
 """Surfaces computed for an estimate, spread evenly over the plan."""
 
 COUNTED_ROWS = 1_000_000
-"""Largest number of planned rows that are drawn one by one; for more, the distribution stands."""
+"""Largest number of planned rows that are drawn: more would hardly change the summary."""
 
 MEASURED_LOADS = 4
 """Largest number of samples computed on each of these surfaces."""
@@ -27,26 +28,34 @@ class Plan:
 
     Attributes
     ----------
-    samples, surfaces, nodes : int
-        Numbers of rows, of surfaces and of nodes a side.
-    delta : tuple of float
-        Smallest, mean and largest displacement [um] of the planned rows, or of their distribution
-        if there are more than `COUNTED_ROWS`.
+    samples, surfaces : int
+        Numbers of rows and of surfaces.
+    shape : tuple of int
+        Nodes along x and y.
+    load : tuple of float
+        Smallest, mean and largest load of the planned rows, of the first `COUNTED_ROWS` if there
+        are more.
+    quantity : str
+        Quantity of these loads, see `gen.scene.load`.
     file_bytes : int
         Size of the database's columns [bytes].
     hardness : tuple of float or None
         Smallest and largest hardness [MPa] of the distribution; None for elastic bodies.
     boundary : str
         "free", "periodic" or "mirror".
+    two_rough : bool
+        Whether a second rough body is pressed against each surface.
     """
 
     samples: int
     surfaces: int
-    nodes: int
-    delta: tuple[float, float, float]
+    shape: tuple[int, int]
+    load: tuple[float, float, float]
+    quantity: Quantity
     file_bytes: int
     hardness: tuple[float, float] | None
     boundary: str
+    two_rough: bool = False
 
 
 @dataclass(frozen=True)
@@ -90,23 +99,20 @@ def plan_of(scene: Scene) -> Plan:
     return Plan(
         samples=scene.samples,
         surfaces=scene.surfaces,
-        nodes=scene.nodes,
-        delta=_displacements(scene),
+        shape=scene.shape,
+        load=_loads(scene),
+        quantity=scene.quantity,
         file_bytes=scene.samples * row_bytes(scene),
         hardness=scene.contact.hardness_limits,
         boundary=scene.contact.boundary,
+        two_rough=scene.surface.against is not None,
     )
 
 
-def _displacements(scene: Scene) -> tuple[float, float, float]:
-    """Return the smallest, the mean and the largest displacement [um]."""
-    if scene.samples <= COUNTED_ROWS:
-        delta = parameters(scene, 0, scene.samples).delta
-        return float(delta.min()), float(delta.mean()), float(delta.max())
-    pieces = scene.delta.pieces
-    low, high = zip(*(piece.range for piece in pieces), strict=True)
-    mean = sum(piece.share * (0.5 * piece.range[0] + 0.5 * piece.range[1]) for piece in pieces)
-    return min(low), mean, max(high)
+def _loads(scene: Scene) -> tuple[float, float, float]:
+    """Return the smallest, the mean and the largest load in the scene's quantity."""
+    load = parameters(scene, 0, min(scene.samples, COUNTED_ROWS)).load
+    return float(load.min()), float(load.mean()), float(load.max())
 
 
 def estimate(scene: Scene, ranks: int) -> Estimate:

@@ -1,34 +1,36 @@
 """The plan: the parameters of each row of a database, a pure function of the scene and the row.
 
 With m samples per surface, row i belongs to surface i // m. The Hurst exponent, sigma0 and the
-far-field displacements come from one random stream per chunk of 65,536 surfaces, laid out as
+loads come from one random stream per chunk of 65,536 surfaces, laid out as
 
-    hurst (65536), sigma0 (65536), delta (65536, m, 2: which piece, where in its range)
+    hurst (65536), sigma0 (65536), load (65536, m, 2: which piece, where in its range)
 
 the hardness from a second stream per chunk, one number for each sample,
 
     hardness (65536, m)
 
-and the displacements of surface s from a stream of its own. None of them depends on the number of
-samples, on ranks, on order or on restarts. This layout is part of a database's physics: another
-layout gives other surfaces and loads for the same scene.
+the parameters of every other generator from a stream for each chunk and name, one number for each
+surface, and the random numbers of surface s itself from a stream of its own, as do those of the
+second rough body that it is pressed against, if the scene has one. None of them depends on the
+number of samples, on ranks, on order or on restarts. This layout is part of a database's physics:
+another one gives other surfaces and loads for the same scene.
 """
 
-import math
+import zlib
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Columns, Values
+from gen.generation.quantiles import log_within, quantiles
+from gen.populations import places
 from gen.scene import Piece, Scene
+from gen.scene.load import Quantity
 
 CHUNK = 65_536
 """Surfaces that share a stream: one stream per row would take minutes for millions of rows."""
-
-DIGITS = 53
-"""Binary digits of a random number in [0, 1)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,21 +41,44 @@ class Parameters:
     ----------
     surface : ndarray of int, shape (rows,)
         Index of the row's surface.
-    hurst : ndarray, shape (rows,)
-        Hurst exponent of the row's surface [1].
-    sigma0 : ndarray, shape (rows,)
-        Standard deviation of the surface's first displacements [um].
-    delta : ndarray, shape (rows,)
-        Far-field displacement [um].
+    drawn : dict of str to ndarray, shape (rows,)
+        Parameters of the row's surface by their names, as "hurst" [1] and "sigma0" [um].
+    load : ndarray, shape (rows,)
+        Load in the scene's quantity, see `gen.scene.load`.
+    quantity : str
+        That quantity.
     hardness : ndarray, shape (rows,), or None
         Hardness of the softer body [MPa]; None for elastic bodies.
+    first : int
+        Number of the first row.
+    places : dict of str to ndarray of int, shape (rows,)
+        Where the row's surface was taken from, by the names of the columns.
     """
 
     surface: NDArray[np.int64]
-    hurst: NDArray[np.float64]
-    sigma0: NDArray[np.float64]
-    delta: NDArray[np.float64]
-    hardness: NDArray[np.float64] | None = None
+    drawn: dict[str, Values]
+    load: Values
+    quantity: Quantity
+    hardness: Values | None = None
+    first: int = 0
+    places: dict[str, NDArray[np.int32]] = field(default_factory=dict)
+
+    @property
+    def delta(self) -> Values:
+        """Far-field displacements (rows,) of a scene that gives them [um].
+
+        Raises
+        ------
+        ValueError
+            If the scene gives its loads in another quantity.
+        """
+        if self.quantity != "delta":
+            raise ValueError(f"this scene gives {self.quantity}, not Delta")
+        return self.load
+
+    def parameters_of(self, row: int) -> dict[str, float]:
+        """Return the parameters of a row's surface, counted from the first of these rows."""
+        return {name: float(values[row]) for name, values in self.drawn.items()}
 
     def hardness_of(self, row: int) -> float | None:
         """Return the hardness of a row, counted from the first of these [MPa], or None."""
@@ -85,15 +110,22 @@ def parameters(scene: Scene, start: int, stop: int) -> Parameters:
         raise ValueError(f"rows {start} to {stop}: wanted 0 <= start <= stop")
     m = scene.samples_per_surface
     first, last = start // m, -(-stop // m)
-    hurst, sigma0, delta = _uniform_numbers(scene.seed, m, first, last)
+    of_surfaces, load = _uniform_numbers(scene, first, last)
     surface = np.arange(start, stop, dtype=np.int64) // m
     rows = slice(start - first * m, stop - first * m)
+    drawn = {
+        name: quantiles(distribution, of_surfaces[name])[surface - first]
+        for name, distribution in scene.drawn_parameters.items()
+    }
+    taken = places(scene, (surface_random(scene, number) for number in range(first, last)))
     return Parameters(
         surface=surface,
-        hurst=_within(*scene.surface.hurst, hurst)[surface - first],
-        sigma0=_within(*scene.surface.sigma0, sigma0)[surface - first],
-        delta=_displacement(scene.delta.pieces, delta.reshape(-1, 2)[rows]),
+        drawn=drawn,
+        load=_loads(scene.pieces, load.reshape(-1, 2)[rows]),
+        quantity=scene.quantity,
         hardness=_hardness(scene, start, stop),
+        first=start,
+        places={name: values[surface - first] for name, values in taken.items()},
     )
 
 
@@ -112,15 +144,15 @@ def planned_columns(scene: Scene, plan: Parameters) -> Columns:
     Columns
         The values of these rows for each planned column.
     """
-    return {
-        name: getattr(plan, name)
-        for name in ("surface", "hurst", "sigma0", "delta", "hardness")
-        if name != "hardness" or scene.contact.draws_hardness
-    }
+    columns: Columns = {"surface": plan.surface, **plan.drawn, **plan.places}
+    columns["delta" if plan.quantity == "delta" else "load"] = plan.load
+    if plan.hardness is not None and scene.contact.draws_hardness:
+        columns["hardness"] = plan.hardness
+    return columns
 
 
 def surface_random(scene: Scene, surface: int | np.int64) -> np.random.Generator:
-    """Make the random generator of one surface's displacements.
+    """Make the random generator that one surface is made with.
 
     Parameters
     ----------
@@ -130,6 +162,20 @@ def surface_random(scene: Scene, surface: int | np.int64) -> np.random.Generator
         Index of the surface, below 2^32.
     """
     return np.random.Generator(_stream(scene.seed, int(surface)))
+
+
+def opposite_random(scene: Scene, surface: int | np.int64) -> np.random.Generator:
+    """Make the random generator of the second rough body that a surface is pressed against.
+
+    Parameters
+    ----------
+    scene : Scene
+        Description of the samples, of which only the seed counts.
+    surface : int
+        Index of the surface, below 2^32.
+    """
+    # A key of two words like that of a chunk, whose second word is never this one.
+    return np.random.Generator(_stream(scene.seed, int(surface), 4))
 
 
 def blocks(
@@ -219,27 +265,47 @@ def _stream(seed: int, *key: int) -> np.random.PCG64:
     return np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key))
 
 
-def _uniform_numbers(
+def _uniform_numbers(scene: Scene, first: int, last: int) -> tuple[dict[str, Values], Values]:
+    """Draw numbers in [0, 1) for the surfaces first to last - 1.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (last - first,)
+        One number for each surface and each of its parameters.
+    ndarray, shape (last - first, samples_per_surface, 2)
+        Two numbers for each sample's load.
+    """
+    hurst, sigma0, load = _of_chunks(scene.seed, scene.samples_per_surface, first, last)
+    shared = {"hurst": hurst, "sigma0": sigma0}
+    if scene.drawn_parameters.keys() == shared.keys():
+        return shared, load
+    return {
+        name: _leapt(scene.seed, first, last, CHUNK, 3, zlib.crc32(name.encode()))
+        for name in scene.drawn_parameters
+    }, load
+
+
+def _of_chunks(
     seed: int, samples_per_surface: int, first: int, last: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Draw numbers in [0, 1) for the surfaces first to last - 1 from their chunks' streams.
+) -> tuple[Values, Values, Values]:
+    """Draw numbers in [0, 1) for the surfaces first to last - 1 from their chunks' first streams.
 
     Returns
     -------
     hurst, sigma0 : ndarray, shape (last - first,)
         One number for each surface.
-    delta : ndarray, shape (last - first, samples_per_surface, 2)
+    load : ndarray, shape (last - first, samples_per_surface, 2)
         Two numbers for each sample.
     """
     hurst, sigma0 = np.empty(last - first), np.empty(last - first)
-    delta = np.empty((last - first, samples_per_surface, 2))
-    per_delta = 2 * samples_per_surface
+    load = np.empty((last - first, samples_per_surface, 2))
+    per_load = 2 * samples_per_surface
     begin = first
     while begin < last:
         chunk, offset = divmod(begin, CHUNK)
         end = min(last, (chunk + 1) * CHUNK)
         here, passed = slice(begin - first, end - first), CHUNK - (end - begin)
-        # A surface's key is one word, a chunk's two: no surface shares a stream with a chunk.
+        # A surface's key is one word, a chunk's two or three: none shares a stream with another.
         stream = _stream(seed, chunk, 1)
         random = np.random.Generator(stream)
         # Each number takes one step of PCG64: leap over those that belong to other surfaces.
@@ -247,87 +313,66 @@ def _uniform_numbers(
         random.random(out=hurst[here])
         stream.advance(passed)
         random.random(out=sigma0[here])
-        stream.advance(passed - offset + offset * per_delta)
-        random.random(out=delta[here])
+        stream.advance(passed - offset + offset * per_load)
+        random.random(out=load[here])
         begin = end
-    return hurst, sigma0, delta
+    return hurst, sigma0, load
 
 
-def _within(
-    low: NDArray[np.float64] | float,
-    high: NDArray[np.float64] | float,
-    uniform: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Map numbers in [0, 1) linearly to [low, high].
+def _leapt(seed: int, start: int, stop: int, length: int, *key: int) -> Values:
+    """Draw the numbers start to stop - 1 of streams in [0, 1), each of which has `length` numbers.
 
-    Rounding cannot exceed the upper end: the largest number, 1 - 2^-53, takes off as much as the
-    rounding of high - low can add.
+    The key of a stream is the number of its chunk followed by `key`.
     """
-    return low + (high - low) * uniform
+    uniform = np.empty(stop - start)
+    begin = start
+    while begin < stop:
+        chunk, offset = divmod(begin, length)
+        end = min(stop, (chunk + 1) * length)
+        stream = _stream(seed, chunk, *key)
+        stream.advance(offset)
+        np.random.Generator(stream).random(out=uniform[begin - start : end - start])
+        begin = end
+    return uniform
 
 
 def _hardness(scene: Scene, start: int, stop: int) -> Values | None:
     """Draw the hardness of the rows start to stop - 1 [MPa]; None for elastic bodies.
 
-    Returns
-    -------
-    ndarray, shape (stop - start,), or None
-        The scene's hardness, or log-uniform numbers from its range.
+    A pair of limits is log-uniform here, unlike those of all other numbers.
     """
-    limits = scene.contact.hardness_limits
-    if limits is None:
+    contact = scene.contact
+    given, limits = contact.hardness_distribution, contact.hardness_limits
+    if given is None or limits is None:
         return None
-    if not scene.contact.draws_hardness:
+    if not contact.draws_hardness:
         return np.full(stop - start, limits[0])
-    uniform = np.empty(stop - start)
-    rows = CHUNK * scene.samples_per_surface
-    begin = start
-    while begin < stop:
-        chunk, offset = divmod(begin, rows)
-        end = min(stop, (chunk + 1) * rows)
-        stream = _stream(scene.seed, chunk, 2)
-        stream.advance(offset)
-        np.random.Generator(stream).random(out=uniform[begin - start : end - start])
-        begin = end
-    return _log_within(*limits, uniform)
+    uniform = _leapt(scene.seed, start, stop, CHUNK * scene.samples_per_surface, 2)
+    if isinstance(given, tuple):
+        return log_within(*limits, uniform)
+    return np.clip(quantiles(given, uniform) * contact.hardness_unit, *limits)
 
 
-def _log_within(low: float, high: float, uniform: Values) -> Values:
-    """Map numbers in [0, 1) logarithmically to [low, high].
-
-    Each binary digit of a number multiplies by a root of high / low. Roots and products are rounded
-    alike on every processor, which logarithms and exponentials are not: a plan must not differ.
-    """
-    values = np.full(uniform.shape, low)
-    factor = math.sqrt(high) / math.sqrt(low)
-    rest = uniform.copy()
-    for _ in range(DIGITS):
-        rest *= 2.0
-        digit = rest >= 1.0
-        values[digit] *= factor
-        rest -= digit
-        factor = math.sqrt(factor)
-    np.minimum(values, high, out=values)
-    return values
-
-
-def _displacement(pieces: tuple[Piece, ...], uniform: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn pairs of numbers in [0, 1) into displacements: one chooses the piece, one the place.
+def _loads(pieces: tuple[Piece, ...], uniform: Values) -> Values:
+    """Turn pairs of numbers in [0, 1) into loads: one chooses the piece, one the place.
 
     Parameters
     ----------
     pieces : tuple of Piece
-        Shares, and ranges [um].
+        Shares and distributions.
     uniform : ndarray, shape (rows, 2)
         The pairs of numbers.
 
     Returns
     -------
     ndarray, shape (rows,)
-        Far-field displacements [um].
+        Loads in the unit of the pieces.
     """
     # The last piece takes the rest: rounded shares cannot leave a gap below 1.
     borders = np.cumsum([piece.share for piece in pieces])[:-1]
-    ranges = np.array([piece.range for piece in pieces])
-    low, high = ranges[np.searchsorted(borders, uniform[:, 0], side="right")].T
-    return _within(low, high, uniform[:, 1])
+    chosen = np.searchsorted(borders, uniform[:, 0], side="right")
+    loads = np.empty(len(uniform))
+    for number, piece in enumerate(pieces):
+        here = chosen == number
+        loads[here] = quantiles(piece.range, uniform[here, 1])
+    return loads

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
-from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gen.arrays import Columns
 from gen.generation import plan
+from gen.generation.completion import completed, functions, rehearse
 from gen.generation.delivery import (
     Block,
     Choice,
@@ -22,6 +23,7 @@ from gen.generation.delivery import (
     in_parallel,
 )
 from gen.generation.sample import compute_rows
+from gen.populations import make_ready, remarks
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.interruption import Interruption
@@ -128,7 +130,7 @@ def generate_database(request: Request, world: farm.World) -> RunResult:
         interruption = stack.enter_context(Interruption(listening=world.is_master))
         job = stack.enter_context(_Job(request, world)) if world.is_master else None
         target: Target = world.broadcast(job and job.target)
-        compute = partial(_compute_block, target.scene, world.rank, request.sample_limit)
+        compute = partial(_compute_block, target, world.rank, request.sample_limit)
         blocks = job.blocks(world) if job is not None else iter(())
         delivered = delivery(target, world, compute)
         return _work_off(job, blocks, delivered, world, interruption)
@@ -141,7 +143,7 @@ class _Job:
         from gen import database
 
         with ExitStack() as stack:
-            asked_for = load(request.scene)
+            asked_for = completed(load(request.scene), request.path.parent)
             first, last = request.rows or (0, asked_for.samples)
             if not 0 <= first < last <= asked_for.samples:
                 raise InputError(
@@ -150,6 +152,8 @@ class _Job:
                 )
             parallel = in_parallel(request.writer, request.path, world)
             stack.enter_context(database.lock(request.path))
+            if not request.path.exists():
+                rehearse(asked_for)
             self.opened = database.open_or_create(
                 request.path, asked_for, range(first, last), force=request.force
             )
@@ -157,6 +161,7 @@ class _Job:
                 scene = writer.scene
                 self.retried = writer.retry_failed(first, last) if request.retry_failed else 0
                 self.pending = writer.pending(first, last)
+            make_ready(scene, request.path.parent)
             self.target = Target(request.path, scene, parallel, request.force)
             self._stack = stack.pop_all()
 
@@ -188,7 +193,8 @@ def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Bloc
     iterator of (int, int)
         The blocks, see `gen.generation.plan.blocks`.
     """
-    nodes = scene.nodes
+    nodes = math.prod(scene.shape)
+    fitting = max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes))
     most = max(1, BLOCK_BYTES // row_bytes(scene))
     least = max(1, min(most, _least_rows(nodes, sum(b - a for a, b in pending), workers)))
     return plan.blocks(
@@ -196,7 +202,7 @@ def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Bloc
         samples=scene.samples,
         samples_per_surface=scene.samples_per_surface,
         workers=workers,
-        largest=min(most, max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes**2), 2 * least - 1)),
+        largest=min(most, max(fitting, 2 * least - 1)),
         smallest=least,
     )
 
@@ -207,8 +213,8 @@ def _least_rows(nodes: int, rows: int, workers: int) -> int:
     The master has to answer all workers in the time of a block. If there are few rows for each
     worker, it is enough to deal with all blocks in that time: larger blocks would idle workers.
     """
-    answer = ANSWER_NODES / nodes**2  # the master's time for a block, in solves
-    return int(min(MASTER_SHARE * workers * answer, sqrt(rows * answer)))
+    answer = ANSWER_NODES / nodes  # the master's time for a block, in solves
+    return int(min(MASTER_SHARE * workers * answer, math.sqrt(rows * answer)))
 
 
 def _work_off(
@@ -256,6 +262,10 @@ def _supervise(
     todo = sum(stop - start for start, stop in job.pending)
     with RunProgress(todo) as progress:
         progress.say(_opening_line(job, todo, world))
+        for function in functions(job.target.scene):
+            progress.say(f"runs {function}")
+        for line in remarks(job.target.scene):
+            progress.say(f"  {line}")
 
         def take(block: Block, result: Any) -> None:
             nonlocal overdue
@@ -279,9 +289,10 @@ def _opening_line(job: _Job, todo: int, world: farm.World) -> str:
     )
 
 
-def _compute_block(scene: Scene, rank: int, limit: float | None, block: Block) -> Columns:
+def _compute_block(target: Target, rank: int, limit: float | None, block: Block) -> Columns:
     """Compute the rows of a worker's block."""
-    return compute_rows(scene, *block, rank=rank, limit=limit)
+    make_ready(target.scene, target.path.parent, verify=False)
+    return compute_rows(target.scene, *block, rank=rank, limit=limit)
 
 
 def _ignore(block: Block, result: Any) -> None:

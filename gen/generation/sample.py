@@ -3,28 +3,55 @@
 import itertools
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 import bem
+from bem.derived.spots import Spots
 from gen.arrays import Columns, Heights
-from gen.generation.plan import Parameters, parameters, planned_columns, surface_random
-from gen.runtime.errors import InputError
+from gen.generation.own_outputs import outputs_of
+from gen.generation.plan import (
+    Parameters,
+    opposite_random,
+    parameters,
+    planned_columns,
+    surface_random,
+)
+from gen.material import plane_strain_modulus
+from gen.populations import opposite_heights, surface_heights
+from gen.runtime.errors import InputError, SourceError
 from gen.runtime.memory import too_little_for_solve
 from gen.runtime.overtime import Overtime, at_most
 from gen.scene import Scene
-from gen.schema import Reason, Status, columns_for
-from gen.statistics import Description, describe
-from gen.surface import generate, without_last_nodes
+from gen.schema import DONE_REASONS, Reason, Status, columns_for
+from gen.statistics import Description, describe, rms_slope
 
 ANSWERS = ("area_percent", "force", "contact_nodes")
 """Columns of every database that are results of `bem.solve` under the same name."""
 
 OPTIONAL_ANSWERS = frozenset(
-    ("yielded_percent", "mean_gap", "largest_pressure", "perimeter", "pressure")
+    (
+        *("yielded_percent", "mean_gap", "largest_pressure", "perimeter", "pressure"),
+        *("stiffness", "interface_stiffness", "corrected_area_percent"),
+    )
 )
 """Optional columns that are results of `bem.solve` under the same name."""
+
+SPOT_ANSWERS: dict[str, Callable[[Spots], float]] = {
+    "contact_spots": lambda spots: spots.number,
+    "largest_spot_percent": lambda spots: 100 * spots.largest_share,
+    "contact_connects": lambda spots: spots.contact_connects[0] + 2 * spots.contact_connects[1],
+    "gap_connects": lambda spots: spots.gap_connects[0] + 2 * spots.gap_connects[1],
+}
+"""Optional columns that follow from the spots of a contact."""
+
+
+UNSOLVED = (
+    *(ArithmeticError, np.linalg.LinAlgError, InputError),
+    *(bem.NoSolution, bem.NotConverged),
+)
+"""Exceptions of samples that have no solution."""
 
 
 def compute_rows(
@@ -32,7 +59,8 @@ def compute_rows(
 ) -> Columns:
     """Generate, describe and solve the samples start to stop - 1.
 
-    A surface is generated and described once for all its samples. A sample that cannot be solved
+    A surface is generated and described once for all its samples. A statistic that the surface
+    does not define is NaN, with the reason, and the row is done. A sample that cannot be solved
     becomes a failed row with its reason; every other exception is a bug and passes through.
 
     Parameters
@@ -99,32 +127,46 @@ def finished_parts(start: int, rows: Columns) -> Iterator[tuple[int, int, Column
 
 
 def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
-    """Generate the surface of one row of a plan: heights (n, n) [um]."""
-    heights = generate(
-        scene.surface.generator,
-        scene.surface.nodes,
-        float(plan.hurst[row]),
-        float(plan.sigma0[row]),
-        surface_random(scene, plan.surface[row]),
-    )
-    return heights if scene.contact.boundary == "free" else without_last_nodes(heights)
+    """Make the surface of one row of a plan: heights of the scene's shape [um].
+
+    Of two rough bodies it is the composite surface, the sum of both heights. The second one is
+    drawn as it faces the first, so neither is turned over.
+    """
+    surface, drawn = int(plan.surface[row]), plan.parameters_of(row)
+    heights = surface_heights(scene, surface, drawn, surface_random(scene, surface))
+    if scene.surface.against is None:
+        return heights
+    streams = surface_random(scene, surface), opposite_random(scene, surface)
+    heights = heights + opposite_heights(scene, surface, drawn, *streams)
+    heights -= heights.min()
+    return heights
 
 
 def solve_contact(
-    scene: Scene, heights: Heights, delta: float, hardness: float | None = None
+    scene: Scene,
+    heights: Heights,
+    delta: float | None = None,
+    hardness: float | None = None,
+    *,
+    pressure: float | None = None,
+    force: float | None = None,
 ) -> bem.Contact:
-    """Solve the contact of a surface at one displacement, with the scene's settings.
+    """Solve the contact of a surface at one load, with the scene's settings.
 
     Parameters
     ----------
     scene : Scene
         Description of the samples.
-    heights : ndarray, shape (n, n)
+    heights : ndarray, shape (nx, ny)
         Heights of the surface [um].
-    delta : float
-        Far-field displacement [um].
+    delta : float or None
+        Far-field displacement [um]; this, `pressure` or `force` is given.
     hardness : float or None
-        Hardness of the softer body [MPa]. None takes the scene's, which must not be a range.
+        Hardness of the softer body [MPa]. None takes the scene's, which must not be drawn.
+    pressure : float or None
+        Nominal pressure [MPa].
+    force : float or None
+        Normal force [uN].
 
     Returns
     -------
@@ -143,8 +185,10 @@ def solve_contact(
         hardness = settings.hardness_limits[0]
     return bem.solve(
         heights,
-        scene.surface.side,
+        scene.sides,
         delta,
+        pressure=pressure,
+        force=force,
         spacing=scene.spacing,
         modulus=settings.modulus,
         poisson=settings.poisson,
@@ -154,13 +198,40 @@ def solve_contact(
         hardness=hardness,
         rtol=settings.rtol,
         max_iterations=settings.max_iterations,
+        threads=1,  # the ranks of a run share the processor already
     )
+
+
+def load_of(scene: Scene, heights: Heights, load: float) -> dict[str, float]:
+    """Turn a load in the scene's quantity into an argument of `solve_contact`.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    heights : ndarray, shape (nx, ny)
+        Heights of the surface [um].
+    load : float
+        Load in the scene's quantity.
+
+    Returns
+    -------
+    dict of str to float
+        "delta" [um], "pressure" [MPa] or "force" [uN] with its value.
+    """
+    match scene.quantity:
+        case "delta/height_rms":
+            return {"delta": load * float(heights.std())}
+        case "pressure/(E* slope_rms)":
+            modulus = plane_strain_modulus(scene.contact.modulus, scene.contact.poisson)
+            return {"pressure": load * modulus * rms_slope(heights, scene.spacing)}
+    return {scene.quantity: load}
 
 
 def _pending_rows(scene: Scene, count: int) -> Columns:
     """Make rows in which every column has its fill value."""
     return {
-        column.name: np.full(column.shape(count, scene.nodes), column.fill, dtype=column.dtype)
+        column.name: np.full(column.shape(count, scene.shape), column.fill, dtype=column.dtype)
         for column in columns_for(scene)
     }
 
@@ -196,7 +267,7 @@ def _compute_surface(
         if reason is Reason.NONE and description.reason:
             reason = Reason.NO_STATISTICS
         rows["reason"][row] = reason
-        rows["status"][row] = Status.DONE if reason is Reason.NONE else Status.FAILED
+        rows["status"][row] = Status.DONE if reason in DONE_REASONS else Status.FAILED
 
 
 def _described(scene: Scene, plan: Parameters, row: int) -> tuple[Heights, Description] | None:
@@ -204,6 +275,8 @@ def _described(scene: Scene, plan: Parameters, row: int) -> tuple[Heights, Descr
     try:
         heights = surface_of(scene, plan, row)
         return heights, describe(heights, scene.spacing)
+    except SourceError:
+        raise
     except (ArithmeticError, InputError):
         return None
 
@@ -211,7 +284,7 @@ def _described(scene: Scene, plan: Parameters, row: int) -> tuple[Heights, Descr
 def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row: int) -> Reason:
     """Solve one contact problem and fill in its row; return the reason if that is impossible."""
     try:
-        contact = solve_contact(scene, heights, float(plan.delta[row]), plan.hardness_of(row))
+        contact = _contact(scene, heights, plan, row)
     except bem.NotConverged as failure:
         _record_effort(failure.contact, rows, row)
         return Reason.NOT_CONVERGED
@@ -222,9 +295,97 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
     _record_effort(contact, rows, row)
     if not np.isfinite(contact.force):
         return Reason.NOT_FINITE
-    for name in (*ANSWERS, *(OPTIONAL_ANSWERS & scene.optional_columns)):
+    return _add_results(scene, contact, rows, plan.first + row, row)
+
+
+def _add_results(
+    scene: Scene, contact: bem.Contact, rows: Columns, number: int, row: int
+) -> Reason:
+    """Fill in all results of one contact; return the reason if one cannot be computed."""
+    if scene.quantity != "delta":
+        rows["delta"][row] = contact.delta
+    try:
+        _add_answers(scene, contact, rows, row)
+    except ArithmeticError:
+        return Reason.ARITHMETIC
+    if scene.store.function is None:
+        return Reason.NONE
+    return _add_outputs(scene, contact, rows, number, row)
+
+
+def _add_answers(scene: Scene, contact: bem.Contact, rows: Columns, row: int) -> None:
+    """Fill in the results of one contact, and those that the scene asks for."""
+    wanted = scene.optional_columns
+    for name in (*ANSWERS, *(OPTIONAL_ANSWERS & wanted)):
         rows[name][row] = getattr(contact, name)
-    return Reason.NONE
+    for name in SPOT_ANSWERS.keys() & wanted:
+        rows[name][row] = SPOT_ANSWERS[name](contact.spots)
+
+
+def _add_outputs(
+    scene: Scene, contact: bem.Contact, rows: Columns, number: int, row: int
+) -> Reason:
+    """Fill in the outputs of the user's function, and return the reason if one is no number."""
+    try:
+        outputs = outputs_of(scene.store, contact, number)
+    except ArithmeticError:
+        return Reason.ARITHMETIC
+    for name, value in outputs.items():
+        rows[name][row] = value
+    return Reason.NONE if np.isfinite(list(outputs.values())).all() else Reason.NOT_FINITE
+
+
+def _contact(scene: Scene, heights: Heights, plan: Parameters, row: int) -> bem.Contact:
+    """Solve the contact of one row of a plan; the exceptions of `bem.solve` pass through."""
+    load = load_of(scene, heights, float(plan.load[row]))
+    return solve_contact(scene, heights, hardness=plan.hardness_of(row), **load)
+
+
+def first_surface(scene: Scene) -> Heights | None:
+    """Make a scene's first surface; return None if that leaves the range of numbers.
+
+    Raises
+    ------
+    SourceError
+        If what the surfaces are made of is missing or has changed.
+    """
+    try:
+        return surface_of(scene, parameters(scene, 0, 1), 0)
+    except SourceError:
+        raise
+    except UNSOLVED:
+        return None
+
+
+def first_contact(scene: Scene, rows: int) -> tuple[int, bem.Contact] | None:
+    """Solve the first of a scene's rows that has a solution.
+
+    Parameters
+    ----------
+    scene : Scene
+        Description of the samples.
+    rows : int
+        Number of rows to try.
+
+    Returns
+    -------
+    tuple of int and bem.Contact, or None
+        The row and its contact; None if no row has a solution.
+
+    Raises
+    ------
+    SourceError
+        If what the surfaces are made of is missing or has changed.
+    """
+    plan = parameters(scene, 0, rows)
+    for row in range(rows):
+        try:
+            return row, _contact(scene, surface_of(scene, plan, row), plan, row)
+        except SourceError:
+            raise
+        except UNSOLVED:
+            continue
+    return None
 
 
 def _without_solution(scene: Scene) -> Reason:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gen.arrays import Values
-from gen.maps import CYAN, contact_maps, draw_map, patch_sides, yielded_nodes
+from gen.maps import CYAN, contact_maps, draw_map, patch_sides, spot_maps, yielded_nodes
 from gen.runtime.figure import save
 from gen.runtime.terminal import shortened
 
@@ -47,12 +47,15 @@ class Subject:
         Whether the user gave a modulus.
     warnings : sequence of str
         One line for each reason to distrust the contacts.
+    spots : bool
+        Whether to draw spots and the open gap instead of heights and pressure.
     """
 
     name: str
     load: str
     material: bool
     warnings: Sequence[str]
+    spots: bool = False
 
 
 def draw_contacts(
@@ -78,7 +81,10 @@ def draw_contacts(
         lines = [textwrap.fill(f"warning: {warning}", 160) for warning in subject.warnings]
         figure.supxlabel("\n".join(lines), fontsize=8, color="tab:red", parse_math=False)
     spots = f"contact: {last.area_percent:.3g} % of {last.pressure.size} nodes"
-    heights_map, pressure_map = contact_maps(last, "heights", spots)
+    if subject.spots:
+        heights_map, pressure_map = spot_maps(last)
+    else:
+        heights_map, pressure_map = contact_maps(last, "heights", spots)
     draw_map(axes["heights"], heights_map, letters)
     draw_map(axes["spots"], pressure_map, letters)
     _stretch(axes, patch_sides(last))

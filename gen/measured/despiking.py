@@ -38,14 +38,34 @@ def without_spikes(heights: Heights, threshold: float) -> tuple[Heights, NDArray
         Nodes that were replaced.
     """
     medians = local_medians(heights)
+    with np.errstate(over="ignore"):  # a bound beyond all numbers leaves no spike
+        spikes = np.abs(heights - medians) > threshold * _scatter(heights, medians)
+    return np.where(spikes, medians, heights), spikes
+
+
+def scaled_distances(heights: Heights) -> Values:
+    """Compute the distance of each node from its local median in units of their scatter.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights with NaN in the holes, not all equal [um].
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Distances, NaN in the holes; `without_spikes` compares them with its threshold [1].
+    """
+    medians = local_medians(heights)
+    return np.asarray((heights - medians) / _scatter(heights, medians))
+
+
+def _scatter(heights: Heights, medians: Heights) -> float:
+    """Return the scatter of the distances from local medians, at least that of rounding [um]."""
     distances = heights - medians
     measured = distances[~np.isnan(distances)]
-    centre = np.median(measured)
-    scatter = 1.4826 * float(np.median(np.abs(measured - centre)))
-    smallest = ROUNDING * float(np.nanmax(heights) - np.nanmin(heights))
-    with np.errstate(over="ignore"):  # a bound beyond all numbers leaves no spike
-        spikes = np.abs(distances) > threshold * max(scatter, smallest)
-    return np.where(spikes, medians, heights), spikes
+    scatter = 1.4826 * float(np.median(np.abs(measured - np.median(measured))))
+    return max(scatter, ROUNDING * float(np.nanmax(heights) - np.nanmin(heights)))
 
 
 def local_medians(heights: Heights) -> Heights:

@@ -80,7 +80,8 @@ def checked(heights: Heights, path: Path, *, holes: bool) -> Heights:
 def _from_npy(content: bytes, path: Path) -> Heights:
     """Read real numbers of any shape from the bytes of a .npy file; never unpickle objects."""
     try:
-        array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
+        with np.errstate(all="ignore"):  # of the numbers of nodes in a broken header
+            array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
     except Exception as error:  # a broken header makes numpy raise nearly anything
         fault = " ".join(str(error).split())[:120]
         raise InputError(f"{path}: not a whole .npy file ({fault}); save real numbers") from error

@@ -14,6 +14,7 @@ from gen.measured import steps
 from gen.measured.settings import Preparation
 from gen.measured.topography import Topography, intervals
 from gen.runtime.errors import InputError
+from gen.statistics import rms_slope
 
 SPIKE = 7.0
 """Height of the highest node above the median of its neighbours from which it is called a spike, in
@@ -28,6 +29,10 @@ surfaces have 0.07 to 0.26."""
 
 FLAT = 1e-5
 """Rms slope below which the unit of the heights was probably lost; polished mirrors have 1e-4."""
+
+LEVEL_STEP = 1.5
+"""Growth of the steps at the borders of a periodic map from which a level or form deserves a
+warning: a little is the slope that the map has there by chance."""
 
 MANY_HOLES = 0.1
 """Share of missing heights above which filling them deserves a warning."""
@@ -94,10 +99,12 @@ def _with_measured_nodes(topography: Topography, settings: Preparation) -> Topog
         topography = steps.masked(topography, kept)
     if settings.despike is not None:
         topography = steps.despiked(topography, settings.despike)
+    sloping = topography
     if settings.level:
         topography = _levelled(topography, settings.level)
     if settings.form is not None:
         topography = steps.without_form(topography, settings.form)
+    topography = _with_level_warning(sloping, topography)
     if (settings.fill or settings.fill_most) and topography.missing:
         topography = _filled(topography, insisted=settings.fill_most)
     return topography
@@ -124,7 +131,7 @@ def surface_warnings(topography: Topography) -> list[str]:
             f"the highest node ({row}, {column}) is a spike, {above:.4g} um above its neighbours:"
             " Delta counts from its tip; crop it, or mark it as missing and --fill"
         )
-    slope = rms_slope(topography)
+    slope = rms_slope(topography.heights, topography.spacing)
     if slope > STEEP:
         warnings.append(
             f"rms slope {slope:.2g}: the theory of the half-space takes slopes for small"
@@ -145,25 +152,32 @@ def surface_warnings(topography: Topography) -> list[str]:
 
 def _border_warnings(topography: Topography) -> list[str]:
     """Warn of a periodic patch whose opposite borders differ by more than the rms height."""
-    heights = topography.heights
     if topography.boundary != "periodic":
         return []
-    steps = heights[-1] - heights[0], heights[:, -1] - heights[:, 0]
-    step = max(float(np.sqrt(np.mean(np.square(each)))) for each in steps)
-    rms = float(heights.std())
+    step, rms = _border_step(topography.heights), float(topography.heights.std())
     if step <= rms:
         return []
     said = f"opposite borders differ by {step:.4g} um (rms), more than the rms height, {rms:.4g} um"
     return [f"{said}: the map is not periodic; --boundary mirror takes it as it is"]
 
 
-def rms_slope(topography: Topography) -> float:
-    """Compute the root mean square of the slopes between neighbouring nodes [1]."""
-    squares = 0.0
-    for axis, spacing in enumerate(topography.spacing):
-        with np.errstate(over="ignore"):  # an infinite slope gets the warning of every steep one
-            squares += float(np.nanmean((np.diff(topography.heights, axis=axis) / spacing) ** 2))
-    return float(np.sqrt(squares))
+def _border_step(heights: Heights) -> float:
+    """Return the larger rms difference between opposite borders [um]; 0 where none was measured."""
+    differences = (heights[-1] - heights[0], heights[:, -1] - heights[:, 0])
+    squares = (np.square(each[~np.isnan(each)]) for each in differences)
+    return max(float(np.sqrt(each.mean())) if each.size else 0.0 for each in squares)
+
+
+def _with_level_warning(before: Topography, after: Topography) -> Topography:
+    """Warn if a level or form taken out of a periodic map has left steps at its borders."""
+    if after is before or after.boundary != "periodic":
+        return after
+    step, was = _border_step(after.heights), _border_step(before.heights)
+    if step <= LEVEL_STEP * was:
+        return after
+    said = f"the fit that was taken out is not periodic: opposite borders differ by {step:.4g} um"
+    advice = f"(rms), {was:.4g} um before; a periodic map needs --level mean"
+    return replace(after, warnings=(*after.warnings, f"{said} {advice}"))
 
 
 def tilt(topography: Topography) -> tuple[float, float]:
@@ -178,10 +192,12 @@ def tilt(topography: Topography) -> tuple[float, float]:
     return slopes[0], slopes[1]
 
 
-def filled_harmonically(heights: Heights, spacing: tuple[float, float]) -> Heights:
+def filled_harmonically(
+    heights: Heights, spacing: tuple[float, float], *, periodic: bool = False
+) -> Heights:
     """Fill holes with the solution of Laplace's equation between the heights of their rims.
 
-    The border of the patch is free: no flux crosses it.
+    No flux crosses the border of the patch, unless it is periodic.
 
     Parameters
     ----------
@@ -189,6 +205,8 @@ def filled_harmonically(heights: Heights, spacing: tuple[float, float]) -> Heigh
         Heights with NaN in the holes, at least one of them finite [um].
     spacing : tuple of float
         Distance of the nodes along x and y [um].
+    periodic : bool
+        Whether the patch goes on past its border with its opposite side.
 
     Returns
     -------
@@ -199,12 +217,14 @@ def filled_harmonically(heights: Heights, spacing: tuple[float, float]) -> Heigh
 
     unknown = np.flatnonzero(np.isnan(heights))
     filled = heights.copy()
-    filled.reshape(-1)[unknown] = spsolve(*_laplace_equations(heights, spacing, unknown))
+    filled.reshape(-1)[unknown] = spsolve(
+        *_laplace_equations(heights, spacing, unknown, periodic=periodic)
+    )
     return filled
 
 
 def _laplace_equations(
-    heights: Heights, spacing: tuple[float, float], unknown: NDArray[np.intp]
+    heights: Heights, spacing: tuple[float, float], unknown: NDArray[np.intp], *, periodic: bool
 ) -> tuple[Any, Values]:
     """Assemble the five-point Laplace equation at the unknown nodes: sparse matrix, right side."""
     from scipy.sparse import coo_matrix
@@ -218,10 +238,10 @@ def _laplace_equations(
     weights: list[Values] = [diagonal]
     for axis, stride in ((0, line), (1, 1)):
         position = unknown // line if axis == 0 else unknown % line
-        weight = spacing[axis] ** -2
-        for step, inside in ((-1, position > 0), (1, position < heights.shape[axis] - 1)):
-            here = np.flatnonzero(inside)
-            there = unknown[here] + step * stride
+        weight, length = spacing[axis] ** -2, heights.shape[axis]
+        for neighbour in (position - 1, position + 1):
+            here = np.flatnonzero(periodic | ((neighbour >= 0) & (neighbour < length)))
+            there = unknown[here] + (neighbour % length - position)[here] * stride
             diagonal[here] += weight
             known = number[there] < 0
             np.add.at(right, here[known], weight * flat[there[known]])
@@ -241,7 +261,8 @@ def _filled(topography: Topography, *, insisted: bool) -> Topography:
             f"{topography.name}: {missing} of {size} heights are missing ({share}): --fill would"
             " make up more than was measured; crop, measure again, or insist by --fill-most"
         )
-    heights = filled_harmonically(topography.heights, topography.spacing)
+    periodic = topography.boundary == "periodic"
+    heights = filled_harmonically(topography.heights, topography.spacing, periodic=periodic)
     filled = steps.changed(topography, heights, f"filled {missing} nodes ({share}) harmonically")
     if missing <= MANY_HOLES * size:
         return filled

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 from gen.measured.form import HIGHEST_DEGREE
@@ -95,6 +96,17 @@ class Preparation:
         if any(cutoff is not None and cutoff <= 0 for cutoff in ends):
             raise InputError(f"--filter {shown(self.filter)}: cut-offs are above 0; {advice}")
         return ends
+
+
+def in_words_of_scenes(text: str) -> str:
+    """Turn the options of a command in a message into the keys of a scene: --fill-most, fill_most.
+
+    Parameters
+    ----------
+    text : str
+        Message about an option.
+    """
+    return re.sub(r"--([a-z][a-z-]*)", lambda option: option[1].replace("-", "_"), text)
 
 
 def _ends(text: str, option: str, advice: str) -> tuple[float | None, float | None] | None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gen.measured.outcome import NOTHING, Wanted, answers
 from gen.measured.topography import Topography
 from gen.runtime import memory
 from gen.runtime.errors import InputError
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from gen.statistics import Description
 
 LOADS = ("delta", "force", "pressure")
-ADVICE = "give a number, several as 1,2,5, or start:stop:count"
+ADVICE = "give a number, several as 1,2,5, or start:stop:count[:log]"
 
 OUTER = 0.05
 """Share of the lines of nodes on each side whose load is told apart."""
@@ -38,8 +39,8 @@ def chosen_load(given: dict[str, str]) -> tuple[str, list[float]]:
     Parameters
     ----------
     given : dict of str
-        Text of each option of `LOADS`, "" if omitted: a number, start:stop:count, or several
-        numbers with commas.
+        Text of each option of `LOADS`, "" if omitted: a number, start:stop:count[:log], or
+        several numbers with commas.
 
     Returns
     -------
@@ -200,11 +201,16 @@ def statistics_row(
     }
 
 
-def contact_row(topography: Topography, contact: Contact, warnings: Sequence[str]) -> Row:
+def contact_row(
+    topography: Topography,
+    contact: Contact,
+    warnings: Sequence[str],
+    wanted: Wanted = NOTHING,
+) -> Row:
     """Return the row of a table of contacts: load, area, pressures, gap, residual, warnings.
 
-    The columns about yielding are there if the problem has a hardness, and the boundary if it is
-    not free.
+    The columns about yielding are there if the problem has a hardness, the boundary if it is not
+    free, and further answers if they are wanted.
     """
     problem = contact.problem
     cells = contact.pressure.size * problem.spacing[0] * problem.spacing[1]
@@ -228,6 +234,7 @@ def contact_row(topography: Topography, contact: Contact, warnings: Sequence[str
         "modulus_MPa": problem.modulus,
         **_boundary(topography),
         **yielding,
+        **{answer.column: answer.value for answer in answers(contact, wanted)},
         "residual": contact.residual,
         "prepared": "; ".join(topography.steps),
         "warnings": "; ".join(warnings),

@@ -115,10 +115,13 @@ def filtered(topography: Topography, short: float | None, long: float | None) ->
             )
         names.append(f"{name} {cutoff:g} um")
     if short is not None:
-        heights = gaussian_filter.long_waves(heights, spacing, short)
+        heights = gaussian_filter.long_waves(heights, spacing, short, topography.boundary)
     if long is not None:
-        heights = heights - gaussian_filter.long_waves(heights, spacing, long)
-    step = f"filtered after ISO 16610-61 (Gaussian): {', '.join(names)}"
+        long_waves = gaussian_filter.long_waves(heights, spacing, long, topography.boundary)
+        heights = heights - long_waves
+    beyond = {"periodic": ", on past the borders", "mirror": ", mirrored at the borders"}
+    said = ", ".join(names) + beyond.get(topography.boundary, "")
+    step = f"filtered after ISO 16610-61 (Gaussian): {said}"
     return changed(topography, heights, step)
 
 

@@ -54,6 +54,8 @@ class Topography:
         One line for each step from the file to these heights.
     warnings : tuple of str
         One line for each reason to distrust the heights.
+    unit : str
+        Unit of the heights in the file, "" if it names none and they are taken as um.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Topography:
     steps: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     boundary: Boundary = "free"
+    unit: str = ""
 
     @property
     def spacing(self) -> Sides:
@@ -175,7 +178,9 @@ def read(
         f"the file says {remark!r}, which is not read: check --side and --unit against it"
         for remark in scan.remarks
     ]
-    return Topography(str(path), heights, sides, tuple(steps), tuple(distrust), boundary)
+    return Topography(
+        str(path), heights, sides, tuple(steps), tuple(distrust), boundary, heights_unit or ""
+    )
 
 
 def _first_step(scan: _Scan, heights: Heights, unit: str | None) -> str:
@@ -376,9 +381,11 @@ def _instrument_scan(path: Path, wanted: str, boundary: Boundary) -> _Scan:
     try:
         from SurfaceTopography import open_topography
     except ImportError:
+        from gen.runtime.installing import command_for
+
         raise InputError(
             f"{path}: only .npy and text can be read without SurfaceTopography:"
-            " pip install 'asperity[instruments]'"
+            f" {command_for('instruments')}"
         ) from None
     if not require_file(path).is_file():
         raise InputError(f"{path}: is no file that could be read")

@@ -7,13 +7,15 @@ from collections.abc import Collection, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
 from gen.runtime import farm, memory, startup
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import printable
+from gen.runtime.invocation import started_as, to_type
+from gen.runtime.terminal import echo, printable
+from gen.runtime.version import VERSION
 
 CommandLineError: Any = typer.BadParameter.__mro__[2]
 """Base class of typer's errors about a command line; typer has moved it twice."""
@@ -22,10 +24,13 @@ LONGEST = 1200
 """Most characters of a message; the middle of longer ones is left out."""
 
 EXTRAS = {
+    "aiohttp": "serve",
     "jinja2": "bench",
     "mapie": "learn",
     "matplotlib": "plot",
+    "mlcroissant": "export",
     "pandas": "bench",
+    "pyarrow": "export",
     "pytest": "bench",
     "sklearn": "learn",
     "SurfaceTopography": "instruments",
@@ -35,6 +40,20 @@ EXTRAS = {
 
 FORWARDING = 0.5
 """Time for the launcher to pass on a last line [s]; an abort would lose it."""
+
+
+def _print_version(wanted: bool) -> None:
+    """Print the version and end the command, if `--version` was given."""
+    if wanted:
+        echo(f"asperity {VERSION}")
+        raise typer.Exit
+
+
+Version = Annotated[
+    bool,
+    typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version."),
+]
+"""The option `--version` of every program."""
 
 
 def main(
@@ -56,7 +75,7 @@ def main(
     app : typer.Typer
         Commands of the program.
     name : str
-        Name of the program, for messages.
+        Name of the program, for messages: "gen", or "asperity gen" where the user typed that.
     arguments : sequence of str
         Command line without the name of the program.
     together : collection of str
@@ -114,7 +133,8 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
         Message to the user, or "".
     """
     try:
-        code = _invoke(app, name, arguments)
+        with started_as(name):
+            code = _invoke(app, name, arguments)
     except typer.Exit as left:  # --help
         code = left.exit_code
     except farm.MasterLeft:
@@ -158,15 +178,17 @@ def _in_words(name: str, error: Exception) -> str:
     if isinstance(error, CommandLineError):
         context = getattr(error, "ctx", None)
         path = context.command_path if context else name
-        return f"{name}: {error.format_message()} (see python -m {path} --help)"
+        return f"{name}: {error.format_message()} (see {to_type(path)} --help)"
     if isinstance(error, OSError):  # a name too long, a full device, a folder without rights
         return f"{name}: {_place(error)}{error.strerror or error}"
     if isinstance(error, ModuleNotFoundError):
         package = (error.name or "").partition(".")[0]
         if package not in EXTRAS:
             raise error
+        from gen.runtime.installing import command_for
+
         extra = EXTRAS[package]
-        return f"{name}: needs {package}, which is not installed: pip install -e '.[{extra}]'"
+        return f"{name}: needs {package}, which is not installed: {command_for(extra)}"
     return f"{name}: {error}"
 
 

@@ -11,6 +11,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from contextlib import suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from queue import SimpleQueue
@@ -166,10 +167,12 @@ def this_world() -> World:
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
+        from gen.runtime.installing import command_for
+
         reason = str(error).partition("\n")[0]
         raise InputError(
-            f"started by an MPI launcher, but mpi4py does not load ({reason}): install the extra"
-            " 'mpi' for the MPI of this machine, or 'mpich' to bring one along"
+            f"started by an MPI launcher, but mpi4py does not load ({reason}): for the MPI of this"
+            f" machine {command_for('mpi')}, or to bring one along {command_for('mpich')}"
         ) from None
     communicator = MPI.COMM_WORLD
     if communicator.size == 1:
@@ -220,6 +223,17 @@ def leave() -> None:
 
         if MPI.Is_initialized() and not MPI.Is_finalized():
             MPI.Finalize()
+
+
+def abort_all() -> NoReturn:
+    """Print the traceback of a bug and end all processes, also where this one has not joined them.
+
+    What `python -m mpi4py` does for `python -m gen`, the command `asperity` does with this.
+    """
+    communicator = None
+    with suppress(InputError):
+        communicator = this_world().communicator
+    World(communicator=communicator).abort()
 
 
 def run(

@@ -32,7 +32,9 @@ def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        raise InputError("drawing needs matplotlib: install the extra 'plot'") from None
+        from gen.runtime.installing import command_for
+
+        raise InputError(f"drawing needs matplotlib: {command_for('plot')}") from None
     return Figure(figsize=(width, height), dpi=dpi, layout="constrained")
 
 

@@ -65,7 +65,8 @@ def values_from(text: str, option: str, advice: str) -> list[float]:
     Parameters
     ----------
     text : str
-        Parts with commas between them: numbers, or start:stop:count for evenly spaced ones.
+        Parts with commas between them: numbers, start:stop:count for evenly spaced ones, or
+        start:stop:count:log for numbers of an even ratio, both ends above 0.
     option : str
         Name of the option, for messages.
     advice : str
@@ -86,10 +87,10 @@ def values_from(text: str, option: str, advice: str) -> list[float]:
         series = _series(part)
         if series is None:
             raise InputError(f"{option} {shown(text)}: {advice}")
-        start, stop, count = series
+        start, stop, count, log = series
         if len(values) + count > MOST:
             raise InputError(f"{option} {shown(text)}: give {MOST:,} values at most")
-        values += [start] if count == 1 else _even(start, stop, count)
+        values += [start] if count == 1 else _spaced(start, stop, count, log=log)
     return values
 
 
@@ -111,23 +112,46 @@ def magnitude(value: float) -> bool:
     return MAGNITUDES[0] < value < MAGNITUDES[1]
 
 
-def _series(text: str) -> tuple[float, float, int] | None:
-    """Parse "start:stop:count" or one number, whose count is 1; None for anything else."""
+def require_share(option: str, share: float) -> float:
+    """Return a share between 0 and 1, both excluded, or refuse it.
+
+    Raises
+    ------
+    InputError
+        If it is not between them.
+    """
+    if not 0 < share < 1:
+        raise InputError(f"{option} {share:g}: give a share between 0 and 1, as 0.9")
+    return share
+
+
+def _series(text: str) -> tuple[float, float, int, bool] | None:
+    """Parse "start:stop:count", the same with ":log", or one number, whose count is 1.
+
+    Returns
+    -------
+    tuple, optional
+        Start, stop, count, and whether the numbers have an even ratio; None for another text.
+    """
     parts = text.split(":")
+    log = len(parts) == 4 and parts[3].strip() == "log"
+    if log:
+        parts.pop()
     count = whole(parts[2]) if len(parts) == 3 else 1
     try:
         ends = [float(part) for part in parts[:2]]
     except ValueError:
         return None
     if len(parts) == 1:
-        return ends[0], ends[0], 1
+        return None if log else (ends[0], ends[0], 1, False)
     if len(parts) != 3 or count is None or count < 2 or not all(map(math.isfinite, ends)):
         return None
-    return ends[0], ends[1], count
+    return None if log and not min(ends) > 0 else (ends[0], ends[1], count, log)
 
 
-def _even(start: float, stop: float, count: int) -> list[float]:
-    """Return evenly spaced numbers, including both ends."""
+def _spaced(start: float, stop: float, count: int, *, log: bool) -> list[float]:
+    """Return evenly spaced numbers, or those of an even ratio, including both ends."""
     import numpy as np  # here, so that --help does not wait for it
 
-    return [float(value) for value in np.linspace(start, stop, count)]
+    spaced = np.geomspace if log else np.linspace
+    return [float(value) for value in spaced(start, stop, count)]

@@ -16,8 +16,11 @@ from typing import IO, Literal, NamedTuple
 
 from gen.runtime.errors import InputError
 
-Kind = Literal["text", "picture", "surrogate", "heights", "arrays"]
-"""Kinds of output besides databases; `arrays` are NumPy's zip archives."""
+Kind = Literal["text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"]
+"""Kinds of output besides databases; `arrays` are NumPy's zip archives, `maps` prepared maps."""
+
+_LONGEST_HEADER = 100_000
+"""Number of characters within which the header of a table ends."""
 
 WORDS: dict[str, str] = {
     "text": "text",
@@ -25,6 +28,8 @@ WORDS: dict[str, str] = {
     "surrogate": "a surrogate",
     "heights": "an array",
     "arrays": "an archive of arrays",
+    "maps": "prepared maps",
+    "parquet": "Parquet",
     "database": "HDF5",
     "binary": "something binary",
 }
@@ -39,12 +44,17 @@ TEXT = bytes({7, 8, 9, 10, 12, 13, 27} | set(range(32, 256)))
 SURROGATE = b"asperity surrogate\n"
 """First bytes of a surrogate; before format 3 surrogates were zip archives."""
 
+MAPS = b"asperity prepared maps\n"
+"""First bytes of a file of prepared maps."""
+
 SIGNATURES = {
     b"\x89PNG\r\n": "picture",
     b"%PDF-": "picture",
     b"\x89HDF\r\n": "database",
     SURROGATE: "surrogate",
+    MAPS: "maps",
     b"\x93NUMPY": "heights",
+    b"PAR1": "parquet",
 }
 """Kind of the files that begin with these bytes."""
 
@@ -58,7 +68,7 @@ class Output(NamedTuple):
         The file; None if the user named none.
     option : str
         Option with which the user named it, for messages.
-    kind : {"text", "picture", "surrogate", "heights", "arrays"}
+    kind : {"text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"}
         Kind of its content.
     """
 
@@ -75,7 +85,7 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
     outputs : iterable of Output
         All files that the command will write.
     inputs : iterable of Path or str
-        Files that it reads, and folders of which it reads all files except tables (.csv).
+        Files that it reads, and folders of which it reads all files except tables of results.
 
     Raises
     ------
@@ -148,7 +158,7 @@ def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
         File to write.
     content : str or bytes
         Its content.
-    kind : {"text", "picture", "surrogate", "heights", "arrays"}
+    kind : {"text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"}
         Kind of the content; a file of another kind is not replaced.
 
     Raises
@@ -161,7 +171,7 @@ def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
 
 
 @contextmanager
-def whole(path: Path, kind: Kind = "text") -> Iterator[IO[bytes]]:
+def whole(path: Path, kind: Kind = "text", *, replace: bool = True) -> Iterator[IO[bytes]]:
     """Open a temporary file that is renamed to its final name once the block has succeeded.
 
     A link stays a link. A replaced file passes on its mode and, if the system allows it, its owner
@@ -171,8 +181,11 @@ def whole(path: Path, kind: Kind = "text") -> Iterator[IO[bytes]]:
     ----------
     path : Path
         File to write.
-    kind : {"text", "picture", "surrogate", "heights", "arrays"}
+    kind : {"text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"}
         Kind of the content; a file of another kind is not replaced.
+    replace : bool
+        Whether the file takes the place of one that another process may have made meanwhile; if
+        not, that one stays, as others may be reading it.
 
     Yields
     ------
@@ -197,9 +210,24 @@ def whole(path: Path, kind: Kind = "text") -> Iterator[IO[bytes]]:
                 yield file
                 file.flush()
                 os.fsync(descriptor)
-            unfinished.replace(real)
+            if replace or not _linked(unfinished, real):
+                unfinished.replace(real)
         finally:
             unfinished.unlink(missing_ok=True)
+
+
+def _linked(unfinished: Path, real: Path) -> bool:
+    """Give a file a second name unless that name is taken; tell whether the name leads to a file.
+
+    File systems without links return False: there the caller has to rename.
+    """
+    try:
+        os.link(unfinished, real)
+    except FileExistsError:
+        return True
+    except OSError:
+        return False
+    return True
 
 
 def place_of(path: Path) -> Path:
@@ -324,9 +352,19 @@ def _files_of(inputs: Iterable[Path | str]) -> Iterator[Path]:
     for path in map(Path, inputs):
         with suppress(OSError):
             if path.is_dir():
-                yield from (file for file in path.iterdir() if file.suffix.lower() != ".csv")
+                yield from (file for file in path.iterdir() if not _is_table(file))
             else:
                 yield path
+
+
+def _is_table(file: Path) -> bool:
+    """Tell a table of results, whose first line holds names, from heights in a .csv."""
+    if file.suffix.lower() != ".csv" or not file.is_file():
+        return False
+    with suppress(OSError), file.open(encoding="utf-8-sig", errors="replace") as opened:
+        names = opened.readline(_LONGEST_HEADER).split(",")
+        return all(name.strip().isidentifier() and name.strip().lower() != "nan" for name in names)
+    return False
 
 
 def _is_same(one: Path, other: Path) -> bool:

@@ -7,6 +7,7 @@ from typing import Self
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from gen.runtime.console import console
+from gen.runtime.errors import InputError
 
 LINE_SECONDS = 30.0
 """Time between two lines of a batch log [s]."""
@@ -54,10 +55,11 @@ class RunProgress:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Stop the bar; print a last line in a batch log."""
+        """Stop the bar; print a last line in a batch log, but not above a refusal of the input."""
         with HEEDLESS:
             self._bar.stop()
-        if not self._console.is_terminal and self._here:
+        refused = isinstance(error[1], InputError)
+        if not self._console.is_terminal and self._here and not refused:
             self._print_line()
 
     def advance(self, rows: int, failed: int, work: float | None = None) -> None:

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+from gen.runtime.version import VERSION
+
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
     """Return the versions of Python and of installed packages without importing them.
@@ -23,7 +25,8 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
     installed = {"python": platform.python_version()}
     for name in packages:
         with suppress(importlib.metadata.PackageNotFoundError):
-            installed[name] = importlib.metadata.version(name)
+            own = name == "asperity"
+            installed[name] = VERSION if own else importlib.metadata.version(name)
     return installed
 
 

@@ -40,3 +40,9 @@ def echo(line: str, *, err: bool = False) -> None:
 def shortened(name: str) -> str:
     """Return a file's name with its middle left out if it is too long for a line."""
     return name if len(name) <= LETTERS else f"{name[: LETTERS // 3]} ... {name[-LETTERS // 2 :]}"
+
+
+def brief(reasons: str) -> str:
+    """Shorten reasons to the first one and the number of the others, for a narrow column."""
+    first, _, others = reasons.partition("; ")
+    return f"{first}; and {others.count('; ') + 1} more" if others else first

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gen.runtime import farm
+from gen.runtime.invocation import to_type
+from gen.runtime.option_groups import grouped
 from gen.runtime.terminal import echo
-from learn.commands.option_groups import grouped
 from learn.commands.options import (
     Again,
     Comparison,
@@ -136,7 +137,7 @@ def _show(request: Request, signal: int) -> int:
         echo(f"stopped by {name}; the same command goes on with what is left")
         return 128 + signal
     _write_and_print(request.output, pictures=False)
-    echo(f"pictures: python -m learn show {request.output}")
+    echo(f"pictures: {to_type(f'learn show {request.output}')}")
     return 0
 
 

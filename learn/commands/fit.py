@@ -1,4 +1,4 @@
-"""`learn fit`: fit a surrogate to a database."""
+"""`learn fit`: fit a surrogate to one or more databases."""
 
 from __future__ import annotations
 
@@ -9,15 +9,19 @@ import typer
 
 from gen.runtime import farm
 from gen.runtime.errors import InputError
+from gen.runtime.invocation import to_type
+from gen.runtime.option_groups import grouped
 from gen.runtime.output import Output, check_outputs
 from gen.runtime.terminal import echo
-from learn.commands.option_groups import grouped
-from learn.commands.options import SEEDS, AreaMax, Database, note
+from learn.commands.options import SEEDS, AreaMax, note
 
 if TYPE_CHECKING:
     from learn.executor import Executor
     from learn.request import Request
 
+Databases = Annotated[
+    list[Path], typer.Argument(metavar="FILE...", help="One or more databases made by gen (HDF5).")
+]
 SurrogateFile = Annotated[
     Path, typer.Option("--output", "-o", metavar="FILE", help="The surrogate to write.")
 ]
@@ -32,6 +36,8 @@ class Choice(NamedTuple):
         Name of the model.
     features : str
         Name of the feature set, "" for the dimensionless one.
+    blocks : int, optional
+        Blocks per side of the coarse solve of hybrid features.
     target : str
         Names of targets with commas, or "both".
     source : Path, optional
@@ -44,6 +50,8 @@ class Choice(NamedTuple):
         Seed of the split and of the model.
     train_rows : int, optional
         Largest number of rows to train on and to calibrate with.
+    calibrate_on : Path, optional
+        Database whose rows calibrate the intervals.
     """
 
     model: Annotated[
@@ -57,12 +65,20 @@ class Choice(NamedTuple):
             " dimensionless if left out.",
         ),
     ] = ""
+    blocks: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Blocks along a side of the hybrid features' coarse solve: 33, or 65: more exact,"
+            " and slower [33].",
+        ),
+    ] = None
     target: Annotated[
         str,
         typer.Option(
             metavar="NAME",
-            help="area, force, both, or yielded_percent, mean_gap, largest_pressure, perimeter if"
-            " they are stored; several with commas.",
+            help="area, force, both, or the column of another result that is stored, as mean_gap"
+            " or an output of your own; several with commas.",
         ),
     ] = "both"
     source: Annotated[
@@ -83,26 +99,39 @@ class Choice(NamedTuple):
     train_rows: Annotated[
         int | None, typer.Option(metavar="N", help="Train and calibrate on N rows at most.")
     ] = None
+    calibrate_on: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="A database whose rows calibrate the intervals; rows of the first if left out.",
+        ),
+    ] = None
 
 
 @grouped
-def fit(file: Database, output: SurrogateFile, *, choice: Choice) -> int:
+def fit(files: Databases, output: SurrogateFile, *, choice: Choice) -> int:
     """Fit a surrogate: area and force with intervals, in one file that holds its own model card.
 
-    A tenth of the training rows calibrates the intervals; the test rows give the scores. Started as
+    Several databases are learnt together; where their grids differ, the number of nodes is an
+    input.
+
+    A tenth of the training rows calibrates the intervals; where rows come from several maps or
+    databases, all of them do, each predicted by models that have not seen its map, or its surface.
+    The test rows give the scores. Started as
     `mpiexec -n 9 python -m mpi4py -m learn fit ...`, the workers generate surfaces.
     """
     from learn.executor import lead
 
     def job(executor: Executor) -> int:
         wanted = Output(output, "--output", "surrogate")
-        check_outputs([wanted], [each for each in (file, choice.source) if each is not None])
-        return _fit(_request(file, output, choice), choice.source, executor)
+        given = (*files, choice.source, choice.calibrate_on)
+        check_outputs([wanted], [each for each in given if each is not None])
+        return _fit(_request(files, output, choice), choice.source, executor)
 
     return lead(job, farm.this_world())
 
 
-def _request(file: Path, output: Path, choice: Choice) -> Request:
+def _request(files: list[Path], output: Path, choice: Choice) -> Request:
     """Return the request; a comparison folder adds the rows and the seed of its winner."""
     from learn.features import chosen
     from learn.models import models_named
@@ -111,17 +140,22 @@ def _request(file: Path, output: Path, choice: Choice) -> Request:
     from learn.surrogate.settings import normalisation_of
 
     models_named([choice.model])
-    features = chosen(choice.features or "dimensionless")
+    features = chosen(choice.features or "dimensionless", roots=True, blocks=_blocks(choice))
     request = Request(
-        database=file,
+        database=files[0],
+        others=tuple(files[1:]),
         output=output,
-        targets=_targets(choice.target),
+        targets=targets_in(choice.target),
         models=(choice.model,),
         area_max=choice.area_max,
         normalisation=normalisation_of(features.normalisation, choice.normalise),
         features=features.name,
         seed=choice.seed or 0,
         train_rows=choice.train_rows,
+        calibrate_on=choice.calibrate_on,
+        # The settings of a comparison were tuned without what surrogates see besides.
+        roots=choice.source is None,
+        blocks=_blocks(choice),
     )
     if choice.source is None:
         return request
@@ -133,6 +167,23 @@ def _request(file: Path, output: Path, choice: Choice) -> Request:
     }
     stated = {name: value for name, value in stated.items() if value not in {"", None}}
     return training.request_from(request, choice.source, stated)
+
+
+def _blocks(choice: Choice) -> int:
+    """Return the blocks per side of the coarse solve, which only hybrid features have."""
+    from learn.features.pressed import BLOCKS
+
+    if choice.blocks is None:
+        return BLOCKS
+    if choice.source is not None:
+        raise InputError(
+            f"--blocks {choice.blocks}: --from takes the features of its comparison: leave one out"
+        )
+    if choice.features != "hybrid":
+        raise InputError(
+            f"--blocks {choice.blocks}: only hybrid features have blocks: add --features hybrid"
+        )
+    return choice.blocks
 
 
 def _fit(request: Request, source: Path | None, executor: Executor) -> int:
@@ -147,11 +198,11 @@ def _fit(request: Request, source: Path | None, executor: Executor) -> int:
         note("stopped; the same command goes on with what is left")
         return 128 + interruption.signal
     surrogate.save(request.output)
-    echo(f"wrote {request.output}: python -m learn card {request.output}")
+    echo(f"wrote {request.output}: {to_type(f'learn card {request.output}')}")
     return 0
 
 
-def _targets(text: str) -> tuple[str, ...]:
+def targets_in(text: str) -> tuple[str, ...]:
     """Parse targets, "both" or "area,force,mean_gap"."""
     targets = ("area", "force") if text == "both" else tuple(text.split(","))
     if len(set(targets)) < len(targets) or not all(targets):

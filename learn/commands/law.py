@@ -5,12 +5,13 @@ from typing import Annotated, Literal
 
 import typer
 
+from gen import options
+from gen.option_groups import Files, Reading
 from gen.runtime.errors import InputError
-from gen.runtime.output import Output, check_outputs, kind_of
+from gen.runtime.option_groups import grouped, typed
+from gen.runtime.output import check_outputs, kind_of
 from gen.runtime.terminal import echo
-from learn.commands.option_groups import grouped
-from learn.commands.options import Coverage, Deltas, Material, note, typed
-from learn.reading import Reading
+from learn.commands.options import Coverage, Deltas, Material, note
 
 SurrogateAndInputs = Annotated[
     list[str],
@@ -20,18 +21,8 @@ SurrogateAndInputs = Annotated[
         " folders of them, databases or scenes: a population.",
     ),
 ]
-Pressures = Annotated[
-    str, typer.Option(metavar="MPA", help="Nominal pressures: 2, 1,2,5 or start:stop:count.")
-]
-TableFile = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table.")]
-HeaderFile = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Write a C header for finite elements.")
-]
 Solver = Annotated[
     bool, typer.Option("--solver", help="Solve every contact instead of predicting it.")
-]
-Surfaces = Annotated[
-    int, typer.Option(min=2, max=10_000, help="Surfaces of a database's or scene's population.")
 ]
 LawBoundary = Annotated[
     Literal["free", "periodic", "mirror"] | None,
@@ -47,30 +38,37 @@ def law(
     context: typer.Context,
     inputs: SurrogateAndInputs,
     delta: Deltas = "",
-    pressure: Pressures = "",
-    table: TableFile = None,
-    header: HeaderFile = None,
+    pressure: options.Pressures = "",
+    conductivity: options.Conductivity = None,
     solver: Solver = False,
-    surfaces: Surfaces = 50,
+    surfaces: options.Population = 50,
     boundary: LawBoundary = None,
     interval: Coverage = 0.9,
+    output: options.LawFiles = None,
     *,
+    files: Files,
     reading: Reading,
     material: Material,
 ) -> None:
-    """Tabulate area, force and mean gap against Delta and nominal pressure, monotone, with slopes.
+    """Tabulate area, force, gap and closure against Delta and pressure, monotone, with slopes.
 
     Bands are the surrogate's intervals for one surface, and quantiles over the surfaces of a
     population. There is none for one surface that is solved, or outside the surrogate's training.
     The solver solves at the given Delta or pressures; its E* is by default that of the surrogate's
-    training or of a scene, else 1 MPa.
+    training or of a scene, else 1 MPa. With --conductivity there is the conductance too. Surrogates
+    that have not learnt the stiffness take it from the slope of the force, for elastic bodies only.
     """
+    from gen.law.table import show
+    from gen.law.writers import write
+    from gen.measured.outcome import require_conductivities
     from learn.surrogate import Surrogate
+    from learn.surrogate.calibration_text import require_level
     from learn.surrogate.conformal import checked_level
     from learn.surrogate.law import Order, make
-    from learn.surrogate.law.table import show, write
 
-    check_outputs([Output(table, "--csv"), Output(header, "--header")], inputs)
+    files = files.filled(output)
+    check_outputs(files.outputs, inputs)
+    figure = files.empty_figure()
     file, wanted = _surrogate_and_inputs(inputs, solver=solver)
     order = Order(
         inputs=tuple(wanted),
@@ -82,13 +80,16 @@ def law(
         e_star=material.modulus(),
         hardness=material.hardness,
         boundary=boundary,
+        conductivities=require_conductivities(conductivity or []),
         reading=reading,
-        command=typed(context),
+        command=typed(context, "learn"),
     )
     surrogate = None if file is None else Surrogate.load(file)
+    if surrogate is not None and not solver:
+        require_level(surrogate.card, surrogate.learnt, order.level)
     tables = make(surrogate, order, note)
     show(tables)
-    for written in write(tables, table, header):
+    for written in write(tables, files, figure):
         echo(f"wrote {written}")
 
 

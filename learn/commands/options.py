@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -32,7 +31,7 @@ Target = Annotated[
     str,
     typer.Option(
         metavar="NAME",
-        help="area, force, both, or mean_gap, largest_pressure, perimeter where they are stored.",
+        help="area, force, both, or the column of another result that is stored, as mean_gap.",
     ),
 ]
 AreaMax = Annotated[
@@ -75,7 +74,7 @@ Inputs = Annotated[
 ]
 Deltas = Annotated[
     str,
-    typer.Option(metavar="UM", help="Far-field displacement: 2, 1,2,5 or start:stop:count."),
+    typer.Option(metavar="UM", help="Far-field displacement: 2, 1,2,5 or start:stop:count[:log]."),
 ]
 Coverage = Annotated[
     float, typer.Option(metavar="SHARE", help="Coverage of the intervals, as 0.9.")
@@ -150,22 +149,6 @@ class Material(NamedTuple):
 def note(line: str) -> None:
     """Print a line for the user on standard error."""
     echo(line, err=True)
-
-
-def typed(context: typer.Context) -> str:
-    """Return the command line of a command, for the record, without the defaults."""
-    words = ["python", "-m", "learn", str(context.info_name)]
-    for parameter in context.command.params:
-        name = str(parameter.name)
-        source = context.get_parameter_source(name)
-        if source is None or source.name != "COMMANDLINE":
-            continue
-        given = context.params[name]
-        values = given if isinstance(given, list | tuple) else [given]
-        option = [] if parameter.param_type_name == "argument" else [parameter.opts[0]]
-        for value in values:
-            words += [*option, str(value)] if value is not True else option
-    return shlex.join(words)
 
 
 def requested(

@@ -5,11 +5,11 @@ from typing import Annotated
 
 import typer
 
+from gen.option_groups import Reading
+from gen.runtime.option_groups import grouped
 from gen.runtime.output import Output, check_outputs
 from gen.runtime.terminal import echo
-from learn.commands.option_groups import grouped
 from learn.commands.options import Coverage, Deltas, File, Inputs, Material
-from learn.reading import Reading
 
 TableFile = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="CSV", help="Write all rows.")
@@ -28,20 +28,22 @@ def predict(
     material: Material,
 ) -> None:
     """Predict area and force of surfaces, with intervals, and a flag outside the training."""
+    from gen.law.loads import deltas_from
     from gen.runtime.progress import RunProgress
     from gen.runtime.table import Row, write_csv
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, show
+    from learn.surrogate.calibration_text import require_level
     from learn.surrogate.conformal import checked_level
-    from learn.surrogate.sources import deltas_from
 
     check_outputs([Output(output, "--output")], [file, *inputs])
     surrogate = Surrogate.load(file)
+    require_level(surrogate.card, surrogate.learnt, checked_level(interval))
     question = Question(
         deltas=deltas_from(delta) if delta else None,
         e_star=material.modulus(),
         hardness=material.hardness,
-        level=checked_level(interval),
+        level=interval,
         reading=reading,
     )
     rows: list[Row] = []

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from gen.runtime.progress import RunProgress
 from learn import dataset, memory, split
+from learn.columns import short_name
 from learn.comparison.folder import Folder, conditions
 from learn.comparison.training_data import Training
 from learn.dataset import Dataset
@@ -96,7 +97,7 @@ def open_folder(request: Request, rows: Dataset, parts: Split) -> Folder:
     InputError
         If the folder belongs to another comparison or cannot be written.
     """
-    folder = Folder(request.output / dataset.short_name(rows.target_name))
+    folder = Folder(request.output / short_name(rows.target_name))
     agreed = conditions(rows, parts, request.normalisation, {"area_max": request.area_max})
     folder.begin(rows, parts, agreed)
     return folder

@@ -5,9 +5,12 @@
   changes neither the contact area nor these features.
 - `hybrid`: in addition, features of the heights: bearing area and interference, and a loose contact
   solve on 33 x 33 blocks (`pytest bench -k features` times them). They have no units either.
+
+Surrogates see more: square roots with both sets without units, and more of the coarse solve with
+`hybrid` (`FeatureSet.with_roots`, `learn.features.pressed`).
 """
 
 from learn.features.sets import SETS, FeatureSet, chosen
-from learn.features.surface import SurfaceFeatures
+from learn.features.surface import SurfaceFeatures, Undefined
 
-__all__ = ["SETS", "FeatureSet", "SurfaceFeatures", "chosen"]
+__all__ = ["SETS", "FeatureSet", "SurfaceFeatures", "Undefined", "chosen"]

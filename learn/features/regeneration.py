@@ -17,21 +17,23 @@ from zipfile import BadZipFile
 import numpy as np
 
 from gen.database import Reader
-from gen.generation.plan import parameters
+from gen.generation.plan import Parameters, parameters
 from gen.generation.sample import surface_of
-from gen.runtime.errors import InputError
+from gen.populations import make_ready
+from gen.runtime.errors import InputError, SourceError
 from gen.runtime.input_file import require_file
 from gen.runtime.output import whole
 from gen.runtime.progress import RunProgress
 from gen.scene import Scene
-from gen.schema import PHYSICS, Status
+from gen.schema import PHYSICS, Status, physics_of
 from learn.arrays import Values
 from learn.executor import Executor
 from learn.features.hardness import hardness_ratios
-from learn.features.sets import HYBRID, STATISTICS
-from learn.features.surface import BLOCKS, LOOSE, SurfaceFeatures
+from learn.features.pressed import BLOCKS, HYBRID
+from learn.features.sets import STATISTICS
+from learn.features.surface import LOOSE, SurfaceFeatures
 
-VERSION = 2
+VERSION = 3
 """Raised whenever `SurfaceFeatures.hybrid` changes its values."""
 
 BLOCK_ROWS = 32
@@ -39,10 +41,13 @@ SAVE_SECONDS = 20.0
 AGREEMENT = 1e-6
 """Largest relative difference of statistics between processors."""
 
-Block = tuple[int, int]
+Block = tuple[int, int, tuple[float, ...]]
+"""First row, one past the last, and the displacement of each row [um]."""
 
 
-def hybrid_rows(path: Path, executor: Executor, stopping: Callable[[], bool]) -> Values:
+def hybrid_rows(
+    path: Path, executor: Executor, stopping: Callable[[], bool], blocks: int = BLOCKS
+) -> Values:
     """Return the hybrid features of all finished rows.
 
     Parameters
@@ -52,11 +57,13 @@ def hybrid_rows(path: Path, executor: Executor, stopping: Callable[[], bool]) ->
     executor : Executor
         Generates the surfaces.
     stopping : callable
-        Called between blocks; True ends the work.
+        Called between blocks of rows; True ends the work.
+    blocks : int
+        Blocks per side of the coarse solve, one of `learn.features.pressed.BLOCK_COUNTS`.
 
     Returns
     -------
-    ndarray, shape (n, 7)
+    ndarray, shape (n, 17)
         The features of `HYBRID` for every row of the database; NaN for rows that are not finished
         or were not reached before the stop.
 
@@ -65,7 +72,7 @@ def hybrid_rows(path: Path, executor: Executor, stopping: Callable[[], bool]) ->
     InputError
         If the file is no database, or its surfaces cannot be generated again.
     """
-    job = _Job(path)
+    job = _Job(path, blocks)
     if job.blocks:
         _work_off(job, executor, stopping)
     return job.values
@@ -73,8 +80,9 @@ def hybrid_rows(path: Path, executor: Executor, stopping: Callable[[], bool]) ->
 
 def _work_off(job: "_Job", executor: Executor, stopping: Callable[[], bool]) -> None:
     """Compute the missing blocks; raise InputError for a wrong surface."""
+    make_ready(*job.shared[:2])  # maps are prepared here before many processes ask for them at once
     faults: list[str] = []
-    rows = sum(stop - start for start, stop in job.blocks)
+    rows = sum(stop - start for start, stop, _ in job.blocks)
     with RunProgress(rows, "surfaces") as progress:
         progress.say(
             f"{job.path}: generating {rows} surfaces anew for their hybrid features; they are kept"
@@ -89,8 +97,8 @@ def _work_off(job: "_Job", executor: Executor, stopping: Callable[[], bool]) -> 
 
         try:
             executor.run(
-                compute_block,
-                job.scene,
+                _compute,
+                job.shared,
                 job.blocks,
                 keep,
                 stopping=lambda: stopping() or bool(faults),
@@ -103,29 +111,52 @@ def _work_off(job: "_Job", executor: Executor, stopping: Callable[[], bool]) -> 
         raise InputError(faults[0])
 
 
-def compute_block(scene: Scene, block: Block) -> tuple[Values, Values]:
-    """Return inputs (k, 23 or 24) and features (k, 7) of a block's rows, NaN where undefined."""
-    start, stop = block
+def _compute(shared: tuple[Scene, Path, int], block: Block) -> tuple[Values, Values]:
+    """Compute a block of the rows of a scene, whose database lies in a folder."""
+    scene, folder, blocks = shared
+    make_ready(scene, folder, verify=False)
+    return compute_block(scene, block, blocks)
+
+
+def compute_block(scene: Scene, block: Block, blocks: int = BLOCKS) -> tuple[Values, Values]:
+    """Return inputs (k, 23 or 24) and features (k, 17) of a block's rows, NaN where undefined.
+
+    Displacements are the plan's where the scene gives them, otherwise those of the database: its
+    solver found them from pressures or forces.
+    """
+    start, stop, found = block
     plan = parameters(scene, start, stop)
+    deltas = plan.delta if plan.quantity == "delta" else np.array(found)
     inputs = np.full((stop - start, len(_inputs(scene))), np.nan)
     values = np.full((stop - start, len(HYBRID)), np.nan)
-    inputs[:, 0] = plan.delta
+    inputs[:, 0] = deltas
     ratios = hardness_ratios(scene, plan.hardness)
     if scene.contact.draws_hardness:
         inputs[:, -1] = plan.hardness
     surface: SurfaceFeatures | None = None
     for row in range(stop - start):
         if row == 0 or plan.surface[row] != plan.surface[row - 1]:
-            surface = of_scene(scene, surface_of(scene, plan, row), f"row {start + row}")
-        assert surface is not None
+            surface = _surface(scene, plan, row, f"row {start + row}")
+        if surface is None:  # failed rows of the database: they have no inputs either
+            continue
         try:
             inputs[row, 1 : 1 + len(STATISTICS)] = surface.statistics
-            if plan.delta[row] > 0:
+            if deltas[row] > 0 and not surface.description.reason:
                 ratio = None if ratios is None else float(ratios[row])
-                values[row] = surface.hybrid(float(plan.delta[row]), ratio)
-        except InputError:  # a failed row of the database: it has no inputs either
+                values[row] = surface.hybrid(float(deltas[row]), ratio, blocks)
+        except InputError:
             continue
     return inputs, values
+
+
+def _surface(scene: Scene, plan: Parameters, row: int, name: str) -> SurfaceFeatures | None:
+    """Make the surface of a row again; None for one that cannot be made, whose rows have failed."""
+    try:
+        return of_scene(scene, surface_of(scene, plan, row), name)
+    except SourceError:
+        raise
+    except (ArithmeticError, InputError):
+        return None
 
 
 def _inputs(scene: Scene) -> tuple[str, ...]:
@@ -135,37 +166,41 @@ def _inputs(scene: Scene) -> tuple[str, ...]:
 
 def of_scene(scene: Scene, heights: Values, name: str) -> SurfaceFeatures:
     """Return a surface with the side, spacing and boundary of a scene."""
-    sides, spacing = (scene.surface.side,) * 2, (scene.spacing,) * 2
-    return SurfaceFeatures(heights, sides, spacing, name, scene.contact.boundary)
+    return SurfaceFeatures(heights, scene.sides, scene.spacing, name, scene.contact.boundary)
 
 
 class _Job:
     """The rows that the file beside the database has, and the rows that it lacks."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, blocks: int = BLOCKS) -> None:
         with Reader(path) as reader:
             self.scene, self.first = reader.scene, reader.rows.start
             done = reader.column("status") == Status.DONE
             columns = [reader.column(name) for name in _inputs(self.scene)]
             self.inputs = np.stack(columns, axis=1)
             physics = reader.attributes.get("physics")
-        if physics != PHYSICS:
+        if physics not in {PHYSICS, physics_of(self.scene)}:  # the same surfaces
             raise InputError(
                 f"{path}: was made with physics {physics}, this version has {PHYSICS}: its surfaces"
                 " cannot be generated anew; use --features paper or dimensionless"
             )
-        self.path, self.cache = path, path.with_name(f"{path.name}.pressed.npz")
-        self.key = _key(self.scene)
+        finer = "" if blocks == BLOCKS else f"-{blocks}"
+        self.path, self.cache = path, path.with_name(f"{path.name}.pressed{finer}.npz")
+        self.shared = self.scene, path.parent, blocks
+        self.key = _key(self.scene, blocks)
         self.values = self._kept()
         self.last_save = time.monotonic()
         usable = done & np.isfinite(self.inputs).all(axis=1)
         lacking = np.flatnonzero(usable & ~np.isfinite(self.values).all(axis=1))
         self.left = set((self.first + lacking).tolist())
-        self.blocks = list(_blocks(self.left, self.scene.samples_per_surface))
+        self.blocks = [
+            (start, stop, tuple(self.inputs[start - self.first : stop - self.first, 0].tolist()))
+            for start, stop in _blocks(self.left, self.scene.samples_per_surface)
+        ]
 
     def keep(self, block: Block, inputs: Values, values: Values) -> str:
         """Store the features of a block; return why they cannot be the database's, or ""."""
-        start, stop = block
+        start, stop, _ = block
         for row in range(start, stop):
             if row not in self.left:
                 continue
@@ -213,13 +248,13 @@ class _Job:
         return values
 
 
-def _key(scene: Scene) -> str:
+def _key(scene: Scene, blocks: int) -> str:
     """Return a fingerprint of all settings that the features depend on besides the inputs."""
-    text = f"{VERSION} {BLOCKS} {LOOSE} {','.join(HYBRID)} {PHYSICS} {scene.fingerprint()}"
+    text = f"{VERSION} {blocks} {LOOSE} {','.join(HYBRID)} {PHYSICS} {scene.fingerprint()}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _blocks(rows: set[int], samples_per_surface: int) -> Iterator[Block]:
+def _blocks(rows: set[int], samples_per_surface: int) -> Iterator[tuple[int, int]]:
     """Yield runs of rows of whole surfaces, at most about `BLOCK_ROWS` long."""
     length = max(1, BLOCK_ROWS // samples_per_surface) * samples_per_surface
     for number in sorted({row // length for row in rows}):

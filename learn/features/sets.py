@@ -1,5 +1,9 @@
 """The feature sets: their columns, and the formulas from Delta and the 22 statistics to features.
 
+The scan length L of an oblong patch is the geometric mean of both sides, so that a square of the
+same area has the same L; models learn the shape of the patch from no feature, as all rows of a
+database share it.
+
 By dimensional analysis the contact area depends on heights and Delta only through their ratios, and
 not on L: the equations of the half-space are linear in displacements, and pressures scale with E* /
 L. Heights and Delta are therefore divided by h, the root of the sum of their squares. This is like
@@ -15,6 +19,7 @@ of the area of 7.5 %; with the number itself it is 9.1 %, with the logarithm of 
 8.1 %.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -23,6 +28,8 @@ import numpy as np
 from gen.runtime.errors import InputError
 from gen.schema import statistics_columns
 from learn.arrays import Values
+from learn.features import pressed
+from learn.features.pressed import BLOCK_COUNTS, BLOCKS, HYBRID
 
 STATISTICS: tuple[str, ...] = tuple(column.name for column in statistics_columns())
 """The 22 statistics, in the order of the paper's Table 1."""
@@ -33,23 +40,21 @@ CURVATURES = tuple(name for name in STATISTICS if _UNITS[name] == "um-1")
 BANDWIDTHS = ("bandwidth_x", "bandwidth_y")
 PURE = tuple(name for name in STATISTICS if name not in {*HEIGHTS, *CURVATURES, *BANDWIDTHS})
 
-HYBRID = (
-    "bearing_share",
-    "bearing_interference/delta",
-    "coarse_area_percent",
-    "coarse_force/(E*.L.delta)",
-    "coarse_displacement/delta",
-    "refined_share",
-    "refined_interference/delta",
-)
-"""Columns that the hybrid set adds, from `learn.features.surface`; all are pure numbers."""
-
+ROOT = "sqrt(delta/h)"
+"""What surrogates with dimensionless features see too, beside the root of the area."""
 
 HARDNESS = "hardness/E*"
 """The hardness as a feature of sets with units."""
 
 SCALED_HARDNESS = "log(hardness.L/(E*.h))"
 """The hardness as a feature of sets without units."""
+
+PLASTIC = "sqrt(coarse_force/(hardness.L2))"
+"""The share of the patch that bears the coarse solve's force at the hardness, as its square root:
+no contact that yields is smaller, and it is 0 for elastic bodies."""
+
+NODES = "log2(nodes)"
+"""The nodes along a side as a feature, where grids differ; the geometric mean of both axes."""
 
 Limits = tuple[float, float]
 
@@ -72,6 +77,13 @@ class FeatureSet:
         True if features and targets have no units (`target_scale`).
     needs_surface : bool
         True if the features need the heights of the surface.
+    rooted : bool
+        True if square roots of some columns follow the other features.
+    blocks : int
+        Blocks per side of the coarse solve, if `learn.features.pressed.LOCAL` follows; else 0.
+    elastic : bool
+        True if elastic bodies are among those that yield: the hardness then counts up to the
+        largest pressure that an elastic contact can have.
     """
 
     name: str
@@ -80,19 +92,47 @@ class FeatureSet:
     normalisation: str
     scaled: bool
     needs_surface: bool
+    rooted: bool = False
+    blocks: int = 0
+    elastic: bool = False
+
+    def with_roots(self, blocks: int = BLOCKS) -> "FeatureSet":
+        """Return the set that surrogates see; itself if it has units.
+
+        Parameters
+        ----------
+        blocks : int
+            Blocks per side of the coarse solve of sets that need the surface; 0 for the columns
+            that surrogates saw before there were those of `learn.features.pressed.LOCAL`.
+        """
+        if not self.scaled:
+            return self
+        columns, blocks = (*self.columns, ROOT), blocks if self.needs_surface else 0
+        if self.needs_surface:
+            columns = (*_WITHOUT_UNITS, *pressed.names(roots=True, blocks=blocks))
+        return replace(
+            self, columns=columns, units=("1",) * len(columns), rooted=True, blocks=blocks
+        )
+
+    @property
+    def solved_blocks(self) -> int:
+        """Blocks per side of the coarse solve that the features need."""
+        return self.blocks or BLOCKS
 
     @property
     def needs_hardness(self) -> bool:
         """True if the hardness is one of the features."""
         return bool({HARDNESS, SCALED_HARDNESS} & set(self.columns))
 
-    def with_hardness(self, limits: Limits | None) -> "FeatureSet":
+    def with_hardness(self, limits: Limits | None, *, elastic: bool = False) -> "FeatureSet":
         """Return the set for bodies that yield.
 
         Parameters
         ----------
         limits : tuple of float or None
             Smallest and largest hardness over E* of the rows; None for elastic bodies.
+        elastic : bool
+            True if elastic bodies are among the rows, whose features have no units.
 
         Returns
         -------
@@ -103,7 +143,27 @@ class FeatureSet:
         if limits is None or not (self.scaled or limits[0] < limits[1]):
             return self
         column = SCALED_HARDNESS if self.scaled else HARDNESS
-        return replace(self, columns=(*self.columns, column), units=(*self.units, "1"))
+        added = (column, PLASTIC) if elastic and self.needs_surface else (column,)
+        columns, units = (*self.columns, *added), (*self.units, *("1",) * len(added))
+        return replace(self, columns=columns, units=units, elastic=elastic)
+
+    @property
+    def needs_nodes(self) -> bool:
+        """True if the number of nodes is one of the features."""
+        return NODES in self.columns
+
+    @property
+    def needs_grid(self) -> bool:
+        """True if the features depend on the number of nodes."""
+        return self.needs_nodes or self.elastic
+
+    def with_nodes(self) -> "FeatureSet":
+        """Return the set for patches of different grids: the number of nodes is the last feature.
+
+        A coarser grid leaves out short waves, and counts a contact in larger cells: a surface that
+        is described by the same statistics has another area there.
+        """
+        return replace(self, columns=(*self.columns, NODES), units=(*self.units, "1"))
 
 
 _WITHOUT_UNITS = (
@@ -134,8 +194,8 @@ SETS: Mapping[str, FeatureSet] = {
         ),
         FeatureSet(
             "hybrid",
-            (*_WITHOUT_UNITS, *HYBRID),
-            ("1",) * (len(_WITHOUT_UNITS) + len(HYBRID)),
+            (*_WITHOUT_UNITS, *pressed.COARSE),
+            ("1",) * (len(_WITHOUT_UNITS) + len(pressed.COARSE)),
             "standard",
             scaled=True,
             needs_surface=True,
@@ -144,7 +204,14 @@ SETS: Mapping[str, FeatureSet] = {
 }
 
 
-def chosen(name: str, hardness_ratio: Limits | None = None) -> FeatureSet:
+def chosen(
+    name: str,
+    hardness_ratio: Limits | None = None,
+    *,
+    roots: bool = False,
+    blocks: int = BLOCKS,
+    elastic: bool = False,
+) -> FeatureSet:
     """Return the feature set of a name.
 
     Parameters
@@ -153,15 +220,30 @@ def chosen(name: str, hardness_ratio: Limits | None = None) -> FeatureSet:
         Name of the set.
     hardness_ratio : tuple of float, optional
         Smallest and largest hardness over E*, for bodies that yield.
+    roots : bool
+        True for the set that surrogates see (`FeatureSet.with_roots`).
+    blocks : int
+        Blocks per side of their coarse solve.
+    elastic : bool
+        True if elastic bodies are among those that yield.
 
     Raises
     ------
     InputError
-        If no set has this name.
+        If no set has this name, or no coarse solve this number of blocks.
     """
+    if blocks not in {0, *BLOCK_COUNTS}:
+        known = " or ".join(map(str, BLOCK_COUNTS))
+        raise InputError(f"--blocks {blocks}: give {known}, the blocks along a side")
     if name not in SETS:
         raise InputError(f"--features {name!r}: give one of {', '.join(SETS)}")
-    return SETS[name].with_hardness(hardness_ratio)
+    features = SETS[name].with_roots(blocks) if roots else SETS[name]
+    return features.with_hardness(hardness_ratio, elastic=elastic)
+
+
+def patch_length(sides: tuple[float, float]) -> float:
+    """Return the scan length L of a patch, the geometric mean of its sides along x and y [um]."""
+    return sides[0] if sides[0] == sides[1] else math.sqrt(sides[0] * sides[1])
 
 
 def build(
@@ -171,6 +253,7 @@ def build(
     length: Values | float,
     hybrid: Values | None = None,
     hardness_ratio: Values | float | None = None,
+    nodes: Values | float | None = None,
 ) -> Values:
     """Turn rows of statistics into features.
 
@@ -184,10 +267,13 @@ def build(
         Far-field displacement [um].
     length : ndarray or float
         Scan length L, the geometric mean of both sides; one for all rows, or shape (n,) [um].
-    hybrid : ndarray, shape (n, 7), optional
-        Columns of `HYBRID`, for sets that need the surface.
+    hybrid : ndarray, shape (n, 17), optional
+        Columns of `learn.features.pressed.HYBRID`, for sets that need the surface.
     hardness_ratio : ndarray, shape (n,), or float, optional
-        Hardness over E*, for sets with this feature.
+        Hardness over E*, for sets with this feature; infinite, or None, for elastic bodies among
+        those that yield.
+    nodes : ndarray, shape (n,), or float, optional
+        Nodes along a side, the geometric mean of both axes, for sets that need them.
 
     Returns
     -------
@@ -196,11 +282,15 @@ def build(
     """
     ratio = np.ones((len(delta), int(features.needs_hardness)))
     if features.needs_hardness:
-        if hardness_ratio is None:
+        if hardness_ratio is None and not features.elastic:
             raise ValueError(f"{features.name} features need the hardness")
-        ratio *= np.reshape(hardness_ratio, (-1, 1))
+        ratio *= np.reshape(np.inf if hardness_ratio is None else hardness_ratio, (-1, 1))
+        given = ratio
+        if features.elastic:
+            ratio = np.minimum(ratio, no_yield(delta, length, nodes))
+    grid = _of_grid(features, len(delta), nodes)
     if not features.scaled:
-        return np.column_stack([delta, statistics, ratio])
+        return np.column_stack([delta, statistics, ratio, grid])
     column = {name: statistics[:, place] for place, name in enumerate(STATISTICS)}
     unit = height_unit(statistics, delta)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -211,10 +301,48 @@ def build(
     if features.needs_surface:
         if hybrid is None:
             raise ValueError(f"{features.name} features need the surface")
-        parts += list(hybrid.T)
+        added = pressed.values(hybrid, roots=features.rooted, blocks=features.blocks)
+        parts += list(added.T)
+    elif features.rooted:
+        parts.append(np.sqrt(delta / unit))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         parts += list(np.log(ratio.T * length / unit))
-    return np.column_stack(parts)
+    if PLASTIC in features.columns:
+        assert hybrid is not None  # refused above
+        force = hybrid[:, HYBRID.index("coarse_force/(E*.L.delta)")]
+        parts.append(np.sqrt(force * delta / (length * given[:, 0])))
+    return np.column_stack([*parts, grid])
+
+
+def no_yield(delta: Values, length: Values | float, nodes: Values | float | None) -> Values:
+    """Return a hardness over E* that no elastic contact reaches, (n, 1).
+
+    All pressures push a node down, so its own is at most the interference over its own influence
+    coefficient: p <= E* Delta / (1.12 spacing) in square cells, less than E* Delta n / L. Bodies
+    that are harder are elastic: with this ceiling, rows with the same contact have the same
+    feature.
+
+    Parameters
+    ----------
+    delta : ndarray, shape (n,)
+        Far-field displacement [um].
+    length : ndarray or float
+        Scan length L [um].
+    nodes : ndarray or float
+        Nodes along a side.
+    """
+    if nodes is None:
+        raise ValueError("features of elastic bodies among others need the number of nodes")
+    return np.reshape(delta * nodes / length, (-1, 1))
+
+
+def _of_grid(features: FeatureSet, rows: int, nodes: Values | float | None) -> Values:
+    """Return the features of the grid, (n, 0 or 1)."""
+    if not features.needs_nodes:
+        return np.empty((rows, 0))
+    if nodes is None:
+        raise ValueError(f"{features.name} features need the number of nodes")
+    return np.asarray(np.ones((rows, 1)) * np.log2(np.reshape(nodes, (-1, 1))))
 
 
 def height_unit(statistics: Values, delta: Values) -> Values:
@@ -264,5 +392,7 @@ def target_scale(
         "mean_gap": height_unit(statistics, delta),
         "largest_pressure": modulus * delta / length,
         "perimeter": length * ones,
+        "stiffness": modulus * length * ones,
+        "interface_stiffness": modulus * length * ones,
     }
     return np.asarray(scales.get(target, ones), dtype=np.float64)

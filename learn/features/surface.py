@@ -1,11 +1,15 @@
 """Features of one surface, computed once for any number of displacements.
 
 The hybrid set uses the heights themselves. Bearing area and bearing interference are those of a
-surface that does not deform. A contact solve on 33 x 33 blocks, each with the mean height of its
-nodes, gives area, force and a smooth displacement. The displacement is interpolated to the nodes;
-the `refined` features count the nodes that stand above it, so that the highest nodes are not lost
-in the means of their blocks (there are none where every node is a block). Delta is measured from
-the highest node throughout.
+surface that does not deform. A contact solve on 33 x 33 blocks (or 65 x 65), each with the mean
+height of its nodes, gives area, force and a smooth displacement. The displacement is interpolated
+to the nodes; the `refined` features count the nodes that stand above it, so that the highest nodes
+are not lost in the means of their blocks (there are none where every node is a block). Delta is
+measured from the highest node throughout.
+
+Surrogates see more of the same solve, at hardly any cost (`learn.features.pressed.LOCAL`): the area
+in contact inside the blocks by Persson's theory, the nodes that stand above shifted displacements,
+and how far they stand out.
 """
 
 import math
@@ -13,23 +17,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 import bem
 from bem.spacing import Boundary, node_spacing
 from gen.runtime.errors import InputError
-from gen.statistics import describe
+from gen.statistics import Description, describe
 from learn.arrays import Values
-from learn.features.sets import HYBRID, FeatureSet, build
+from learn.features.blocks import Blocks
+from learn.features.pressed import BLOCKS, FACTORS, HYBRID, POWERS, SHIFTS
+from learn.features.sets import FeatureSet, build, patch_length
 
 Sides = tuple[float, float]
-
-BLOCKS = 33
-"""Blocks per side; on a surface with fewer nodes every node is a block."""
-
-CELLS = 32
-"""Blocks per side of a patch without edges: those of 2^k cells are then equal, and transforms of
-their number fast."""
 
 NEARLY_FULL = 0.999
 """Largest displacement of a coarse solve without edges, over that of full contact: elastic bodies
@@ -37,6 +35,10 @@ have no equilibrium from full contact on, and blocks of unequal sizes come to it
 
 LOOSE = 1e-3
 """Residual of the coarse solve, over Delta: a feature need not be exact, but reproducible."""
+
+
+class Undefined(InputError):
+    """Features that need statistics which the surface does not define."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,21 +77,32 @@ class SurfaceFeatures:
     @property
     def length(self) -> float:
         """Scan length L, the geometric mean of both sides [um]."""
-        return math.sqrt(self.sides[0] * self.sides[1])
+        return patch_length(self.sides)
+
+    @property
+    def nodes(self) -> float:
+        """Nodes along a side, the geometric mean of both axes."""
+        return math.sqrt(self.heights.size)
+
+    @cached_property
+    def description(self) -> Description:
+        """The 22 statistics by name, and why some of them are undefined."""
+        return describe(self.heights, self.steps)
 
     @cached_property
     def statistics(self) -> Values:
-        """The 22 statistics, in the order of Table 1.
+        """The 22 statistics, in the order of Table 1, NaN where the surface defines none."""
+        return np.array(list(self.description.values.values()))
 
-        Raises
-        ------
-        InputError
-            If one of them is undefined for this surface.
-        """
-        description = describe(self.heights, self.steps)
-        if description.reason:
-            raise InputError(f"{self.name}: statistics undefined: {description.reason}")
-        return np.array(list(description.values.values()))
+    def require_statistics(self, features: FeatureSet) -> None:
+        """Raise Undefined if features need statistics that the surface does not define."""
+        if not self.description.reason:
+            return
+        hybrid = np.zeros((1, len(HYBRID)))
+        one = np.ones(1)
+        columns = build(features, self.statistics[None], one, self.length, hybrid, 1.0, self.nodes)
+        if np.isnan(columns).any():
+            raise Undefined(f"{self.name}: statistics undefined: {self.description.reason}")
 
     def features(
         self, features: FeatureSet, deltas: Values, hardness_ratio: float | None = None
@@ -111,40 +124,61 @@ class SurfaceFeatures:
 
         Raises
         ------
+        Undefined
+            If the features need statistics that the surface does not define.
         InputError
-            If a Delta is not above 0, the statistics are undefined, or numbers overflow.
+            If a Delta is not above 0, or numbers overflow.
         """
         deltas = np.asarray(deltas, dtype=np.float64).reshape(-1)
         wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
         if wrong.size:
             raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give numbers above 0")
+        self.require_statistics(features)
         hybrid = None
         if features.needs_surface:
-            every = [self.hybrid(float(delta), hardness_ratio) for delta in deltas]
+            blocks = features.solved_blocks
+            every = [self.hybrid(float(delta), hardness_ratio, blocks) for delta in deltas]
             hybrid = np.array(every).reshape(-1, len(HYBRID))
         rows = np.repeat(self.statistics[None], deltas.size, axis=0)
-        columns = build(features, rows, deltas, self.length, hybrid, hardness_ratio)
+        columns = build(
+            features, rows, deltas, self.length, hybrid, hardness_ratio, nodes=self.nodes
+        )
         if not np.isfinite(columns).all():
             raise InputError(f"{self.name}: its features are not finite numbers")
         return columns
 
-    def hybrid(self, delta: float, hardness_ratio: float | None = None) -> tuple[float, ...]:
-        """Return the columns of `HYBRID`, which the hybrid set adds, at one Delta [um]."""
+    def hybrid(
+        self, delta: float, hardness_ratio: float | None = None, blocks: int = BLOCKS
+    ) -> tuple[float, ...]:
+        """Return the columns of `HYBRID`, which the hybrid set adds, at one Delta.
+
+        Parameters
+        ----------
+        delta : float
+            Far-field displacement, above 0 [um].
+        hardness_ratio : float, optional
+            Hardness over E*; None for elastic bodies.
+        blocks : int
+            Blocks per side, one of `BLOCK_COUNTS`.
+        """
         interference = self.heights - (self._highest - delta)
-        bearing = _above(interference, delta)
-        depth = delta - (self._highest - float(self._coarse.max()))
-        if depth <= 0:  # not one block's mean is reached
-            return *bearing, 0.0, 0.0, 0.0, *bearing
-        contact = self.coarse_contact(depth, hardness_ratio)
-        across, along = self._interpolation
-        deflection = across @ contact.displacement @ along.T
+        bearing, coarse = _above(interference, delta), self._blocks(blocks)
+        if self._depth(coarse, delta) <= 0:  # not one block's mean is reached
+            counted = *bearing, 0.0, 0.0, 0.0, *bearing
+            shares = (0.0,) * len(FACTORS)
+            return *counted, *shares, *_shifted(interference, delta, coarse.roughness), 0.0
+        contact = self._pressed(coarse, self._depth(coarse, delta), hardness_ratio)
+        # Only nodes that stand above it by more than the residual of the coarse solve.
+        stands = interference - coarse.interpolated(contact.displacement) - LOOSE * delta
         return (
             *bearing,
             contact.area_percent,
             contact.force / (self.length * delta),
             self._mean_displacement(contact) / delta,
-            # Only nodes that stand above it by more than the residual of the coarse solve.
-            *_above(interference - deflection - LOOSE * delta, delta),
+            *_above(stands, delta),
+            *(coarse.local_area(contact.pressure, factor) for factor in FACTORS),
+            *_shifted(stands, delta, coarse.roughness),
+            contact.perimeter / self.length,
         )
 
     @property
@@ -159,15 +193,19 @@ class SurfaceFeatures:
 
     def coarse_contact(self, depth: float, hardness_ratio: float | None = None) -> bem.Contact:
         """Solve the contact of the block means, `depth` [um] below the highest, with E* = 1 MPa."""
-        (step_x, step_y), (nx, ny) = self.steps, self.heights.shape
-        blocks_x, blocks_y = self._coarse.shape
+        return self._pressed(self._blocks(BLOCKS), depth, hardness_ratio)
+
+    def _pressed(self, coarse: Blocks, depth: float, hardness_ratio: float | None) -> bem.Contact:
+        """Solve the contact of the means of some blocks."""
+        means, (step_x, step_y), (nx, ny) = coarse.means, self.steps, self.heights.shape
+        blocks_x, blocks_y = means.shape
         steps = step_x * nx / blocks_x, step_y * ny / blocks_y
         if self.boundary != "free" and hardness_ratio is None:
-            full = float(self._coarse.max()) - float(self._coarse.mean())
+            full = float(means.max()) - float(means.mean())
             depth = min(depth, NEARLY_FULL * full)
         try:
             return bem.solve(
-                self._coarse,
+                means,
                 self.sides,
                 depth,
                 spacing=steps,
@@ -196,7 +234,7 @@ class SurfaceFeatures:
         """
         if self.boundary != "free" and hardness_ratio is None:
             return 0.0, 0.0
-        depth = delta - (self._highest - float(self._coarse.max()))
+        depth = self._depth(self._blocks(BLOCKS), delta)
         contact = self.coarse_contact(max(depth, 1e-3 * delta), hardness_ratio)
         compliance = self._mean_displacement(contact) * self.length / contact.force
         if hardness_ratio is None:
@@ -211,25 +249,21 @@ class SurfaceFeatures:
     def _highest(self) -> float:
         return float(self.heights.max())
 
-    @cached_property
-    def _coarse(self) -> Values:
-        """Mean heights of the blocks: 33 x 33, or 32 x 32 without edges, or every node [um]."""
-        (rows, sizes_x), (columns, sizes_y) = (
-            _blocks(nodes, self._most_blocks) for nodes in self.heights.shape
-        )
-        sums = np.add.reduceat(np.add.reduceat(self.heights, rows, axis=0), columns, axis=1)
-        return np.asarray(sums / np.outer(sizes_x, sizes_y))
+    def _depth(self, coarse: Blocks, delta: float) -> float:
+        """Return how far Delta reaches below the highest block [um]."""
+        return delta - (self._highest - float(coarse.means.max()))
+
+    def _blocks(self, number: int) -> Blocks:
+        """Return the surface in a number of blocks per side, one less without edges."""
+        if number not in self._in_blocks:
+            most = number if self.boundary == "free" else number - 1
+            self._in_blocks[number] = Blocks(self.heights, self.steps, most)
+        return self._in_blocks[number]
 
     @cached_property
-    def _interpolation(self) -> tuple[Values, Values]:
-        """Linear interpolation from the blocks' centres to the nodes, constant outside."""
-        nx, ny = self.heights.shape
-        return _interpolation(nx, self._most_blocks), _interpolation(ny, self._most_blocks)
-
-    @property
-    def _most_blocks(self) -> int:
-        """Largest number of blocks per side."""
-        return BLOCKS if self.boundary == "free" else CELLS
+    def _in_blocks(self) -> dict[int, Blocks]:
+        """The surface in blocks, by their number per side."""
+        return {}
 
 
 def _above(interference: Values, delta: float) -> tuple[float, float]:
@@ -238,16 +272,19 @@ def _above(interference: Values, delta: float) -> tuple[float, float]:
     return np.count_nonzero(above) / above.size, float(above.mean()) / delta
 
 
-def _blocks(nodes: int, most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the first node and the size of each block along an axis."""
-    blocks = min(nodes, most)
-    edges = np.arange(blocks + 1) * nodes // blocks
-    return edges[:-1], np.diff(edges)
+def _shifted(interference: Values, delta: float, roughness: float) -> tuple[float, ...]:
+    """Return the shares of nodes above shifted displacements, and norms of the positive part.
 
-
-def _interpolation(nodes: int, most: int) -> Values:
-    """Return the weights of linear interpolation from blocks to nodes, (nodes, blocks)."""
-    first, sizes = _blocks(nodes, most)
-    centres = first + (sizes - 1) / 2
-    unit = np.eye(centres.size)
-    return np.stack([np.interp(np.arange(nodes), centres, each) for each in unit], axis=1)
+    Parameters
+    ----------
+    interference : ndarray, shape (nx, ny)
+        Heights above the displacement [um].
+    delta : float
+        Far-field displacement [um].
+    roughness : float
+        Rms of the heights that the blocks do not resolve [um].
+    """
+    shares = [np.count_nonzero(interference > shift * roughness) for shift in SHIFTS]
+    above = np.maximum(interference, 0.0) / delta
+    norms = [float((above**power).mean()) ** (1 / power) for power in POWERS]
+    return *(share / interference.size for share in shares), *norms

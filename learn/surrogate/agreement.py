@@ -3,18 +3,20 @@
 They are no protection against a forged file whose card and models agree.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from gen.scene import Scene
-from gen.schema import COLUMNS
+from gen.schema import Column
 from learn.arrays import Values
-from learn.dataset import TARGETS
-from learn.features import FeatureSet, chosen
-from learn.features.hardness import hardness_limits, modulus
+from learn.columns import TARGETS, results
+from learn.dataset import features_of
+from learn.features import FeatureSet
+from learn.features.hardness import are_mixed, limits_of, modulus
 from learn.models import MODELS, NORMALISATIONS, STEP
+from learn.surrogate import calibration_text
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.parts import (
     Part,
@@ -25,13 +27,13 @@ from learn.surrogate.parts import (
     sequence,
     text,
 )
+from learn.target import ROOTED_TARGETS
 
 ROUNDING = 1e-6
 """Relative difference allowed between numbers that are computed from the same rows."""
 
 TEXTS = ("title", "database", "database_sha256", "licence", "made")
 SCORES = ("nmse", "nmae", "nmaxe", "r2")
-UNITS = {column.name: column.unit for column in COLUMNS}
 
 
 def check_card(card: Part) -> FeatureSet:
@@ -51,11 +53,10 @@ def check_card(card: Part) -> FeatureSet:
         text(card, name)
     text(card, "model", MODELS)
     text(card, "normalisation", NORMALISATIONS)
-    features = chosen(text(card, "features"), _hardness(card))
-    columns = [list(pair) for pair in zip(features.columns, features.units, strict=True)]
-    if card.get("columns") != columns:
-        raise ValueError(f"columns are not those of {features.name} features")
-    _check_scene(card)
+    scenes = _scenes(card)
+    _check_hardness(card, scenes)
+    features = _features(card, scenes)
+    _check_scene(card, scenes[0])
     low, high = (number({"delta": end}, "delta") for end in sequence(card, "delta", 2))
     if not 0 < low <= high:
         raise ValueError(f"delta is {low} to {high}")
@@ -65,38 +66,102 @@ def check_card(card: Part) -> FeatureSet:
     rows = mapping(card, "rows")
     for name in ("train", "calibration", "test"):
         count(rows, name)
+    text({"split_by": "tile", **rows}, "split_by", ("tile",))
     for name in mapping(rows, "left_out"):
         count(rows["left_out"], name)
+    _check_growth(card.get("grown"))
+    calibration_text.check(card)
     for name in mapping(card, "versions"):
         text(card["versions"], name)
-    targets = mapping(card, "targets")
-    if not targets:
-        raise ValueError("there is no target")
-    for name in targets:
-        _check_target(name, mapping(targets, name))
+    _check_targets(mapping(card, "targets"), results(scenes[0]), len(scenes))
     return features
 
 
-def _check_scene(card: Part) -> None:
+def _features(card: Part, scenes: list[Scene]) -> FeatureSet:
+    """Return the feature set, after a check that the columns are its columns."""
+    if card.get("roots", True) is not True:
+        raise ValueError(f"roots is {card['roots']}")
+    roots, blocks = "roots" in card, count({"blocks": 0, **card}, "blocks")
+    features = features_of(scenes, text(card, "features"), roots=roots, blocks=blocks)
+    if features.rooted != roots:
+        raise ValueError(f"{features.name} features have no roots")
+    if features.blocks != blocks:
+        raise ValueError(f"{features.name} features have no coarse solve of {blocks} blocks")
+    columns = [list(pair) for pair in zip(features.columns, features.units, strict=True)]
+    if card.get("columns") != columns:
+        raise ValueError(f"columns are not those of {features.name} features")
+    return features
+
+
+def _scenes(card: Part) -> list[Scene]:
+    """Return the scenes of a card, after a check of the entries of several databases."""
+    first = text(card, "scene")
+    if "databases" not in card:
+        return [Scene.from_text(first, "the card's scene")]
+    scenes = []
+    for entry in sequence(card, "databases"):
+        for name in ("database", "sha256", "generator"):
+            text(entry, name)
+        count(entry, "rows", 1)
+        scene = Scene.from_text(text(entry, "scene"), "a scene of the card")
+        if not np.allclose(_pair(entry, "nodes"), scene.shape, rtol=1e-12, atol=0):
+            raise ValueError(f"nodes are {entry['nodes']}, {scene.shape} in their scene")
+        if not np.allclose(_pair(entry, "side"), scene.sides, rtol=1e-12, atol=0):
+            raise ValueError(f"side is {entry['side']}, {scene.sides} in its scene")
+        scenes.append(scene)
+    if len(scenes) < 2 or card["databases"][0]["scene"] != first:
+        raise ValueError("databases are fewer than two, or the first is not that of the scene")
+    return scenes
+
+
+def _check_growth(record: Any) -> None:
+    """Refuse the record of a growth that lacks a number; most surrogates have none."""
+    if record is None:
+        return
+    positive(record, "mark")
+    count(record, "rows")
+    if record.get("met") not in (True, False):
+        raise ValueError(f"met is {record.get('met')!r}")
+    for name in ("errors", "bounds"):
+        for target in mapping(record, name):
+            _any_number(record[name], target)
+
+
+def _check_scene(card: Part, scene: Scene) -> None:
     """Refuse a card whose nodes, side, spacing, modulus or boundary are not those of its scene."""
-    scene = Scene.from_text(text(card, "scene"), "the card's scene")
-    own = {
-        "nodes": scene.nodes,
-        "side": scene.surface.side,
-        "spacing": scene.spacing,
-        "modulus": modulus(scene),
-    }
+    own = {"nodes": scene.shape, "side": scene.sides, "spacing": scene.spacing}
     for name, wanted in own.items():
-        if not np.isclose(positive(card, name), wanted, rtol=1e-12, atol=0):
+        if not np.allclose(_pair(card, name), wanted, rtol=1e-12, atol=0):
             raise ValueError(f"{name} is {card[name]}, {wanted} in the scene")
+    if not np.isclose(positive(card, "modulus"), modulus(scene), rtol=1e-12, atol=0):
+        raise ValueError(f"modulus is {card['modulus']}, {modulus(scene)} in the scene")
     given, boundary = card.get("boundary"), scene.contact.boundary
     if given != (None if boundary == "free" else boundary):
         raise ValueError(f"boundary is {given}, {boundary} in the scene")
 
 
-def _check_target(name: str, target: Part) -> None:
-    column = TARGETS.get(name, name)
-    if column not in UNITS or (target.get("column"), target.get("unit")) != (column, UNITS[column]):
+def _pair(card: Part, name: str) -> tuple[float, float]:
+    """Return a pair of numbers above 0."""
+    first, second = (positive({name: each}, name) for each in sequence(card, name, 2))
+    return first, second
+
+
+def _check_targets(targets: Part, known: Mapping[str, Column], databases: int) -> None:
+    """Refuse targets that the scene's database does not have, or that are incomplete."""
+    if not targets:
+        raise ValueError("there is no target")
+    for name in targets:
+        _check_target(name, mapping(targets, name), known)
+        if databases > 1:
+            for entry in sequence(targets[name], "databases", databases):
+                count(entry, "rows")
+                _any_number(entry, "nmae")
+                _any_number(entry, "coverage")
+
+
+def _check_target(name: str, target: Part, known: Mapping[str, Column]) -> None:
+    column = known.get(TARGETS.get(name, name))
+    if column is None or (target.get("column"), target.get("unit")) != (column.name, column.unit):
         raise ValueError(f"{name} is no target, or of another column or unit")
     low, high = (number({"range": end}, "range") for end in sequence(target, "range", 2))
     if low > high:
@@ -115,18 +180,18 @@ def _check_target(name: str, target: Part) -> None:
         text({"remarks": remark}, "remarks")
 
 
-def _hardness(card: Part) -> tuple[float, float] | None:
-    """Return the range of the hardness over E*, None for elastic bodies, as in the card's scene."""
-    scene = Scene.from_text(text(card, "scene"), "the card's scene")
-    wanted = hardness_limits(scene)
+def _check_hardness(card: Part, scenes: Sequence[Scene]) -> None:
+    """Refuse a card whose hardness over E* is not that of its scenes."""
+    wanted = limits_of(scenes)
+    if card.get("elastic", False) is not are_mixed(scenes):
+        raise ValueError("elastic is not what the scenes say")
     if wanted is None:
         if "hardness_ratio" in card:
             raise ValueError("hardness_ratio is given, the scene has no hardness")
-        return None
+        return
     low, high = (positive({"ends": end}, "ends") for end in sequence(card, "hardness_ratio", 2))
     if not np.allclose((low, high), wanted, rtol=1e-12, atol=0):
         raise ValueError(f"hardness_ratio is {low} to {high}, another in the scene")
-    return wanted
 
 
 def _any_number(part: Part, name: str) -> None:
@@ -154,18 +219,25 @@ def check_models(
     ValueError
         If the card is wrong; the message names the entry.
     """
-    rows = card["rows"]
+    rows, scheme = card["rows"], card.get("calibration", {}).get("scheme", "ranges")
     for name, each in learnt.items():
         scored = sum(scores.size for scores in each.calibration.scores)
-        ranges = len(each.calibration.scores)
+        ranges = each.calibration.borders.size + 1
         if (scored, ranges) != (rows["calibration"], card["targets"][name]["ranges_of_prediction"]):
             raise ValueError(f"{name} has intervals from {scored} rows in {ranges} ranges")
+        groups = len(each.calibration.scores)
+        if each.calibration.scheme != scheme or (
+            scheme == "others" and groups != card["calibration"]["groups"]
+        ):
+            raise ValueError(f"{name} has intervals that are not calibrated as the card says")
         estimator = each.pipeline.named_steps[STEP]
         kept = getattr(estimator, "X_fit_", getattr(estimator, "X_train_", None))
         if kept is not None and len(kept) != rows["train"]:
             raise ValueError(f"{name} has a model of {len(kept)} rows")
         if len(getattr(estimator, "support_", ())) > rows["train"]:
             raise ValueError(f"{name} has more support vectors than rows")
+        if each.root and not (card.get("roots") and each.column in ROOTED_TARGETS):
+            raise ValueError(f"{name} is learnt as a square root")
         _check_scaling(each.pipeline.steps[0][1], rows["train"], low, high)
 
 

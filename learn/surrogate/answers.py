@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,21 +10,27 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table as Printed
 
+from gen.material import Bodies
+from gen.option_groups import Reading
+from gen.reading import files_in, is_table, read_surface
 from gen.runtime.console import wide_console
 from gen.runtime.errors import InputError
 from gen.runtime.table import Row
-from learn.arrays import Values
-from learn.reading import Reading
-from learn.surrogate.bodies import Bodies
-from learn.surrogate.model import Surrogate
+from gen.runtime.terminal import brief
+from learn.arrays import Indices, Values
+from learn.features import Undefined
+from learn.surrogate.model import OnSurface, Surrogate
 from learn.surrogate.prediction import Prediction
-from learn.surrogate.ranges import brief
-from learn.surrogate.sources import Table, files_in, is_table, read_surface, read_table
+from learn.surrogate.ranges import pair
+from learn.surrogate.sources import Table, read_table
 
 REASONS = 12
 """Reasons that are printed at most."""
 VALUE = re.compile(r" \S+ outside")
 """The part of a reason that differs between rows with the same reason."""
+
+UNDEFINED = "statistics undefined: {}"
+"""Reason of a row whose surface does not define all statistics that the features need."""
 
 SHOWN = 40
 """Rows that are printed at most; a file gets all of them."""
@@ -105,14 +111,41 @@ def answers(
             for line in warnings:
                 say(f"  warning: {line}")
             on_surface = surrogate.for_surface(topography.heights, topography.sides, str(path))
-            prediction = on_surface.predict(
-                question.deltas,
-                e_star=question.e_star,
-                hardness=question.hardness,
-                level=question.level,
-                std=True,
-            )
+            try:
+                prediction = _predicted(on_surface, question)
+            except Undefined as error:
+                if len(files) == 1:
+                    raise
+                say(f"  warning: {error}: no prediction")
+                reason = on_surface.surface.description.reason
+                prediction = _unpredicted(surrogate, question.deltas, (UNDEFINED.format(reason),))
             yield from _rows(surrogate, str(path), prediction, warnings)
+
+
+def _predicted(on_surface: OnSurface, question: Question) -> Prediction:
+    """Predict the contacts of one surface."""
+    assert question.deltas is not None
+    return on_surface.predict(
+        question.deltas,
+        e_star=question.e_star,
+        hardness=question.hardness,
+        level=question.level,
+        std=True,
+    )
+
+
+def _unpredicted(surrogate: Surrogate, delta: Values, reasons: tuple[str, ...]) -> Prediction:
+    """Return NaN for rows that lack statistics, with the reason, or the reasons, of the rows."""
+
+    def nothing(names: Iterable[str]) -> dict[str, Values]:
+        return {name: np.full(delta.size, np.nan) for name in names}
+
+    learnt = surrogate.learnt
+    spread = [name for name, each in learnt.items() if each.has_spread]
+    reasons = reasons * (delta.size // len(reasons))
+    return Prediction(
+        delta, nothing(learnt), nothing(learnt), nothing(learnt), nothing(spread), reasons
+    )
 
 
 def _of_table(surrogate: Surrogate, table: Table, question: Question) -> Prediction:
@@ -130,11 +163,32 @@ def _of_table(surrogate: Surrogate, table: Table, question: Question) -> Predict
     unknown = np.isnan(table.sides).any()
     if unknown and surrogate.features.scaled:
         raise InputError(f"{table.name}: names no sides: give --side, the scan length in um")
+    known = ~np.isnan(table.statistics[rows]).any(axis=1)
+    if not known.any():
+        raise InputError(f"{table.name}: every row lacks statistics: nothing can be predicted")
+    predicted = _of_known(surrogate, table, question, rows[known], delta[known])
+    if known.all():
+        return predicted
+    reasons = np.full(known.size, UNDEFINED.format("nan in the table"), dtype=object)
+    reasons[known] = predicted.reasons
+    whole = _unpredicted(surrogate, delta, tuple(reasons.tolist()))
+    for name in ("values", "low", "high", "std"):
+        for target, numbers in getattr(predicted, name).items():
+            getattr(whole, name)[target][known] = numbers
+    return whole
+
+
+def _of_known(
+    surrogate: Surrogate, table: Table, question: Question, rows: Indices, delta: Values
+) -> Prediction:
+    """Predict rows of a table that have all statistics."""
     notes = tuple(_note(surrogate, table, int(row)) for row in rows)
     length = np.sqrt(table.sides[rows, 0] * table.sides[rows, 1])
     try:
         ratio = surrogate.hardness_ratio(question.hardness, question.e_star)
-        ready = surrogate.of_statistics(table.statistics[rows], delta, length, notes, ratio)
+        nodes = np.sqrt(table.nodes[rows].prod(axis=1))
+        statistics = table.statistics[rows]
+        ready = surrogate.of_statistics(statistics, delta, length, notes, ratio, nodes)
     except InputError as error:
         raise InputError(f"{table.name}: {error}") from None
     return surrogate.predict_rows(ready, e_star=question.e_star, level=question.level, std=True)
@@ -142,11 +196,10 @@ def _of_table(surrogate: Surrogate, table: Table, question: Question) -> Predict
 
 def _note(surrogate: Surrogate, table: Table, row: int) -> str:
     """Return how the grid of a row differs from the training's, as far as the table tells."""
-    nodes = int(surrogate.card["nodes"]), int(surrogate.card["nodes"])
-    side = float(surrogate.card["side"])
+    along_x, along_y = pair(surrogate.card, "nodes")
+    nodes, sides = (int(along_x), int(along_y)), pair(surrogate.card, "side")
     if table.nodes[row].all():
         nodes = int(table.nodes[row, 0]), int(table.nodes[row, 1])
-    sides = (side, side)
     if not np.isnan(table.sides[row]).any():
         sides = float(table.sides[row, 0]), float(table.sides[row, 1])
     return surrogate.note(nodes, sides)

@@ -1,26 +1,26 @@
 """The model card: data, settings, scores, intervals and training ranges of a surrogate."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gen.runtime.errors import InputError
+from gen.runtime.provenance import versions as versions_of
 from gen.runtime.terminal import printable
 from gen.scene import Scene
-from learn.arrays import Indices
+from learn.arrays import Indices, Values
 from learn.comparison.folder import versions
-from learn.dataset import Dataset
-from learn.features import chosen
-from learn.features.hardness import hardness_limits, modulus
+from learn.dataset import Dataset, features_of
+from learn.features.hardness import limits_of, modulus
 from learn.metrics import scores
 from learn.models import MODELS
 from learn.request import Request
-from learn.surrogate import ranges
+from learn.surrogate import calibration_text, ranges
 from learn.surrogate.conformal import coverage
 from learn.surrogate.learnt import Learnt
+from learn.target import within_bounds
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -37,110 +37,212 @@ LIBRARIES = ("asperity", "mapie")
 def make(
     request: Request,
     rows: Dataset,
-    parts: tuple[Indices, Indices, Indices],
+    train: Indices,
+    sizes: Mapping[str, int],
     judged: dict[str, dict[str, Any]],
 ) -> dict[str, Any]:
-    """Assemble the card, of numbers, texts, lists and dictionaries only."""
-    scene = Scene.from_text(rows.source["scene"])
-    limits, boundary = hardness_limits(scene), scene.contact.boundary
-    features = chosen(request.features, limits)
-    train, calibration, test = parts
+    """Assemble the card, of numbers, texts, lists and dictionaries only.
+
+    Parameters
+    ----------
+    request : Request
+        Request with one model.
+    rows : Dataset
+        The usable rows.
+    train : ndarray of int
+        Positions of the training rows.
+    sizes : mapping of str to int
+        Numbers of rows that "train", "calibration" and "test" have.
+    judged : dict
+        Entries of the targets.
+    """
+    scenes = [Scene.from_text(origin.scene) for origin in rows.origins]
+    scene, limits = scenes[0], limits_of(scenes)
+    boundary = scene.contact.boundary
+    features = features_of(scenes, request.features, roots=request.roots, blocks=request.blocks)
     (model,) = request.models
+    found = versions_of(LIBRARIES)
     return {
         "title": f"{MODELS[model].title} for {', '.join(request.targets)}",
         "model": model,
         "features": features.name,
+        **({"roots": True} if features.rooted else {}),
+        **({"blocks": features.blocks} if features.blocks else {}),
         "columns": [list(pair) for pair in zip(features.columns, features.units, strict=True)],
         "normalisation": request.normalisation,
         "targets": judged,
         "scene": scene.text(),
-        "nodes": scene.nodes,
-        "side": scene.surface.side,
-        "spacing": scene.spacing,
+        "nodes": list(scene.shape),
+        "side": list(scene.sides),
+        "spacing": list(scene.spacing),
         "modulus": modulus(scene),
         **({} if boundary == "free" else {"boundary": boundary}),
         **({} if limits is None else {"hardness_ratio": list(limits)}),
+        **({"elastic": True} if features.elastic else {}),
+        **({"databases": databases(rows)} if len(scenes) > 1 else {}),
         "delta": [float(end) for end in _ends(rows.described[train, 0])],
         "area_max": request.area_max,
         "rows": {
-            "train": int(train.size),
-            "calibration": int(calibration.size),
-            "test": int(test.size),
+            **{name: int(size) for name, size in sizes.items()},
+            **({"split_by": "tile"} if rows.by_tile else {}),
             "left_out": {why: int(number) for why, number in rows.dropped.items()},
         },
         "seed": request.seed,
         "database": rows.source["database"],
         "database_sha256": rows.source["database_sha256"],
-        "versions": {**{name: _version(name) for name in LIBRARIES}, **versions()},
+        "versions": {**{name: found.get(name, "") for name in LIBRARIES}, **versions()},
         "licence": LICENCE,
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
 
+def databases(rows: Dataset) -> list[dict[str, Any]]:
+    """Return an entry of the card for each database: rows, generator and grid."""
+    found = []
+    for origin in rows.origins:
+        scene = Scene.from_text(origin.scene)
+        entry = {
+            "database": origin.database,
+            "sha256": origin.sha256,
+            "rows": origin.rows,
+            "generator": str(getattr(scene.surface, "generator", "")),
+            "nodes": list(scene.shape),
+            "side": list(scene.sides),
+            "scene": origin.scene,
+        }
+        found.append(entry)
+    return found
+
+
 def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
     """Score the model of a target and its intervals on the test rows, in the target's unit."""
-    from learn.surrogate.model import CEILING
-
     raw, scale = learnt.raw(rows.inputs[test]), rows.scale[test]
     truth = rows.target[test]
-    ceiling = CEILING.get(learnt.column, np.inf)
-    scored = vars(scores(truth * scale, np.clip(raw * scale, 0.0, ceiling)))
+    scored = vars(scores(truth * scale, within_bounds(learnt.column, raw * scale)))
     covered = [
         {
             "level": level,
             "coverage": share,
-            "mean_width": float(np.mean(_width(raw, half, scale, ceiling))),
+            "mean_width": float(np.mean(_width(learnt.column, low * scale, high * scale))),
         }
-        for level, share, half in coverage(learnt.calibration, raw, truth, LEVELS)
+        for level, share, low, high in coverage(
+            learnt.calibration, raw, truth, LEVELS, rows.inputs[test]
+        )
     ]
-    low, high = _ends(truth * scale)
+    least, most = _ends(truth * scale)
+    several = {} if len(rows.origins) == 1 else {"databases": _by_database(learnt, rows, test)}
     return {
+        **several,
         "column": learnt.column,
         "unit": learnt.unit,
-        "range": [float(low), float(high)],
+        "range": [float(least), float(most)],
         "scores": {name: float(value) for name, value in scored.items()},
         "intervals": covered,
         "ranges_of_prediction": int(learnt.calibration.borders.size + 1),
     }
 
 
-def _width(raw: Any, half: Any, scale: Any, ceiling: float) -> Any:
-    """Return the widths of the intervals, cut at the bounds of the target."""
-    return np.clip((raw + half) * scale, 0.0, ceiling) - np.clip((raw - half) * scale, 0.0, ceiling)
+def _by_database(learnt: Learnt, rows: Dataset, test: Indices) -> list[dict[str, Any]]:
+    """Score the model on the test rows of each database; NaN where there are none."""
+    found = []
+    for number in range(len(rows.origins)):
+        mine = test[rows.database[test] == number]
+        nmae = covered = float("nan")
+        if mine.size:
+            raw, truth, scale = learnt.raw(rows.inputs[mine]), rows.target[mine], rows.scale[mine]
+            error = np.abs(within_bounds(learnt.column, raw * scale) - truth * scale)
+            nmae = 100 * float(error.sum() / np.abs(truth * scale).sum())
+            level = (LEVELS[1],)
+            ((_, covered, *_),) = coverage(learnt.calibration, raw, truth, level, rows.inputs[mine])
+        found.append({"rows": int(mine.size), "nmae": nmae, "coverage": float(covered)})
+    return found
+
+
+def left_out(learnt: Learnt, rows: Dataset, crossed: Values) -> dict[str, float]:
+    """Score predictions over their scale by models that have not seen the group of a row [%].
+
+    Parameters
+    ----------
+    learnt : Learnt
+        Model of the target.
+    rows : Dataset
+        The training rows.
+    crossed : ndarray, shape (n,)
+        Their predictions.
+    """
+    predicted = within_bounds(learnt.column, crossed * rows.scale)
+    found = scores(rows.target * rows.scale, predicted)
+    return {name: float(value) for name, value in vars(found).items()}
+
+
+def _width(column: str, low: Values, high: Values) -> Values:
+    """Return the widths of the intervals, cut at the bounds of the target, (n,)."""
+    return within_bounds(column, high) - within_bounds(column, low)
 
 
 def lines(surrogate: "Surrogate") -> Iterator[str]:
     """Yield the lines of the card, without its tables."""
     card = surrogate.card
     yield f"{card['title']}, {card['features']} features, normalised: {card['normalisation']}"
-    rows = card["rows"]
+    rows, by = card["rows"], card["rows"].get("split_by", "surface")
     left_out = sum(rows["left_out"].values())
     yield (
         f"rows      {rows['train']} trained, {rows['calibration']} calibrated, {rows['test']}"
-        f" tested (split by surface, seed {card['seed']}); {left_out} left out"
+        f" tested (split by {by}, seed {card['seed']}); {left_out} left out"
     )
     limit = "" if card["area_max"] is None else f", areas to {card['area_max']:g} %"
     yield (
-        f"trained   on {card['nodes']} x {card['nodes']} nodes, side {card['side']:g} um, Delta"
-        f" {card['delta'][0]:.4g} to {card['delta'][1]:.4g} um, E* {card['modulus']:g} MPa{limit}"
-        f"{_hardness(card)}{_boundary(card)}"
+        f"trained   on {_patch(card)}, Delta {card['delta'][0]:.4g} to {card['delta'][1]:.4g} um,"
+        f" E* {card['modulus']:g} MPa{limit}{_hardness(card)}{_boundary(card)}"
     )
     for name, target in card["targets"].items():
         settings = ", ".join(f"{key}={value}" for key, value in target["settings"].items())
         yield f"{name:9} {settings} ({target['settings_from']})"
+        if "left_out" in target:
+            apart = target["left_out"]
+            yield f"          left out in turn: R2 {apart['r2']:.3f} %, nMAE {apart['nmae']:.2f} %"
         for remark in target["remarks"]:
             yield f"          warning: {remark}"
-    yield f"data      {card['database']}, sha256 {card['database_sha256'][:16]}"
-    yield f"scene     {card['scene']}"
+    if said := calibration_text.line(card):
+        yield f"intervals {said}"
+    if "grown" in card:
+        yield f"grown     {_grown(card['grown'])}"
+    for entry in card.get("databases", []):
+        yield f"data      {entry['database']}, sha256 {entry['sha256'][:16]}"
+        yield f"scene     {entry['scene']}"
+    if "databases" not in card:
+        yield f"data      {card['database']}, sha256 {card['database_sha256'][:16]}"
+        yield f"scene     {card['scene']}"
     named = ", ".join(f"{name} {number}" for name, number in card["versions"].items() if number)
     yield f"versions  {named}"
     yield f"made      {card['made']}, licence {card['licence']}"
 
 
+def _grown(record: dict[str, Any]) -> str:
+    """Say what a growth has aimed at, and what it has come to."""
+    bounds = ", ".join(f"{name} {bound:.3g} %" for name, bound in record["bounds"].items())
+    met = "met" if record["met"] else "not met"
+    return (
+        f"to an nMAE of {record['mark']:g} %: {met}, with {record['rows']} rows; at most {bounds}"
+    )
+
+
+def _patch(card: dict[str, Any]) -> str:
+    """Describe nodes and sides of the training's patches, as many as there are."""
+
+    def patch(entry: Mapping[str, Any]) -> str:
+        (nx, ny), (x, y) = ranges.pair(entry, "nodes"), ranges.pair(entry, "side")
+        sides = f"side {x:g} um" if x == y else f"sides {x:g} x {y:g} um"
+        return f"{nx:g} x {ny:g} nodes, {sides}"
+
+    return " and ".join(dict.fromkeys(patch(entry) for entry in ranges.databases_of(card)))
+
+
 def _hardness(card: dict[str, Any]) -> str:
     """Describe the hardness of the training; "" for elastic bodies."""
     limits = card.get("hardness_ratio")
-    return "" if limits is None else f", hardness {ranges.between(limits)} E*"
+    also = ", and elastic bodies" if card.get("elastic") else ""
+    return "" if limits is None else f", hardness {ranges.between(limits)} E*{also}"
 
 
 def _boundary(card: dict[str, Any]) -> str:
@@ -162,6 +264,8 @@ def show(surrogate: "Surrogate") -> None:
     try:
         texts = list(lines(surrogate))
         tables = [_scores(surrogate), _intervals(surrogate), _ranges(surrogate)]
+        if "databases" in surrogate.card:
+            tables.insert(0, _databases(surrogate))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         fault = printable(f"{type(error).__name__}: {error}")
         raise InputError(f"the surrogate's card is not whole ({fault}): fit it anew") from None
@@ -182,6 +286,26 @@ def _scores(surrogate: "Surrogate") -> "Table":
         others = (f"{scores[score]:.3f}" for score in ("nmae", "nmaxe", "r2"))
         ends = f"{low:.4g}", f"{high:.4g}"
         table.add_row(_plain(name), _plain(target["unit"]), *ends, nmse, *others)
+    return table
+
+
+def _databases(surrogate: "Surrogate") -> "Table":
+    """Return the table of the databases, with scores on the test rows of each."""
+    table = _table("Databases, and scores on their test rows", "Database", "Generator", "Nodes")
+    for column in ("rows", "tested"):
+        table.add_column(column, justify="right")
+    targets = surrogate.card["targets"]
+    for name in targets:
+        table.add_column(f"{_plain(name)}: nMAE [%]", justify="right")
+        table.add_column(f"in {LEVELS[1]:.0%}", justify="right")
+    for place, entry in enumerate(surrogate.card["databases"]):
+        judged = [target["databases"][place] for target in targets.values()]
+        nodes = f"{entry['nodes'][0]:g} x {entry['nodes'][1]:g}"
+        cells = [_plain(entry["database"]), _plain(entry["generator"]), nodes]
+        cells += [f"{entry['rows']}", f"{judged[0]['rows']}"]
+        for each in judged:
+            cells += [f"{each['nmae']:.3f}", f"{100 * each['coverage']:.1f} %"]
+        table.add_row(*cells)
     return table
 
 
@@ -226,10 +350,3 @@ def _plain(text: Any) -> str:
 
 def _ends(values: Any) -> tuple[Any, Any]:
     return values.min(), values.max()
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return ""

@@ -1,19 +1,42 @@
-"""Split-conformal intervals: as wide as the errors on rows that the model was not fitted to.
+"""Conformal intervals: as wide as the errors on rows that the model was not fitted to.
 
-The conformity scores, absolute errors on the calibration rows, come from MAPIE; the stored scores
-give intervals of any level without it. Errors grow with the prediction. The scores are therefore
-kept separately for ranges of the prediction, cut at quantiles of the training target (Mondrian), so
-that the coverage holds in each range, not only on average.
+Where all rows are of one population, the intervals are split-conformal. The conformity scores,
+absolute errors on the calibration rows, come from MAPIE; the stored scores give intervals of any
+level without it. Errors grow with the prediction. The scores are therefore kept separately for
+ranges of the prediction, cut at quantiles of the training target (Mondrian), so that the coverage
+holds in each range, not only on average.
+
+Where rows come from several maps or databases, these groups are what is exchangeable, not the rows.
+The scores, of models that have not seen the group, are kept by group (`learn.surrogate.groups`):
+
+- With nine groups or more, intervals hold for a row of a further group like these. Every group has
+  the same weight, whatever its number of rows, and so has the new one, whose errors may be of any
+  size: of K groups, the largest level is K / (K + 1). (R. Dunn, L. Wasserman, A. Ramdas (2022), J.
+  Am. Stat. Assoc. 118, 2491, "pooling CDFs"; Y. Lee, R. F. Barber, R. Willett (2023),
+  arXiv:2306.06342, hierarchical conformal prediction.) The level is that of all new groups
+  together: a single one may be covered less.
+- With fewer groups they hold for new rows of each known group: they are as wide as for the worst.
+
+Their guarantee is that for a model of half the groups, calibrated on the other half. Predictions
+come from one model of all groups, and the scores from models of all groups but one, which are a
+little worse: this is the jackknife, not the jackknife+, which would need all these models in every
+prediction (R. F. Barber et al. (2021), Ann. Stat. 49, 486). `bench scans` measures the coverage.
 """
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from gen.runtime.errors import InputError
 from learn.arrays import Values
+from learn.surrogate.error_scale import ErrorScale
+
+Scheme = Literal["ranges", "each", "others"]
+"""What scores are kept by, and what intervals hold for: ranges of the prediction; each of the known
+groups; other groups too."""
 
 RANGES = 5
 """Largest number of ranges of the prediction."""
@@ -31,27 +54,75 @@ class Calibration:
     borders : ndarray, shape (k - 1,)
         Borders between the ranges of the prediction.
     scores : tuple of ndarray
-        For each of the k ranges, the absolute errors on the calibration rows, ascending.
+        For each of the k ranges, the absolute errors on the calibration rows, ascending; or for
+        each group, these errors over their usual size.
+    root : bool
+        True if the errors are those of the square root of the target.
+    scheme : {"ranges", "each", "others"}
+        What the scores are kept by.
+    usual : ErrorScale, optional
+        The usual errors, where scores are kept by group.
     """
 
     borders: Values
     scores: tuple[Values, ...]
+    root: bool = False
+    scheme: Scheme = "ranges"
+    usual: ErrorScale | None = None
 
-    def half_width(self, prediction: Values, level: float) -> Values:
-        """Return half the width of the interval at each prediction.
+    @property
+    def largest_level(self) -> float:
+        """Largest level whose intervals are finite everywhere."""
+        if self.scheme == "others":
+            return len(self.scores) / (len(self.scores) + 1)
+        rows = min(scores.size for scores in self.scores)
+        return rows / (rows + 1)
+
+    def ends(
+        self, prediction: Values, level: float, inputs: Values | None = None
+    ) -> tuple[Values, Values]:
+        """Return both ends of the interval at each prediction, each (n,).
 
         Parameters
         ----------
         prediction : ndarray, shape (n,)
-            Predictions.
+            Predictions; not below 0 if the errors are those of the square root.
         level : float
             Wanted coverage, between 0 and 1.
+        inputs : ndarray, shape (n, d)
+            Features, needed where scores are kept by group.
+        """
+        if not self.root:
+            half = self.half_width(prediction, level, inputs)
+            return prediction - half, prediction + half
+        root = np.sqrt(prediction)
+        half = self.half_width(root, level, inputs)
+        return np.maximum(root - half, 0.0) ** 2, (root + half) ** 2
+
+    def half_width(self, prediction: Values, level: float, inputs: Values | None = None) -> Values:
+        """Return half the width of the interval at each prediction, on the scale of the errors.
+
+        Parameters
+        ----------
+        prediction : ndarray, shape (n,)
+            Predictions, or their square roots.
+        level : float
+            Wanted coverage, between 0 and 1.
+        inputs : ndarray, shape (n, d)
+            See `ends`.
 
         Returns
         -------
         ndarray, shape (n,)
             Half widths, infinite where there are too few calibration rows for the level.
         """
+        if self.usual is not None:
+            if inputs is None:
+                raise ValueError("intervals that are calibrated by group need the features")
+            if self.scheme == "others":
+                return quantile_over_groups(self.scores, level) * self.usual.at(inputs)
+            worst = max(quantile(scores, level) for scores in self.scores)
+            return worst * self.usual.at(inputs)
         widths = np.array([quantile(scores, level) for scores in self.scores])
         return np.asarray(widths[np.searchsorted(self.borders, prediction, side="right")])
 
@@ -77,6 +148,32 @@ def quantile(scores: Values, level: float) -> float:
     return float(scores[place - 1]) if place <= scores.size else math.inf
 
 
+def quantile_over_groups(scores: tuple[Values, ...], level: float) -> float:
+    """Return the score that a row of a new group does not exceed with a probability of `level`.
+
+    Parameters
+    ----------
+    scores : tuple of ndarray
+        Scores of K groups, each of one row or more.
+    level : float
+        Probability between 0 and 1.
+
+    Returns
+    -------
+    float
+        The quantile of all scores, each of which weighs 1 / (K + 1) over the rows of its group,
+        and of an infinite one of weight 1 / (K + 1).
+
+    Source: Y. Lee, R. F. Barber, R. Willett (2023), arXiv:2306.06342, section 3.
+    """
+    together = np.concatenate(scores)
+    weights = np.concatenate([np.full(each.size, 1.0 / each.size) for each in scores])
+    order = np.argsort(together, kind="stable")
+    reached = np.cumsum(weights[order]) / (len(scores) + 1)
+    place = int(np.searchsorted(reached, checked_level(level) - 1e-9))
+    return float(together[order[place]]) if place < together.size else math.inf
+
+
 def checked_level(level: float) -> float:
     """Return a coverage after a check that intervals can have it.
 
@@ -90,7 +187,9 @@ def checked_level(level: float) -> float:
     return level
 
 
-def calibrate(predicted: Values, target: Values, training: Values) -> Calibration:
+def calibrate(
+    predicted: Values, target: Values, training: Values, *, root: bool = False
+) -> Calibration:
     """Calibrate intervals with predictions of rows that the model was not fitted to.
 
     Parameters
@@ -99,9 +198,13 @@ def calibrate(predicted: Values, target: Values, training: Values) -> Calibratio
         Predictions and true values of the calibration rows.
     training : ndarray, shape (m,)
         Target of the training rows, whose quantiles are the borders of the ranges.
+    root : bool
+        True for errors of the square root.
     """
     from mapie.regression import SplitConformalRegressor
 
+    if root:
+        predicted, target, training = np.sqrt(predicted), np.sqrt(target), np.sqrt(training)
     borders = _borders(predicted, training)
     number = np.searchsorted(borders, predicted, side="right")
     unit = float(np.std(training)) or 1.0  # MAPIE compares its numbers with 1e-8
@@ -111,7 +214,7 @@ def calibrate(predicted: Values, target: Values, training: Values) -> Calibratio
         conformal = SplitConformalRegressor(_Known(predicted[rows] / unit), prefit=True)
         conformal.conformalize(predicted[rows, None], target[rows] / unit)
         scores.append(unit * np.sort(np.asarray(conformal.conformity_scores, dtype=np.float64)))
-    return Calibration(borders, tuple(scores))
+    return Calibration(borders, tuple(scores), root)
 
 
 class _Known:
@@ -141,17 +244,21 @@ def _borders(predicted: Values, training: Values) -> Values:
 
 
 def coverage(
-    calibration: Calibration, prediction: Values, truth: Values, levels: tuple[float, ...]
-) -> Iterator[tuple[float, float, Values]]:
-    """Compute the share of intervals that contain the true value.
+    calibration: Calibration,
+    prediction: Values,
+    truth: Values,
+    levels: tuple[float, ...],
+    inputs: Values | None = None,
+) -> Iterator[tuple[float, float, Values, Values]]:
+    """Compute the share of intervals that contain the true value; see `Calibration.ends`.
 
     Yields
     ------
     level, share : float
         Wanted coverage, and share of the rows inside their interval.
-    half_width : ndarray, shape (n,)
-        Half widths of the intervals.
+    low, high : ndarray, shape (n,)
+        Ends of the intervals.
     """
     for level in levels:
-        half = calibration.half_width(prediction, level)
-        yield level, float(np.mean(np.abs(truth - prediction) <= half)), half
+        low, high = calibration.ends(prediction, level, inputs)
+        yield level, float(np.mean((low <= truth) & (truth <= high))), low, high

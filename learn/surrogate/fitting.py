@@ -1,21 +1,27 @@
 """Fit one target's model: choose its settings, fit it, calibrate its intervals."""
 
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import process_time
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sklearn.kernel_ridge import KernelRidge
 
-from gen.schema import COLUMNS
+from gen.scene import Scene
 from learn import memory
 from learn.arrays import Values
+from learn.columns import results
 from learn.comparison.folder import Folder
 from learn.dataset import Dataset
-from learn.models import MODELS, pipeline
+from learn.features import chosen
+from learn.kernel_ridge import left_out_errors
+from learn.models import MODELS, STEP, pipeline
 from learn.request import Request
 from learn.surrogate.conformal import Calibration, calibrate
+from learn.surrogate.groups import apart, calibrate_by_groups, groups_of, left_out
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.settings import Settings, choose
 from learn.target import scaling_of
@@ -37,6 +43,9 @@ class Fit:
         Processor times of the choice of settings and of the fit [s].
     remarks : tuple of str
         Warnings of the fit.
+    crossed : ndarray, shape (training rows,), optional
+        Predictions over their scale by models that have not seen the group, or the surface, of
+        each training row, where these calibrate the intervals.
     """
 
     learnt: Learnt
@@ -44,12 +53,13 @@ class Fit:
     choosing: float
     fitting: float
     remarks: tuple[str, ...]
+    crossed: Values | None = None
 
 
 def fit_target(
     request: Request,
     train: Dataset,
-    calibration: Dataset,
+    calibration: Dataset | None,
     folds: NDArray[np.int8],
     *,
     folder: Folder | None = None,
@@ -61,10 +71,13 @@ def fit_target(
     ----------
     request : Request
         Request with one model; its database is not used.
-    train, calibration : Dataset
+    train : Dataset
         Rows with one target, perhaps of several databases.
+    calibration : Dataset or None
+        Rows that calibrate. None to calibrate with the training rows, which have to be of several
+        maps or databases: further fits, with the same settings, leave out some of them each.
     folds : ndarray of int, shape (training rows,)
-        Fold of each training row; fold 0 validates the candidates of the search.
+        Fold of each training row; the first one validates the candidates of the search.
     folder : Folder, optional
         Comparison whose tuned settings are used.
     settings : Settings, optional
@@ -77,19 +90,60 @@ def fit_target(
     """
     (name,) = request.models
     memory.check(name, train.size)
-    scaling = scaling_of(train, np.arange(train.size))
+    roots = chosen(request.features, roots=request.roots).rooted
+    scaling = scaling_of(train, np.arange(train.size), roots=roots)
     target = scaling.scaled(train.target)
     began = process_time()
     settings = settings or choose(request, folder, train.inputs, target, folds)
     chose = process_time()
     fitted, remarks = _fitted(request, settings, train.inputs, target)
     done = process_time()
-    unit = next(column.unit for column in COLUMNS if column.name == train.target_name)
-    learnt = Learnt(
-        train.target_name, unit, fitted, scaling.mean, scaling.deviation, NOT_CALIBRATED
-    )
-    scores = calibrate(learnt.raw(calibration.inputs), calibration.target, train.target)
-    return Fit(replace(learnt, calibration=scores), settings, chose - began, done - chose, remarks)
+    unit = results(Scene.from_text(train.source["scene"]))[train.target_name].unit
+    learnt = Learnt(train.target_name, unit, fitted, scaling, NOT_CALIBRATED)
+    crossed = None
+    if calibration is None:
+        crossed = _crossed(request, settings, train, target, learnt)
+        predicted = crossed, train
+    else:
+        predicted = learnt.raw(calibration.inputs), calibration
+    learnt = replace(learnt, calibration=_calibrated(*predicted, train, root=scaling.root))
+    return Fit(learnt, settings, chose - began, done - chose, remarks, crossed)
+
+
+def _crossed(
+    request: Request, settings: Settings, train: Dataset, target: Values, learnt: Learnt
+) -> Values:
+    """Predict the training rows over their scale by models that have not seen their groups.
+
+    Kernel ridge needs no further fits; its features then keep the scaling of all training rows.
+    """
+    groups = groups_of(train)
+    if groups is None:
+        raise ValueError("rows of one map or database cannot be calibrated by groups")
+    parts = list(apart(train, left_out(train, groups)))
+    found, ridge = np.empty(train.size), learnt.pipeline.named_steps[STEP]
+    if isinstance(ridge, KernelRidge):
+        with (
+            memory.reserved(memory.needed(request.models[0], train.size)),
+            suppress(np.linalg.LinAlgError),  # a singular matrix: further fits deal with it
+        ):
+            errors = left_out_errors(ridge, [unseen for _, unseen in parts])
+            for (mine, unseen), error in zip(parts, errors, strict=True):
+                found[mine] = target[mine] - error[np.isin(unseen, mine)]
+            return learnt.scaling.restored(found)
+    for mine, unseen in parts:
+        others = np.setdiff1d(np.arange(train.size), unseen)
+        fitted, _ = _fitted(request, settings, train.inputs[others], target[others])
+        found[mine] = replace(learnt, pipeline=fitted).raw(train.inputs[mine])
+    return found
+
+
+def _calibrated(raw: Values, rows: Dataset, train: Dataset, *, root: bool) -> Calibration:
+    """Calibrate intervals by predictions of rows, by their groups if there are several."""
+    groups = groups_of(rows)
+    if groups is None:
+        return calibrate(raw, rows.target, train.target, root=root)
+    return calibrate_by_groups(rows, raw, groups, left_out(rows, groups), root=root)
 
 
 def _fitted(

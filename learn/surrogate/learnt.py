@@ -12,6 +12,7 @@ from learn import memory
 from learn.arrays import Values
 from learn.models import STEP
 from learn.surrogate.conformal import Calibration
+from learn.target import Scaling
 
 PART = 2000
 """Rows that are predicted together: a kernel needs memory for rows times training rows."""
@@ -28,9 +29,9 @@ class Learnt:
     unit : str
         Unit of the target.
     pipeline : object
-        Scaling and estimator, fitted to (target / scale - mean) / deviation.
-    mean, deviation : float
-        Mean and deviation of the target over its scale.
+        Scaling and estimator, fitted to the scaled target over its scale.
+    scaling : Scaling
+        Scaling of the target over its scale.
     calibration : Calibration
         Intervals of the target over its scale.
     """
@@ -38,15 +39,33 @@ class Learnt:
     column: str
     unit: str
     pipeline: Any
-    mean: float
-    deviation: float
+    scaling: Scaling
     calibration: Calibration
+
+    @property
+    def root(self) -> bool:
+        """True if the model predicts the square root of the target."""
+        return self.scaling.root
 
     def raw(self, inputs: Values) -> Values:
         """Predict the target over its scale."""
         with np.errstate(over="ignore", invalid="ignore"):  # said by `predict_rows`, row by row
             predicted = [self._predict(part) for part in _parts(inputs)]
-            return self.mean + self.deviation * np.concatenate(predicted)
+            return self.scaling.restored(np.concatenate(predicted))
+
+    def ends(self, inputs: Values, raw: Values, level: float) -> tuple[Values, Values]:
+        """Return both ends of the interval over the scale, each (n,).
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (n, d)
+            Features.
+        raw : ndarray, shape (n,)
+            Predictions from `raw`.
+        level : float
+            Wanted coverage.
+        """
+        return self.calibration.ends(raw, level, inputs)
 
     def _predict(self, inputs: Values) -> Values:
         """Predict some rows, kernel ridge without scikit-learn's checks of its training rows."""
@@ -72,11 +91,16 @@ class Learnt:
         weights = np.asarray(ridge.dual_coef_, dtype=np.float64).reshape(-1)
         return centres, np.einsum("ij,ij->i", centres, centres), gamma, weights
 
+    @property
+    def has_spread(self) -> bool:
+        """Whether the model is a Gaussian process, which knows the deviation of its predictions."""
+        return hasattr(self.pipeline.named_steps[STEP], "log_marginal_likelihood")
+
     def spread(self, inputs: Values) -> Values | None:
         """Return the deviation of a Gaussian process, over the scale; None for other models."""
-        process = self.pipeline.named_steps[STEP]
-        if not hasattr(process, "log_marginal_likelihood"):
+        if not self.has_spread:
             return None
+        process = self.pipeline.named_steps[STEP]
         if process.L_ is None:
             process.L_ = _factor(process)
         with warnings.catch_warnings():
@@ -84,7 +108,12 @@ class Learnt:
             deviations = [
                 self.pipeline.predict(part, return_std=True)[1] for part in _parts(inputs)
             ]
-        return np.concatenate(deviations).reshape(-1) * self.deviation
+        spread = np.concatenate(deviations).reshape(-1) * self.scaling.deviation
+        if not self.root:
+            return spread
+        # The deviation of the square of a normally distributed number with this spread.
+        squares = 4.0 * self.raw(inputs) * spread**2 + 2.0 * spread**4
+        return np.asarray(np.sqrt(squares))
 
 
 def _factor(process: Any) -> Values:

@@ -1,5 +1,7 @@
 """A surrogate, and its predictions for a surface."""
 
+from __future__ import annotations  # short signatures in help()
+
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,16 +15,18 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import printable
 from learn.arrays import Values
 from learn.features import FeatureSet, SurfaceFeatures, chosen
-from learn.features.sets import build, target_scale
+from learn.features.sets import NODES, build, target_scale
 from learn.surrogate import packing, ranges, storage
+from learn.surrogate.distance import Distance
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.prediction import Prediction, Rows
+from learn.target import within_bounds
 
 LARGEST = 1e38
 """Of a feature: trees see their inputs in single precision, which ends there."""
 
-CEILING = {"area_percent": 100.0, "yielded_percent": 100.0}
-"""Largest value of a target, where there is one; the smallest is 0."""
+PROPORTIONAL = {"force", "largest_pressure", "stiffness", "interface_stiffness"}
+"""Targets that are proportional to E*."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,16 +41,29 @@ class Surrogate:
         Models by the short names of their targets.
     low, high : ndarray, shape (d,)
         Training ranges of the features.
+    distance : Distance, optional
+        Distances from the training; None in files of before there were any.
     """
 
     card: dict[str, Any]
     learnt: Mapping[str, Learnt]
     low: Values
     high: Values
+    distance: Distance | None = None
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
         """Read a surrogate's file; nothing in it is executed, and every part of it is checked.
+
+        Parameters
+        ----------
+        path : Path or str
+            File that `learn fit` or `save` wrote.
+
+        Returns
+        -------
+        Surrogate
+            The surrogate in the file.
 
         Raises
         ------
@@ -56,14 +73,19 @@ class Surrogate:
         card, parts = storage.load(Path(path))
         try:
             with np.errstate(all="ignore"):  # what is not finite then is refused
-                learnt, low, high = packing.unpacked(card, parts)
+                learnt, low, high, distance = packing.unpacked(card, parts)
         except Exception as error:  # parts of any type stand where others belong
             fault = printable(" ".join(str(error).split())[:100])
             raise InputError(f"{path}: is not whole ({fault}): fit it anew") from None
-        return cls(card, learnt, low, high)
+        return cls(card, learnt, low, high, distance)
 
     def save(self, path: Path | str) -> None:
         """Write the file that `load` reads, whole or not at all.
+
+        Parameters
+        ----------
+        path : Path or str
+            File to write.
 
         Raises
         ------
@@ -72,17 +94,25 @@ class Surrogate:
         ValueError
             If a model has settings that `learn fit` never gives.
         """
-        parts = packing.packed(self.card, self.learnt, self.low, self.high)
+        parts = packing.packed(self.card, self.learnt, self.low, self.high, self.distance)
         storage.save(Path(path), self.card, parts)
 
     @property
     def features(self) -> FeatureSet:
         """The feature set that the models were trained on."""
-        return chosen(str(self.card["features"]), self.hardness_limits)
+        card, roots = self.card, bool(self.card.get("roots"))
+        found = chosen(
+            str(card["features"]),
+            self.hardness_limits,
+            roots=roots,
+            blocks=int(card.get("blocks", 0)),
+            elastic=bool(card.get("elastic")),
+        )
+        return found.with_nodes() if NODES in (name for name, _ in card["columns"]) else found
 
     @property
     def hardness_limits(self) -> tuple[float, float] | None:
-        """Smallest and largest hardness over E* of the training; None for elastic bodies."""
+        """Smallest and largest hardness over E* of the training; None if no bodies yield."""
         limits = self.card.get("hardness_ratio")
         return None if limits is None else (float(limits[0]), float(limits[1]))
 
@@ -92,7 +122,8 @@ class Surrogate:
         Parameters
         ----------
         hardness : float or None
-            Hardness of the softer body [MPa]; None for the only one of the training.
+            Hardness of the softer body [MPa]; None for elastic bodies if the training has some,
+            otherwise for the only hardness of the training.
         e_star : float, optional
             E* of the prediction; that of the training by default [MPa].
 
@@ -118,6 +149,8 @@ class Surrogate:
             if not 0 < hardness < np.inf:
                 raise InputError(f"--hardness {hardness:g}: give a hardness above 0 MPa")
             return hardness / (self.modulus if e_star is None else e_star)
+        if self.card.get("elastic"):
+            return None
         if limits[0] < limits[1]:
             raise InputError(
                 "give --hardness: the surrogate was trained on bodies that yield at"
@@ -133,10 +166,17 @@ class Surrogate:
     def require_boundary(self, boundary: str, name: str) -> None:
         """Refuse a surface or statistics of another boundary than that of the training.
 
+        Parameters
+        ----------
+        boundary : str
+            Boundary of the surface or statistics: "free", "periodic" or "mirror".
+        name : str
+            Name of the surface or table in the message.
+
         Raises
         ------
         InputError
-            With the name of the surface or table.
+            If the boundary is not that of the training.
         """
         if boundary != self.boundary:
             raise InputError(
@@ -180,18 +220,20 @@ class Surrogate:
         Returns
         -------
         Prediction
+            Predictions of all targets, one row for each displacement.
 
         Raises
         ------
         InputError
-            If heights, lengths or displacements are impossible.
+            If heights, lengths, displacements, `e_star` or `hardness` are impossible, or the
+            training asks for a hardness that is not given.
         """
         on_surface = self.for_surface(surface, side)
         return on_surface.predict(delta, e_star=e_star, hardness=hardness, level=level)
 
     def for_surface(
         self, surface: ArrayLike, side: float | tuple[float, float], name: str = "the surface"
-    ) -> "OnSurface":
+    ) -> OnSurface:
         """Apply the surrogate to a surface; its statistics are computed once.
 
         Parameters
@@ -200,6 +242,16 @@ class Surrogate:
             See `predict`; the boundary is that of the training.
         name : str
             Name of the surface in messages.
+
+        Returns
+        -------
+        OnSurface
+            The surrogate with the features of this surface.
+
+        Raises
+        ------
+        InputError
+            If heights or lengths are impossible.
         """
         heights = np.asarray(surface, dtype=np.float64)
         sides = (float(side[0]), float(side[1])) if isinstance(side, tuple) else (float(side),) * 2
@@ -217,6 +269,7 @@ class Surrogate:
         length: Values | float,
         notes: tuple[str, ...] = (),
         hardness_ratio: float | None = None,
+        nodes: Values | None = None,
     ) -> Rows:
         """Turn rows of statistics into features, for `predict_rows`.
 
@@ -232,18 +285,32 @@ class Surrogate:
             Notes on grids that differ from the training's: one for all rows, or n.
         hardness_ratio : float, optional
             Hardness over E*, from `hardness_ratio`.
+        nodes : ndarray, shape (n,), optional
+            Nodes along a side, the geometric mean of both axes, if the features need them.
+
+        Returns
+        -------
+        Rows
+            Features of n rows, shape (n, d), with their statistics and displacements.
 
         Raises
         ------
         InputError
-            If the surrogate needs the heights of the surface, or a row is not finite.
+            If the surrogate needs the heights of the surface, or the nodes, or a row is not
+            finite.
         """
         if self.features.needs_surface:
             raise InputError(
                 f"{self.features.name} features need the surface, not its statistics alone: give"
                 " its heights, or fit with --features dimensionless"
             )
-        inputs = build(self.features, statistics, delta, length, hardness_ratio=hardness_ratio)
+        if self.features.needs_grid and (nodes is None or not (nodes > 0).all()):
+            raise InputError(
+                "names no nodes_x and nodes_y, which the surrogate was trained with as a feature"
+            )
+        inputs = build(
+            self.features, statistics, delta, length, hardness_ratio=hardness_ratio, nodes=nodes
+        )
         bad = np.flatnonzero(~(np.abs(inputs) <= LARGEST).all(axis=1) | ~(delta > 0))
         if bad.size:
             raise InputError(
@@ -274,6 +341,16 @@ class Surrogate:
         reasons : bool
             False to skip the check of training ranges; a prediction that is not finite has a reason
             all the same.
+
+        Returns
+        -------
+        Prediction
+            Predictions of all targets, one for each row.
+
+        Raises
+        ------
+        InputError
+            If `e_star` is not above 0.
         """
         if e_star is not None and not 0 < e_star < np.inf:
             raise InputError(f"E* {e_star:g}: give a modulus above 0 MPa")
@@ -284,31 +361,57 @@ class Surrogate:
             scale = target_scale(
                 self.features, learnt.column, rows.statistics, rows.delta, rows.length, self.modulus
             )
-            if learnt.column in {"force", "largest_pressure"}:
+            if learnt.column in PROPORTIONAL:
                 scale = scale * ratio
-            ceiling = CEILING.get(learnt.column, np.inf)
             raw = ranges.finite(learnt.raw(rows.inputs), scale)
             said = ranges.with_undefined(said, name, raw)
-            prediction.values[name] = np.clip(raw * scale, 0.0, ceiling)
+            prediction.values[name] = within_bounds(learnt.column, raw * scale)
             if level is not None:
-                half = learnt.calibration.half_width(raw, level)
-                prediction.low[name] = np.clip((raw - half) * scale, 0.0, ceiling)
-                prediction.high[name] = np.clip((raw + half) * scale, 0.0, ceiling)
+                low, high = learnt.ends(rows.inputs, raw, level)
+                prediction.low[name] = within_bounds(learnt.column, low * scale)
+                prediction.high[name] = within_bounds(learnt.column, high * scale)
             spread = learnt.spread(rows.inputs) if std else None
             if spread is not None:
                 prediction.std[name] = spread * scale
         return replace(prediction, reasons=said)
 
     def reasons(self, rows: Rows) -> tuple[str, ...]:
-        """Return for each row the features outside their training ranges; "" if there is none."""
-        note = ranges.hardness_note(self.hardness_limits, rows.hardness_ratio)
+        """Return for each row the features outside their training ranges; "" if there is none.
+
+        Parameters
+        ----------
+        rows : Rows
+            Rows from `of_statistics` or `OnSurface.rows`.
+
+        Returns
+        -------
+        tuple of str
+            One text for each row.
+        """
+        elastic = bool(self.card.get("elastic"))
+        note = ranges.hardness_note(self.hardness_limits, rows.hardness_ratio, elastic=elastic)
         if note:
             notes = tuple("; ".join(filter(None, (own, note))) for own in rows.notes or ("",))
             rows = rows._replace(notes=notes)
+        if self.distance is not None:
+            rows = rows._replace(notes=self.distance.noted(rows.inputs, rows.notes))
         return ranges.reasons(self.features.columns, self.low, self.high, rows)
 
     def note(self, shape: tuple[int, int], sides: tuple[float, float]) -> str:
-        """Return how a grid differs from the training's; "" if it does not."""
+        """Return how a grid differs from the training's; "" if it does not.
+
+        Parameters
+        ----------
+        shape : tuple of int
+            Nodes along x and y.
+        sides : tuple of float
+            Lengths of the patch along x and y [um].
+
+        Returns
+        -------
+        str
+            One text for the grid.
+        """
         return ranges.grid_note(self.card, self.features, shape, sides)
 
 
@@ -328,7 +431,26 @@ class OnSurface:
     surface: SurfaceFeatures
 
     def rows(self, delta: ArrayLike, hardness_ratio: float | None = None) -> Rows:
-        """Compute the features at one or more displacements [um], for a hardness over E*."""
+        """Compute the features at one or more displacements.
+
+        Parameters
+        ----------
+        delta : ArrayLike
+            One displacement above 0, or n of them [um].
+        hardness_ratio : float, optional
+            Hardness over E*, from `Surrogate.hardness_ratio`; None for elastic bodies.
+
+        Returns
+        -------
+        Rows
+            Features, shape (n, d), with the surface's statistics and the displacements.
+
+        Raises
+        ------
+        InputError
+            If a displacement is not above 0, or the features need statistics that the surface does
+            not define.
+        """
         surface, surrogate = self.surface, self.surrogate
         deltas = np.atleast_1d(np.asarray(delta, dtype=np.float64))
         inputs = surface.features(surrogate.features, deltas, hardness_ratio)
@@ -367,6 +489,13 @@ class OnSurface:
         Returns
         -------
         Prediction
+            Predictions of all targets, one row for each displacement.
+
+        Raises
+        ------
+        InputError
+            If a displacement, `e_star` or `hardness` is impossible, or the training asks for a
+            hardness that is not given.
         """
         rows = self.rows(delta, self.surrogate.hardness_ratio(hardness, e_star))
         return self.surrogate.predict_rows(

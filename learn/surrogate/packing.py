@@ -7,14 +7,33 @@ import numpy as np
 
 from learn.arrays import Values
 from learn.surrogate import agreement
-from learn.surrogate.conformal import Calibration
+from learn.surrogate.conformal import Calibration, Scheme
+from learn.surrogate.distance import Distance
+from learn.surrogate.error_scale import ErrorScale
 from learn.surrogate.estimators import put_together, taken_apart
 from learn.surrogate.learnt import Learnt
-from learn.surrogate.parts import Part, mapping, number, numbers, positive, sequence
+from learn.surrogate.parts import (
+    Part,
+    count,
+    mapping,
+    number,
+    numbers,
+    positive,
+    sequence,
+    text,
+)
+from learn.target import Scaling
+
+LARGEST_LOGARITHM = 700.0
+"""Of a usual error: its exponential is a number."""
 
 
 def packed(
-    card: Mapping[str, Any], learnt: Mapping[str, Learnt], low: Values, high: Values
+    card: Mapping[str, Any],
+    learnt: Mapping[str, Learnt],
+    low: Values,
+    high: Values,
+    distance: Distance | None = None,
 ) -> dict[str, Any]:
     """Convert the models of a surrogate to numbers.
 
@@ -26,21 +45,33 @@ def packed(
     return {
         "low": low,
         "high": high,
+        **({} if distance is None else {"distance": vars(distance)}),
         "targets": {
             name: {
                 **taken_apart(card["model"], each.pipeline),
-                "mean": each.mean,
-                "deviation": each.deviation,
+                "mean": each.scaling.mean,
+                "deviation": each.scaling.deviation,
+                "root": int(each.root),
                 "borders": each.calibration.borders,
                 "scores": list(each.calibration.scores),
+                **_usual(each.calibration),
             }
             for name, each in learnt.items()
         },
     }
 
 
-def unpacked(card: dict[str, Any], parts: Part) -> tuple[dict[str, Learnt], Values, Values]:
-    """Convert the parts of a file to models and the training ranges of the features.
+def _usual(calibration: Calibration) -> dict[str, Any]:
+    """Return the usual errors of a calibration by groups as a part of the file."""
+    if calibration.usual is None:
+        return {}
+    return {"usual": {"scheme": calibration.scheme, **vars(calibration.usual)}}
+
+
+def unpacked(
+    card: dict[str, Any], parts: Part
+) -> tuple[dict[str, Learnt], Values, Values, Distance | None]:
+    """Convert the parts of a file to models, training ranges, and distances if there are any.
 
     Raises
     ------
@@ -55,25 +86,49 @@ def unpacked(card: dict[str, Any], parts: Part) -> tuple[dict[str, Learnt], Valu
         raise ValueError("card and models do not belong together")
     learnt = {name: _learnt(card, name, mapping(targets, name), width) for name in targets}
     agreement.check_models(card, learnt, low, high)
-    return learnt, low, high
+    return learnt, low, high, _distance(parts, width)
+
+
+def _distance(parts: Part, width: int) -> Distance | None:
+    """Return the distances from the training."""
+    if "distance" not in parts:
+        return None
+    part = mapping(parts, "distance")
+    centre, whitening = numbers(part, "centre", width), numbers(part, "whitening", width, width)
+    return Distance(centre, whitening, number(part, "limit", 0.0))
+
+
+def _scale(part: Part, width: int) -> tuple[Scheme, ErrorScale | None]:
+    """Return what scores are kept by, and the usual errors."""
+    if "usual" not in part:
+        return "ranges", None
+    usual = mapping(part, "usual")
+    scheme: Scheme = "each" if text(usual, "scheme", ("each", "others")) == "each" else "others"
+    low = number(usual, "low", -LARGEST_LOGARITHM, LARGEST_LOGARITHM)
+    high = number(usual, "high", low, LARGEST_LOGARITHM)
+    slopes = numbers(usual, "slopes", width)
+    return scheme, ErrorScale(slopes, number(usual, "offset"), low, high)
 
 
 def _learnt(card: Mapping[str, Any], name: str, part: Part, width: int) -> Learnt:
     """Return the model of one target."""
     about = card["targets"][name]
-    borders = numbers(part, "borders", None)
+    borders, (scheme, usual) = numbers(part, "borders", None), _scale(part, width)
+    number_of_scores = borders.size + 1 if usual is None else None
+    root = bool(count({"root": 0, **part}, "root", 0, 1))  # files of format 3 have none
     scores = [
         numbers({"scores": each}, "scores", None)
-        for each in sequence(part, "scores", borders.size + 1)
+        for each in sequence(part, "scores", number_of_scores)
     ]
     rising = [borders, *scores]
     if any((np.diff(each) < 0).any() for each in rising) or any((s < 0).any() for s in scores):
         raise ValueError("the intervals' scores are not in order")
+    if usual is not None and (borders.size or not scores or not all(s.size for s in scores)):
+        raise ValueError("the intervals' scores are not those of groups")
     return Learnt(
         column=about["column"],
         unit=about["unit"],
         pipeline=put_together(card["model"], card["normalisation"], part, width),
-        mean=number(part, "mean"),
-        deviation=positive(part, "deviation"),
-        calibration=Calibration(borders, tuple(scores)),
+        scaling=Scaling(number(part, "mean"), positive(part, "deviation"), root),
+        calibration=Calibration(borders, tuple(scores), root, scheme, usual),
     )

@@ -64,15 +64,15 @@ class Prediction:
 
     @property
     def area(self) -> Values:
-        """Effective contact area, (n,) [%]."""
+        """Effective contact area, shape (n,) [%]."""
         return self.values["area"]
 
     @property
     def force(self) -> Values:
-        """Normal force, (n,) [uN]."""
+        """Normal force, shape (n,) [uN]."""
         return self.values["force"]
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """True for rows inside the training ranges, (n,)."""
+        """Rows inside the training ranges, True or False, shape (n,)."""
         return np.array([not reason for reason in self.reasons], dtype=np.bool_)

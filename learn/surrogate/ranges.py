@@ -1,6 +1,6 @@
 """Flags of rows outside a surrogate's training: features beyond their ranges, other grids."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -89,20 +89,57 @@ def grid_note(
     sides : tuple of float
         Scan lengths [um].
     """
-    nodes, side = int(card["nodes"]), float(card["side"])
     said = []
-    if shape != (nodes, nodes):
-        said.append(f"{shape[0]} x {shape[1]} nodes, trained on {nodes} x {nodes}")
-    if not np.isclose(sides[0], sides[1], rtol=1e-3):
-        said.append(f"{sides[0]:.6g} x {sides[1]:.6g} um, trained on square patches")
-    elif not features.scaled and not np.isclose(sides[0], side, rtol=1e-3):
-        said.append(f"side {sides[0]:.6g} um, trained on {side:.6g} um")
+    grids = list(dict.fromkeys(pair(each, "nodes") for each in databases_of(card)))
+    if shape not in grids and not features.needs_nodes:
+        trained = ", ".join(f"{nodes[0]:g} x {nodes[1]:g}" for nodes in grids)
+        said.append(f"{shape[0]} x {shape[1]} nodes, trained on {trained}")
+    own = pair(card, "side")
+    if not np.isclose(sides[0] * own[1], sides[1] * own[0], rtol=1e-3):
+        trained = "square patches" if own[0] == own[1] else f"{own[0]:.6g} x {own[1]:.6g} um"
+        said.append(f"{sides[0]:.6g} x {sides[1]:.6g} um, trained on {trained}")
+    elif not features.scaled and not np.isclose(sides[0], own[0], rtol=1e-3):
+        said.append(f"side {sides[0]:.6g} um, trained on {own[0]:.6g} um")
     if not features.scaled:
-        boundary, own = boundary_of(card), float(card["spacing"])
-        spacing = node_spacing(max(shape[0], 2), sides[0], boundary)
-        if not np.isclose(spacing, own, rtol=0.02):
-            said.append(f"spacing {spacing:.4g} um, trained on {own:.4g} um")
+        said += _spacing_notes(card, features, shape, sides)
     return "; ".join(said)
+
+
+def databases_of(card: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
+    """Return the databases of a card with their nodes; the card itself if it is of only one."""
+    several: Sequence[Mapping[str, Any]] = card.get("databases", [card])
+    return several
+
+
+def _spacing_notes(
+    card: Mapping[str, Any],
+    features: FeatureSet,
+    shape: tuple[int, int],
+    sides: tuple[float, float],
+) -> list[str]:
+    """Return how the spacing of a grid differs from the training's, for the first axis it does."""
+    if features.needs_nodes:  # the side is the training's, and the nodes are in its range or not
+        return []
+    boundary, own = boundary_of(card), pair(card, "spacing")
+    for nodes, side, trained in zip(shape, sides, own, strict=True):
+        spacing = node_spacing(max(nodes, 2), side, boundary)
+        if not np.isclose(spacing, trained, rtol=0.02):
+            return [f"spacing {spacing:.4g} um, trained on {trained:.4g} um"]
+    return []
+
+
+def pair(card: Mapping[str, Any], name: str) -> tuple[float, float]:
+    """Return an entry of a card along x and y.
+
+    Parameters
+    ----------
+    card : mapping of str to object
+        Card of the surrogate.
+    name : str
+        "nodes" [1], "side" or "spacing" [um].
+    """
+    first, second = card[name]
+    return float(first), float(second)
 
 
 def boundary_of(card: Mapping[str, Any]) -> Boundary:
@@ -117,7 +154,9 @@ def between(limits: tuple[float, float]) -> str:
     return f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
 
 
-def hardness_note(limits: tuple[float, float] | None, hardness_ratio: float | None) -> str:
+def hardness_note(
+    limits: tuple[float, float] | None, hardness_ratio: float | None, *, elastic: bool = False
+) -> str:
     """Return how a hardness lies outside that of the training; "" if it does not.
 
     Parameters
@@ -126,16 +165,14 @@ def hardness_note(limits: tuple[float, float] | None, hardness_ratio: float | No
         Smallest and largest hardness over E* of the training, None for elastic bodies.
     hardness_ratio : float or None
         Hardness over E* of the prediction.
+    elastic : bool
+        True if elastic bodies are in the training: they are the end of the harder ones.
     """
     if limits is None or hardness_ratio is None:
         return ""
     low, high = limits
+    if elastic:
+        high = np.inf
     if low * (1 - ROUNDING) <= hardness_ratio <= high * (1 + ROUNDING):
         return ""
     return f"hardness/E* {hardness_ratio:.4g} outside {low:.4g} to {high:.4g}"
-
-
-def brief(reasons: str) -> str:
-    """Shorten reasons to the first one and the number of the others, for a narrow column."""
-    first, _, others = reasons.partition("; ")
-    return f"{first}; and {others.count('; ') + 1} more" if others else first

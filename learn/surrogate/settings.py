@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
+from gen.runtime.invocation import to_type
 from learn.arrays import Values
 from learn.comparison.folder import Folder
 from learn.comparison.search.spaces import OPTIMA
@@ -75,7 +76,7 @@ def choose(
     target : ndarray, shape (n,)
         Target, of mean 0 and deviation 1 except for the paper's features.
     folds : ndarray of int, shape (n,)
-        Fold of each training row; fold 0 validates.
+        Fold of each training row; the first one validates.
     """
     (name,) = request.models
     if folder is not None:
@@ -108,7 +109,7 @@ def _tuned(folder: Folder, model: str) -> Settings:
     winner = settings_of(folder, model)
     if winner is None:
         raise InputError(
-            f"--from: {folder.path} has no tuned {model}: python -m learn tune --model {model}"
+            f"--from: {folder.path} has no tuned {model}: {to_type(f'learn tune --model {model}')}"
         )
     settings, refit = winner
     return Settings(settings | refit, True, f"tuned in {folder.path}")
@@ -127,10 +128,11 @@ def _candidates(name: str) -> list[dict[str, Any]]:
 def _searched(
     request: Request, inputs: Values, target: Values, folds: NDArray[np.int8]
 ) -> Settings:
-    """Return the candidate with the smallest error on fold 0, fitted to rows of other folds."""
+    """Return the candidate with the smallest error on the first fold, fitted to the other ones."""
     (name,) = request.models
-    inside = np.flatnonzero(folds != 0)[:SEARCH_ROWS]
-    outside = folds == 0
+    validating = folds.min()  # 0, unless a few large groups fill the first folds together
+    inside = np.flatnonzero(folds != validating)[:SEARCH_ROWS]
+    outside = folds == validating
     best: tuple[float, dict[str, Any]] = (np.inf, {})
     for settings in _candidates(name):
         model = pipeline(

@@ -1,7 +1,7 @@
 """The file of a surrogate: a checksum, one text, and numbers; it names neither code nor types.
 
     asperity surrogate
-    format 3
+    format 5
     sha256 of all that follows, in hexadecimal digits
     length of the text, 8 bytes, little endian
     text: JSON with the card, the parts of the models, type and shape of every array
@@ -23,13 +23,27 @@ from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
+from gen.runtime.invocation import to_type
 from gen.runtime.output import SURROGATE, whole
 from gen.runtime.terminal import printable
 
-FORMAT = 3
+FORMAT = 5
+"""Number of the layout that is written. A format number is raised whenever an older version would
+misread a file: 4 has a pair of nodes, sides and spacings in the card, 5 features of the coarse
+solve that 4 did not have, and intervals that are calibrated by groups."""
+
+PAIRED = 4
+"""First format whose cards have pairs; those of format 3 have one number for both axes."""
+
+READ = (3, 4, FORMAT)
+"""Formats that are read."""
+
 HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")
 OLDER = b"PK"
 """First bytes of formats 1 and 2, which were zip archives."""
+
+PAIRS = ("nodes", "side", "spacing")
+"""Entries of a card along x and y."""
 
 KINDS = ("<f8", "<f4", "<i4")
 """Types of the arrays: double precision, single precision, whole numbers."""
@@ -105,7 +119,7 @@ def load(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     head = HEAD.match(data)
-    if head is None or int(head[1]) != FORMAT:
+    if head is None or int(head[1]) not in READ:
         raise InputError(f"{path}: {_stranger(path, data, head)}")
     body = memoryview(data)[head.end() :]
     if hashlib.sha256(body).hexdigest() != head[2].decode():
@@ -114,23 +128,31 @@ def load(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
             " or fit it anew"
         )
     try:
-        return _read(body)
+        card, parts = _read(body)
+        return (card if int(head[1]) >= PAIRED else _with_pairs(card)), parts
     except (ValueError, TypeError, KeyError, IndexError, RecursionError, MemoryError) as error:
         fault = printable(f"{type(error).__name__}: {error}"[:100])
         raise InputError(f"{path}: is no surrogate that could be read ({fault})") from None
+
+
+def _with_pairs(card: dict[str, Any]) -> dict[str, Any]:
+    """Return a card of format 3 with pairs in place of numbers that held for both axes."""
+    return card | {name: [card[name]] * 2 for name in PAIRS if name in card}
 
 
 def _stranger(path: Path, data: bytes, head: re.Match[bytes] | None) -> str:
     """Describe a file that is no surrogate of this format."""
     from gen.database import is_database
 
+    reads = f"{READ[0]} to {READ[-1]}"
+    anew = f"fit it anew with {to_type('learn fit')}"
     if head is not None:
-        return f"has format {int(head[1])}, this version reads {FORMAT}: fit it anew"
+        return f"has format {int(head[1])}, this version reads {reads}: {anew}"
     if data.startswith(OLDER):
-        return f"is no surrogate of format {FORMAT}, which this version reads: fit it anew"
+        return f"is no surrogate of the formats {reads}, which this version reads: {anew}"
     if is_database(path):
-        return "is no surrogate; it is a database: python -m learn fit makes a surrogate of it"
-    return "is no surrogate: make one with python -m learn fit"
+        return f"is no surrogate; it is a database: {to_type('learn fit')} makes a surrogate of it"
+    return f"is no surrogate: make one with {to_type('learn fit')}"
 
 
 def _read(body: memoryview) -> tuple[dict[str, Any], dict[str, Any]]:

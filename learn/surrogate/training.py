@@ -1,7 +1,8 @@
-"""Fit surrogates: read, split by surface into three sets, choose settings, fit, calibrate."""
+"""Fit surrogates: read, split into three sets, choose settings, fit, calibrate."""
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -11,22 +12,21 @@ from numpy.typing import NDArray
 from gen.runtime.errors import InputError
 from learn import dataset, memory, split
 from learn.arrays import Indices, Values
+from learn.columns import TARGETS, short_name
 from learn.comparison.folder import Folder
 from learn.dataset import Dataset
 from learn.executor import Executor
 from learn.models import models_named
 from learn.request import Request, hybrid_for
 from learn.surrogate import card
+from learn.surrogate.calibration_rows import of_another, planned
 from learn.surrogate.fitting import fit_target
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.model import Surrogate
 from learn.surrogate.settings import tuned_conditions
 
-CALIBRATION_SHARE = 0.1
-"""Share of the training rows that are used to calibrate the intervals instead."""
-
-SMALLEST_CALIBRATION = 20
-"""Smallest number of calibration rows, for intervals of 95 %, if there are five times as many."""
+TILES = 4
+"""Smallest number of tiles, one each to train, to validate settings, to calibrate and to test."""
 
 
 def fit(
@@ -62,106 +62,165 @@ def fit(
     InputError
         If the input cannot be used, or there are too few rows or too little memory.
     """
-    (model,) = models_named(list(request.models))
-    hybrid = hybrid_for(request, executor, stopping)
-    if stopping():
+    models_named(list(request.models))
+    sets = read(request, executor, stopping)
+    if sets is None:
         return None
-    sets = _read(request, hybrid)
+    others = None
+    if request.calibrate_on is not None:
+        wider = replace(request, others=(*request.others, request.calibrate_on))
+        together = read(wider, executor, stopping)
+        if together is None:
+            return None
+        others = of_another(sets, together)
     parts = split.draw(sets[0], request.seed, request.train_rows)
-    train, calibration = without_calibration(sets[0], parts.train)
-    memory.check(model.name, train.size)
-    for line in dataset.remarks(sets[0], request.normalisation):
-        say(f"  {line}")
-    say(
-        f"{request.database}: {train.size} rows train, {calibration.size} calibrate,"
-        f" {parts.test.size} test; {request.features} features"
-    )
-    learnt: dict[str, Learnt] = {}
-    judged: dict[str, dict[str, Any]] = {}
-    folds = parts.folds[: train.size]
-    for target, rows in zip(request.targets, sets, strict=True):
-        folder = None if source is None else Folder(source / dataset.short_name(rows.target_name))
-        learnt[target], judged[target] = _fit_target(
-            request, rows, (train, calibration, parts.test), folds, folder, say
-        )
-    inputs = sets[0].inputs[train]
-    return Surrogate(
-        card=card.make(request, sets[0], (train, calibration, parts.test), judged),
-        learnt=learnt,
-        low=inputs.min(axis=0),
-        high=inputs.max(axis=0),
-    )
+    return fit_parts(request, sets, parts, say, source=source, others=others)
 
 
-def _read(request: Request, hybrid: Values | None) -> list[Dataset]:
-    """Return one dataset per target, of the rows that all targets have."""
-    sets = dataset.read_targets(
-        request.database, request.targets, request.area_max, request.features, hybrid
-    )
-    common = sets[0].rows
-    for each in sets[1:]:
-        common = np.intersect1d(common, each.rows)
-    return [each.at(np.flatnonzero(np.isin(each.rows, common))) for each in sets]
-
-
-def without_calibration(rows: Dataset, train: Indices) -> tuple[Indices, Indices]:
-    """Split the last rows, by whole surfaces, off the training rows, which are in random order.
+def read(
+    request: Request, executor: Executor, stopping: Callable[[], bool] = lambda: False
+) -> list[Dataset] | None:
+    """Read the rows that all targets have, one dataset for each target.
 
     Parameters
     ----------
-    rows : Dataset
-        The usable rows.
-    train : ndarray of int
-        Positions of the training rows, from `learn.split.draw`.
+    request : Request
+        Databases, targets and features.
+    executor : Executor
+        Generates the surfaces for hybrid features.
+    stopping : callable
+        Called between surfaces; True ends the work.
 
     Returns
     -------
-    train, calibration : ndarray of int
-        Positions of the rows that train, and of those that calibrate.
+    list of Dataset or None
+        The datasets, in the order of the targets; None after a stop.
 
     Raises
     ------
     InputError
-        If too few rows are left to train on.
+        If the input cannot be used, there are too few rows, or windows lie in too few tiles.
     """
-    wanted = max(int(CALIBRATION_SHARE * train.size), min(SMALLEST_CALIBRATION, train.size // 5))
-    groups = rows.groups[train]
-    starts = np.flatnonzero(np.diff(groups, prepend=-1))
-    if starts.size == 1:  # all rows share one surface
-        starts = np.arange(train.size)
-    before = int(np.searchsorted(starts, train.size - wanted, side="right")) - 1
-    cut = int(starts[max(before, 1)])
-    inside = train[:cut]
-    if inside.size < 2 or np.ptp(rows.target[inside]) == 0:
-        raise InputError(
-            f"{rows.source['database']}: {inside.size} rows of {starts.size} surfaces are left to"
-            " train on: more are needed"
+    hybrids: list[Values | None] = []
+    for path in request.databases:
+        hybrids.append(hybrid_for(replace(request, database=path), executor, stopping))
+        if stopping():
+            return None
+    sets = _read(request, hybrids)
+    split.require_tiles(sets[0], TILES)
+    return sets
+
+
+def fit_parts(
+    request: Request,
+    sets: list[Dataset],
+    parts: split.Split,
+    say: Callable[[str], None],
+    *,
+    source: Path | None = None,
+    others: list[Dataset] | None = None,
+) -> Surrogate:
+    """Fit a surrogate to rows whose training and test parts have been chosen.
+
+    Parameters
+    ----------
+    request : Request
+        Request with one model.
+    sets : list of Dataset
+        The rows, from `read`.
+    parts : learn.split.Split
+        Positions of the training rows, in random order with groups together, and of the test rows.
+    say : callable
+        Called with lines for the user.
+    source : Path, optional
+        Comparison folder whose tuned settings are used.
+    others : list of Dataset, optional
+        Rows of another database that calibrate the intervals, for each target.
+
+    Raises
+    ------
+    InputError
+        If there are too few rows to train on, or too little memory.
+    """
+    (model,) = models_named(list(request.models))
+    plan = planned(sets[0], parts.train, others)
+    train = plan.train
+    memory.check(model.name, train.size)
+    for line in dataset.remarks(sets[0], request.normalisation):
+        say(f"  {line}")
+    say(
+        f"{sets[0].source['database']}: {train.size} rows train, {plan.size} calibrate,"
+        f" {parts.test.size} test; {request.features} features"
+    )
+    if plan.remark():
+        say(f"  {plan.remark()}")
+    learnt: dict[str, Learnt] = {}
+    judged: dict[str, dict[str, Any]] = {}
+    folds = parts.folds[: train.size]
+    for number, (target, rows) in enumerate(zip(request.targets, sets, strict=True)):
+        folder = None if source is None else Folder(source / short_name(rows.target_name))
+        calibration = plan.rows(rows, number)
+        learnt[target], judged[target] = _fit_target(
+            request, rows, (train, calibration, parts.test), folds, folder, say
         )
-    return inside, train[cut:]
+    inputs = sets[0].inputs[train]
+    sizes = {"train": train.size, "calibration": plan.size, "test": parts.test.size}
+    made = card.make(request, sets[0], train, sizes, judged)
+    entry = plan.entry()
+    return Surrogate(
+        card=made if entry is None else made | {"calibration": entry},
+        learnt=learnt,
+        low=inputs.min(axis=0),
+        high=inputs.max(axis=0),
+        distance=plan.distance(sets[0]),
+    )
+
+
+def _read(request: Request, hybrids: list[Values | None]) -> list[Dataset]:
+    """Return one dataset per target, of the rows that all targets have."""
+    sets = dataset.read_together(
+        request.databases,
+        request.targets,
+        request.area_max,
+        request.features,
+        hybrids,
+        roots=request.roots,
+        blocks=request.blocks,
+    )
+    keys = [each.keys for each in sets]
+    common = reduce(np.intersect1d, keys)
+    return [
+        each.at(np.flatnonzero(np.isin(key, common))) for each, key in zip(sets, keys, strict=True)
+    ]
 
 
 def _fit_target(
     request: Request,
     rows: Dataset,
-    parts: tuple[Indices, Indices, Indices],
+    parts: tuple[Indices, Dataset | None, Indices],
     folds: NDArray[np.int8],
     folder: Folder | None,
     say: Callable[[str], None],
 ) -> tuple[Learnt, dict[str, Any]]:
     """Choose settings for the model of one target, fit, calibrate and score it."""
     train, calibration, test = parts
-    fit = fit_target(request, rows.at(train), rows.at(calibration), folds, folder=folder)
+    fit = fit_target(request, rows.at(train), calibration, folds, folder=folder)
     judged = card.judge(fit.learnt, rows, test) | {
         "settings": {name: str(value) for name, value in sorted(fit.settings.values.items())},
         "settings_from": fit.settings.origin,
         "fit_seconds": fit.fitting,
         "remarks": list(fit.remarks),
     }
+    if fit.crossed is not None:
+        judged["left_out"] = card.left_out(fit.learnt, rows.at(train), fit.crossed)
     scores = judged["scores"]
     say(
         f"{rows.target_name}: {fit.settings.origin}; R2 {scores['r2']:.3f} %, nMAE"
         f" {scores['nmae']:.2f} %, fit {fit.fitting:.3g} s"
     )
+    if "left_out" in judged:
+        apart = judged["left_out"]
+        say(f"  left out in turn: R2 {apart['r2']:.3f} %, nMAE {apart['nmae']:.2f} %")
     for remark in fit.remarks:
         say(f"  warning: {remark}")
     return fit.learnt, judged
@@ -184,8 +243,8 @@ def request_from(request: Request, source: Path, given: dict[str, Any]) -> Reque
     InputError
         If the folder lacks the model, or contradicts an option.
     """
-    column = dataset.TARGETS.get(request.targets[0], request.targets[0])
-    folder = Folder(source / dataset.short_name(column))
+    column = TARGETS.get(request.targets[0], request.targets[0])
+    folder = Folder(source / short_name(column))
     conditions = tuned_conditions(folder, request.models[0])
     names = ("features", "normalisation", "area_max", "seed")
     for name in names:

@@ -16,6 +16,7 @@ from bem.factor import ContactFactor
 from bem.far_field import critical_delta
 from bem.influence import Kernel
 from bem.iterate import Iterate
+from bem.selection import PlainImage
 from bench.references import dense
 from bench.references.surfaces import SURFACES, Shape, surface
 from gen.runtime.overtime import at_most
@@ -129,6 +130,9 @@ class Dense:
 
     def displace_some(self, nodes: np.ndarray, pressure: np.ndarray) -> np.ndarray:
         return self._matrix[:, nodes] @ pressure
+
+    def image_of(self, nodes: np.ndarray, pressure: np.ndarray) -> PlainImage:
+        return PlainImage(self.displace_some(nodes, pressure), nodes)
 
     def approximate_inverse(self, nodes: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         return lambda residual: residual / self._matrix.diagonal()[nodes]

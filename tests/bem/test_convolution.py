@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bem import convolution
-from bem.convolution import Selection, displacement_filter, fast_period
+from bem.convolution import displacement_filter, fast_period
 from bem.influence import Kernel, influence_coefficients
 from bench.references import dense
 
@@ -76,25 +76,21 @@ def test_a_kept_filter_forgets_its_last_field() -> None:
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-def test_selections_share_a_filter_and_agree_with_it(dtype: str) -> None:
-    shape = (12, 17)
-    operator = displacement_filter(shape, "uniform-pressure", dtype=dtype)
-    random = np.random.default_rng(3)
-    nodes = np.flatnonzero(random.random(shape) < 0.4)
-    some = np.flatnonzero(random.random(nodes.size) < 0.5)
-    other = Selection(operator, np.arange(shape[0] * shape[1]))
-    selection = Selection(operator, nodes)
-    values = random.standard_normal(nodes.size).astype(dtype)
-
-    def reference(indices: np.ndarray, given: np.ndarray) -> np.ndarray:
-        field = np.zeros(shape, dtype)
-        field.flat[indices] = given
-        return operator(field).reshape(-1)
-
-    other(np.ones(shape[0] * shape[1], dtype))  # leaves pressure everywhere
-    np.testing.assert_array_equal(selection(values), reference(nodes, values)[nodes])
-    spread = selection.spread(some, values[some])
-    np.testing.assert_array_equal(spread, reference(nodes[some], values[some])[nodes])
+@pytest.mark.parametrize("shape", [(64, 40), (100, 30), (129, 64), (40, 90)])
+def test_columns_in_stripes_give_the_same_displacement(
+    monkeypatch: pytest.MonkeyPatch, shape: tuple[int, int], dtype: str
+) -> None:
+    """Whole stripes of rows, a narrower last one, and fewer rows than a stripe has."""
+    kernel: Kernel = "uniform-pressure"
+    field = random_field(shape).astype(dtype)
+    expected = convolution._make_displacement_filter(shape, kernel, 1.0, dtype)(field)
+    monkeypatch.setattr(convolution, "SHARED_ENTRIES", 1)
+    double = convolution._make_displacement_filter(shape, kernel, 1.0, "float64")
+    packed = double if dtype == "float64" else double.in_single_precision()
+    assert packed._packed
+    for _ in range(2):  # what the first leaves behind is not in the second
+        accepted = {"float64": 1e-14, "float32": 1e-6}[dtype] * np.abs(expected).max()
+        np.testing.assert_allclose(packed(field), expected, rtol=0, atol=accepted)
 
 
 def test_kept_filters_count_all_that_they_hold() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bem
-from bem.interface import Interface
+from bem.interface import Interface, InterfaceMatrix
 from bem.spacing import Boundary
 from bem.spectrum import spectral_filter
 from gen.surface import generate
@@ -46,6 +46,18 @@ def test_it_is_the_matrix_of_its_nodes(
     np.testing.assert_allclose(among, part[some], atol=1e-12)
     with pytest.raises(np.linalg.LinAlgError, match="left to iterations"):
         interface.factor(some)
+
+
+@pytest.mark.parametrize("boundary", EDGELESS)
+@pytest.mark.parametrize(("shape", "aspect"), [((1, 9), 1.0), ((8, 8), 1.0), ((13, 10), 0.3)])
+def test_its_entries_are_those_of_its_transforms(
+    shape: tuple[int, int], aspect: float, boundary: Boundary
+) -> None:
+    matrix = matrix_of(shape, boundary, aspect)
+    nodes = np.random.default_rng(2).permutation(matrix.shape[0])[: 2 * matrix.shape[0] // 3]
+    lower = InterfaceMatrix(shape, boundary, aspect).among(nodes)
+    expected = np.tril(matrix[np.ix_(nodes, nodes)])
+    np.testing.assert_allclose(np.tril(lower), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("boundary", EDGELESS)

@@ -25,13 +25,11 @@ def rough(shape: tuple[int, int]) -> np.ndarray:
 
 @pytest.mark.parametrize("boundary", EDGELESS)
 @pytest.mark.parametrize("shape", SHAPES)
-def test_the_start_is_the_solution_where_the_contact_is_full(
-    shape: tuple[int, int], boundary: Boundary
-) -> None:
+def test_full_contact_is_known_without_a_solve(shape: tuple[int, int], boundary: Boundary) -> None:
     below = rough(shape)
     load = 10.0 * below.size
     patch = WholePatch(below, boundary, 1.0, load)
-    pressed = patch.start()
+    pressed = patch.closed(patch.full_contact())
     assert pressed.pressure.min() > 0
     assert pressed.pressure.sum() == pytest.approx(load, rel=1e-14)
     assert pressed.shift == -below.mean()
@@ -55,11 +53,11 @@ def test_a_cut_pressure_carries_the_load_and_keeps_the_order(load: float) -> Non
 
 @pytest.mark.parametrize("most", [1, 2, 3, 5])
 @pytest.mark.parametrize("boundary", EDGELESS)
-@pytest.mark.parametrize("load", [{"pressure": 0.05}, {"delta": 2.0}])
+@pytest.mark.parametrize("load", [{"pressure": 0.6}, {"delta": 2.0}])
 def test_iterations_are_bounded_and_what_is_left_is_said(
     load: dict[str, float], boundary: Boundary, most: int
 ) -> None:
-    heights = rough((32, 30))
+    heights = rough((64, 60))
     settings: dict[str, Any] = {"spacing": 1.0, "boundary": boundary, "rtol": 1e-12}
     with pytest.raises(bem.NotConverged) as caught:
         bem.solve(heights, 1.0, **load, **settings, max_iterations=most)

@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
-from bench.growth import HARDNESSES, contents, cost, pressures, report, verdict
+from bench.growth import HARDNESSES, cost, pressures, report, verdict
 from bench.page.content import files_of
+from bench.page.parts import contents_of
 from gen.runtime.errors import InputError
 
 
@@ -32,7 +33,10 @@ def test_rows_reach_their_contact_and_say_what_it_took(costs: list[dict[str, Any
     ratio = costs[1]["convolutions"] / costs[0]["convolutions"]
     assert costs[1]["growth"] == pytest.approx(ratio)
     missed = [costs[0], costs[1] | {"growth": 1.77, "padded_arrays": 13.0}]
-    assert "at most 1.77 (mark 1.3); memory: at most 13.0" in verdict(missed)
+    said = verdict(missed)
+    assert "at most 1.77 (mark 1.3). Memory at 129 nodes: at most 13.0" in said
+    assert "padded arrays (mark 8)" in said
+    assert "tables and plans" in said
 
 
 def test_a_hardness_bounds_the_mean_pressure(pressed: list[dict[str, Any]]) -> None:
@@ -55,7 +59,7 @@ def test_the_page_shows_what_is_written(
     with table.open(newline="") as file:
         written = list(csv.DictReader(file))
     assert [float(row["convolutions"]) for row in written] == [row["convolutions"] for row in costs]
-    assert all(path.exists() for each in contents(tmp_path) for path in files_of(each))
+    assert all(path.exists() for each in contents_of("growth", tmp_path) for path in files_of(each))
 
 
 @pytest.mark.parametrize("nodes", [100, 33, 3, 0])

@@ -8,12 +8,11 @@ import pytest
 from launch import launch
 
 from bench.__main__ import main
-from bench.page.content import Absent
+from bench.page.content import Absent, tables_of
+from bench.page.parts import contents_of
 from bench.peers import periodic
-from bench.peers.accuracy import Errors, find_errors, loosest
-from bench.peers.compare import compare
-from bench.peers.layout import LOADS, tables
-from bench.peers.report import contents, report, yielding_contents
+from bench.peers.compare import Errors, compare, find_errors, loosest
+from bench.peers.report import LOADS, contents, report, tables
 from bench.peers.sample import sample, samples
 from bench.solvers.case import Case, find_exact
 from bench.solvers.others import OTHERS
@@ -192,7 +191,8 @@ def test_command_compares_bodies_that_yield(tmp_path: Path, capsys: pytest.Captu
     _, loads = read_table(tmp_path / "hardness-loads.csv")
     assert all(row["converged"] == "True" for row in loads)
     assert float(loads[-1]["yielded_percent"]) > 90
-    assert all(each.data for each in yielding_contents(tmp_path))
+    shown = [each for each in contents_of("peers/peers", tmp_path) if each.command]
+    assert [len(tables_of(each)) for each in shown] == [1, 1, 1]
 
 
 @pytest.mark.parametrize("solver", periodic.SOLVERS, ids=lambda solver: solver.name)
@@ -201,9 +201,7 @@ def test_periodic_patches_are_the_same_problem_for_all(solver: Solver, load: flo
     """Our own waves, spacing, units and zero mean displacement, up to nearly full contact."""
     if not solver.version:
         pytest.skip(f"{solver.package} is not installed: {solver.install}")
-    exact = periodic.contact_of(32, 0.8, load)
-    errors = periodic.Trial(solver, exact).errors(1e-11)
-    assert errors is not None
+    errors = periodic.errors_of(solver, periodic.sample(32, 0.8, load), 1e-11)
     assert errors.load_error < 1e-8
     assert errors.misplaced_nodes == 0
     assert errors.pressure_error < 1e-8
@@ -220,7 +218,8 @@ def test_command_compares_periodic_patches(tmp_path: Path) -> None:
     assert all(float(row["closest_pressure_error"]) < 1e-8 for row in agreement)
     assert float(ours[0]["area_percent"]) < 5
     assert float(ours[4]["area_percent"]) > 95
-    assert all(each.data for each in periodic.contents(tmp_path))
+    shown = [each for each in contents_of("peers/peers", tmp_path) if each.command]
+    assert [len(tables_of(each)) for each in shown] == [1, 1, 1]
 
 
 def test_packages_without_a_line_are_named_on_the_page(tmp_path: Path) -> None:

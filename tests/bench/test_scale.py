@@ -7,7 +7,7 @@ import pytest
 from launch import mpiexec
 
 from bench.report import Report
-from bench.scale import report, studies
+from bench.scale import studies
 from bench.scale.costs import (
     Costs,
     Line,
@@ -145,11 +145,10 @@ def test_a_report_has_a_table_and_a_picture(tmp_path, monkeypatch, capsys):
     pytest.importorskip("matplotlib")
     monkeypatch.setattr(studies, "RANKS", (10, 30))
     monkeypatch.setattr(studies, "ROWS", {129: (1000, 2000), 1025: (100,)})
-    for module in (studies, report):
-        monkeypatch.setattr(module, "GOAL_RANKS", 30)
-        monkeypatch.setattr(module, "GOAL_ROWS", {129: 1000, 1025: 100})
+    monkeypatch.setattr(studies, "GOAL_RANKS", 30)
+    monkeypatch.setattr(studies, "GOAL_ROWS", {129: 1000, 1025: 100})
     kept(tmp_path, DEAR)
-    made = report.report(tmp_path / "costs.json", validate=False)
+    made = studies.report(tmp_path / "costs.json", validate=False)
     paths, text = made.write(tmp_path / "report"), made.text
     assert [path.name for path in paths] == ["scale.csv", "costs.json", "scale.png"]
     assert all(path.stat().st_size for path in paths)

@@ -11,14 +11,15 @@ import pytest
 import gen.cli
 from bench import __main__ as bench
 from bench import databases
-from bench.surrogates import cases, clock, cost_report, generalisation_report
-from bench.surrogates.break_even import PAPER_BREAK_EVEN, break_even
+from bench.surrogates import cases, generalisation_report, times
 from bench.surrogates.cases import CASES, FINE, HOME, HURST, resampled, scan_length, unseen_hurst
 from bench.surrogates.cost import cost, of_the_paper, sizes, tuning_seconds
+from bench.surrogates.cost import report as report_of_costs
 from bench.surrogates.fitting import fit, parted, read, request_for
 from bench.surrogates.generalisation import generalisation
+from bench.surrogates.generalisation_report import covers, state_of, verdict
 from bench.surrogates.throughput import loaded, markdown_table, throughput
-from bench.surrogates.verdict import covers, state_of, verdict
+from bench.surrogates.times import PAPER_BREAK_EVEN
 from bench.table import read_table
 from gen.database import Counts, Reader
 from gen.generation.plan import parameters
@@ -26,6 +27,7 @@ from gen.generation.run import RunResult
 from gen.generation.sample import compute_rows
 from gen.runtime.errors import InputError
 from gen.scene import Scene
+from learn.surrogate.break_even import break_even
 
 ROW = {
     "tested_on": "fine grid (257)",
@@ -59,7 +61,7 @@ def paper(tmp_path_factory):
 
 
 def test_the_papers_break_even_follows_from_its_times():
-    assert of_the_paper().break_even == pytest.approx(PAPER_BREAK_EVEN, abs=1)
+    assert of_the_paper()["break_even"] == pytest.approx(PAPER_BREAK_EVEN, abs=1)
 
 
 def test_break_even_is_where_the_lines_cross():
@@ -70,16 +72,16 @@ def test_break_even_is_where_the_lines_cross():
 
 def test_the_median_leaves_the_first_call_out(monkeypatch):
     now, calls = [0.0], []
-    monkeypatch.setattr(clock, "process_time", lambda: now[0])
-    monkeypatch.setattr(clock, "ENOUGH", 0.35)
+    monkeypatch.setattr(times, "process_time", lambda: now[0])
+    monkeypatch.setattr(times, "ENOUGH", 0.35)
 
     def call():
         now[0] += 100.0 if not calls else 0.1
         calls.append(None)
 
-    assert clock.median_seconds(call) == pytest.approx(0.1)
+    assert times.median_seconds(call) == pytest.approx(0.1)
     assert len(calls) == 1 + 4
-    assert clock.mean_seconds([call, call]) == pytest.approx(0.1)
+    assert times.mean_seconds([call, call]) == pytest.approx(0.1)
 
 
 def test_databases_are_resumed_and_others_are_refused(tmp_path, capsys):
@@ -219,21 +221,23 @@ def test_generalisation_end_to_end(paper, tmp_path, monkeypatch):
 
 
 def test_costs_end_to_end(paper, tmp_path, monkeypatch):
-    monkeypatch.setattr(clock, "ENOUGH", 0.01)
+    monkeypatch.setattr(times, "ENOUGH", 0.01)
     costs = cost(tmp_path, 200, given=paper, area_max=60.0, surfaces=3)
-    report = cost_report.report(costs)
+    report = report_of_costs(costs)
     paths, text = report.write(tmp_path / "report"), report.text
     names = ["cost.csv", "learning.csv", "cost.txt", "cost.png"]
     assert [path.name for path in paths] == names
     assert all(path.stat().st_size > 300 for path in paths)
     columns, written = read_table(paths[0])
     assert columns[3:] == ["rows", "database", "tuning", "fit", "solve", "query", "break_even"]
-    assert [float(row["break_even"]) for row in written] == [q.break_even for q in costs.questions]
-    ours = [each for each in costs.questions if each.solver == "ours"]
+    assert [float(row["break_even"]) for row in written] == [
+        q["break_even"] for q in costs.questions
+    ]
+    ours = [each for each in costs.questions if each["solver"] == "ours"]
     for each in ours:
-        build = each.build.database + each.build.tuning + each.build.fit
-        assert each.break_even == break_even(build, each.solve, each.query)
-        assert each.build.database >= 200 * 0.9 * costs.solver.solve
+        build = each["database"] + each["tuning"] + each["fit"]
+        assert each["break_even"] == break_even(build, each["solve"], each["query"])
+        assert each["database"] >= 200 * 0.9 * costs.solver.solve
     assert len(ours) == 3 + 3 + 2
     assert [point["trained"] for point in costs.points[:2]] == sizes(costs.points[1]["trained"])
     assert "Do not use a surrogate for fewer than" in text
@@ -249,7 +253,7 @@ def test_learning_curves_double():
 
 
 def test_throughput_end_to_end(paper, tmp_path, monkeypatch):
-    monkeypatch.setattr(clock, "ENOUGH", 0.01)
+    monkeypatch.setattr(times, "ENOUGH", 0.01)
     import learn.cli
 
     path = tmp_path / "area.surrogate"

@@ -8,6 +8,7 @@ import pytest
 
 from bem.analytic import BUSH_GIBSON_THOMAS, PERSSON
 from bench import theory
+from bench.page.parts import contents_of
 from gen.spectral import SelfAffineSpectrum
 
 NODES = 128
@@ -75,7 +76,7 @@ def test_report_is_a_table_and_two_pictures_with_captions(
 ) -> None:
     paths = theory.report(rows).write(tmp_path)
     assert [path.name for path in paths] == ["theory.csv", "area.png", "gap.png"]
-    shown = theory.contents(tmp_path)
+    shown = contents_of("theory", tmp_path)
     assert [content.picture.name for content in shown] == ["area.png", "gap.png"]
     assert all(len(content.caption) > 100 for content in shown)
     header = paths[0].read_text(encoding="utf-8").splitlines()[0]

@@ -20,7 +20,7 @@ from bench.solvers.own import BEM
 from bench.solvers.solver import Answer, Failure
 from bench.table import read_table
 from bench.work_precision.measurement import Row, Task, admit, measure
-from bench.work_precision.picture import means
+from bench.work_precision.report import means
 from bench.work_precision.studies import (
     HARDNESSES,
     QUICK,
@@ -29,6 +29,7 @@ from bench.work_precision.studies import (
     paper_case,
     sweep,
 )
+from gen.runtime.installing import command_for
 
 Found = tuple[list[Row], list[Row]]
 
@@ -286,7 +287,7 @@ def test_missing_matplotlib_is_said_before_anything_is_solved(
     monkeypatch.setattr("bench.work_precision.studies.STUDIES", {})
     for command in ("solver", "peers"):
         assert main([command, "-o", str(tmp_path / "new")]) == 2
-        assert "install the extra 'plot'" in capsys.readouterr().err
+        assert f"drawing needs matplotlib: {command_for('plot')}" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
 
 

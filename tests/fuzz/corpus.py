@@ -58,7 +58,7 @@ def _is_small(content: bytes) -> bool:
         scene = Scene.parse(content.decode(), "scene")
     except (InputError, UnicodeDecodeError):
         return True
-    return scene.samples <= 500 and scene.surface.nodes <= 65
+    return scene.samples <= 500 and scene.shape[0] <= 65
 
 
 LEARN = ("--model", "decision-tree", "--target", "area")
@@ -108,6 +108,7 @@ KINDS: dict[str, Kind] = {
             ("gen", "describe", "VICTIM", "--side", "100"),
             ("gen", "contact", "VICTIM", "--side", "100", "--delta", "1", "--csv", "new.csv"),
             ("gen", "contact", "VICTIM", "--side", "100", "--pressure", "0:0.1:3", "--fill"),
+            ("gen", "describe", "VICTIM", "--side", "100", "--against", "VICTIM", "--shift", "9,0"),
             ("learn", "predict", "tree.surrogate", "VICTIM", "--side", "100", "--delta", "1"),
         ),
         ("tree.surrogate",),

@@ -3,9 +3,11 @@
 import inspect
 import json
 import math
+import re
 import subprocess
 import sys
 import time
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +17,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bem.problem import MAX_ITERATIONS, RTOL
+from bem.spacing import BOUNDARIES, Boundary, node_spacing
 from gen import cli
+from gen.generation.completion import completed
 from gen.generation.forecast import plan_of
 from gen.runtime.errors import InputError
-from gen.scene import Scene, differences, load, preset_names
+from gen.scene import Piece, Scene, Store, differences, flags, load, preset_names
+from gen.scene.contact import Contact
+from gen.scene.load import UNITS, Delta, Load
+from gen.scene.surface import TAGS
+from gen.schema import columns_for
 
 FULL = load("paper").model_dump(mode="json", exclude_none=True)
 
@@ -92,17 +100,17 @@ BAD_SCENES = [
     ("samples = 1\n[surface]\nside = nan", ["surface.side = nan;", "finite"]),
     ("samples = 1\n[surface]\nside = false", ["surface.side = false;", "number"]),
     ("samples = 1\n[surface]\nside = 1" + "0" * 400, ["surface.side = 100000", " ...;", "finite"]),
-    ("samples = 1\n[surface]\nhurst = [0.5, 1.5]", ["surface.hurst[1] = 1.5;", "high <= 1"]),
-    ("samples = 1\n[surface]\nhurst = [-0.1, 0.5]", ["surface.hurst[0] = -0.1;", "0 <= low"]),
+    ("samples = 1\n[surface]\nhurst = [0.5, 1.5]", ["surface.hurst = [0.5, 1.5];", "high <= 1"]),
+    ("samples = 1\n[surface]\nhurst = [-0.1, 0.5]", ["surface.hurst = [-0.1, 0.5];", "0 <= low"]),
     ("samples = 1\n[surface]\nhurst = [0.8, 0.5]", ["surface.hurst = [0.8, 0.5];", "low <= high"]),
-    ("samples = 1\n[surface]\nhurst = [0.5]", ["surface.hurst[1] is missing", "two numbers"]),
+    ("samples = 1\n[surface]\nhurst = [0.5]", ["surface.hurst = [0.5];", "two numbers"]),
     ("samples = 1\n[surface]\nhurst = [0, 0.5, 1]", ["surface.hurst = [0, 0.5, 1];", "two"]),
-    ("samples = 1\n[surface]\nhurst = 0.5", ["surface.hurst = 0.5;", "[low, high]"]),
-    ("samples = 1\n[surface]\nhurst = ['a', 1]", ["surface.hurst[0] = 'a';", "two numbers"]),
-    ("samples = 1\n[surface]\nsigma0 = [-1, 5]", ["surface.sigma0[0] = -1;", "0 <= low"]),
+    ("samples = 1\n[surface]\nhurst = 1.5", ["surface.hurst = 1.5;", "[low, high]"]),
+    ("samples = 1\n[surface]\nhurst = ['a', 1]", ["surface.hurst = ['a', 1];", "two numbers"]),
+    ("samples = 1\n[surface]\nsigma0 = [-1, 5]", ["surface.sigma0 = [-1, 5];", "0 <= low"]),
     ("samples = 1\n[surface]\nsigma0 = [15, 10]", ["surface.sigma0 = [15, 10];", "low <= high"]),
-    ("samples = 1\n[surface]\nsigma0 = [0, inf]", ["surface.sigma0[1] = inf;", "finite"]),
-    ("samples = 1\n[surface]\ngenerator = 'fractal'", ["'fractal'", "'diamond-square' or 'midp"]),
+    ("samples = 1\n[surface]\nsigma0 = [0, inf]", ["surface.sigma0 = [0, inf];", "finite"]),
+    ("samples = 1\n[surface]\ngenerator = 'fractal'", ["'fractal'", "'diamond-square', 'midp"]),
     ("samples = 1\ndelta = [5, 45]", ["delta = [5, 45];", "a table [delta]"]),
     ("samples = 1\ndelta.range = [5, 45]", ["unknown key delta.range =", "delta.pieces.range"]),
     ("samples = 1\ndelta.pieces = []", ["delta.pieces = [];", PIECES, "(the shares sum to 0)"]),
@@ -123,7 +131,7 @@ BAD_SCENES = [
     ("samples = 1\ndelta.pieces = [{share = 1}]", ["delta.pieces[0].range is missing", "[low"]),
     (
         "samples = 1\ndelta.pieces = [{share = 1, range = [-1, 2]}]",
-        ["delta.pieces[0].range[0] = -1;", "0 <= low"],
+        ["delta.pieces[0].range = [-1, 2];", "0 <= low"],
     ),
     ("samples = 1\n[contact]\nkernel = 'love'", ["contact.kernel = 'love';", "'uniform-pressure'"]),
     ("samples = 1\n[contact]\nfar_field = 1", ["contact.far_field = 1;", "'rigid' or 'compliant'"]),
@@ -192,6 +200,14 @@ BAD_SCENES = [
     ("samples = 1\nseed 5", ["not TOML", "line 2"]),
     ("samples = 1\nsamples = 2", ["not TOML", "Cannot overwrite"]),
     ("samples = 9" + "9" * 5000, ["not TOML", "digits"]),
+    (
+        "samples = 1\n[delta]\n[load]\nquantity = 'force'\nrange = 5",
+        ["[delta] and [load]", "give one of them"],
+    ),
+    (
+        "samples = 1\n[load]\nquantity = 'force'\nrange = 5\n[contact]\nfar_field = 'compliant'",
+        ["'force' needs contact.far_field = 'rigid'"],
+    ),
     ("samples = " + "[" * 100_000, ["not TOML"]),
 ]
 
@@ -217,6 +233,18 @@ def test_short_scene_has_the_papers_values() -> None:
     assert Scene.parse('samples = 15878\ntitle = "The paper\'s database"', "") == load("paper")
 
 
+BROAD = ("fine", "midpoint", "rmd", "spectral", "spectral-yielding", "yielding")
+
+
+def test_broad_scenes_share_no_surface_and_can_be_learnt_together() -> None:
+    scenes = [load(f"broad-{name}") for name in BROAD]
+    assert len({scene.seed for scene in scenes}) == len(scenes)
+    for scene in scenes:
+        assert scene.contact.boundary == "free"
+        assert scene.sides == (1000.0, 1000.0)
+        assert scene.quantity == "delta/height_rms"
+
+
 @pytest.mark.parametrize("name", preset_names())
 def test_presets_load(name: str) -> None:
     scene = load(name)
@@ -225,7 +253,10 @@ def test_presets_load(name: str) -> None:
 
 
 def test_presets_say_what_the_design_says() -> None:
-    assert preset_names() == ("extreme", "fine", "paper", "paper-mirco", "paper-yielding", "quick")
+    assert preset_names() == (
+        *(f"broad-{name}" for name in BROAD),
+        *("extreme", "fine", "paper", "paper-mirco", "paper-yielding", "quick"),
+    )
     quick, paper, fine = load("quick"), load("paper"), load("fine")
     assert [scene.samples for scene in (quick, paper, fine)] == [256, 15_878, 800]
     assert [scene.shape[0] for scene in (quick, paper, fine)] == [129, 129, 257]
@@ -250,8 +281,8 @@ def test_presets_say_what_the_design_says() -> None:
 
 
 def test_grid_follows_from_the_scene() -> None:
-    assert load("paper").spacing == 1000.0 / 128
-    assert load("paper-mirco").spacing == 1000.0 / 129
+    assert load("paper").spacing == (1000.0 / 128,) * 2
+    assert load("paper-mirco").spacing == (1000.0 / 129,) * 2
     assert Scene.parse("samples = 11\nsamples_per_surface = 5", "").surfaces == 3
     assert Scene.parse("samples = 10\nsamples_per_surface = 5", "").surfaces == 2
 
@@ -261,7 +292,7 @@ def test_a_patch_without_edges_has_2_k_cells_of_the_length_over_their_number(bou
     scene = Scene.parse(f"samples = 1\n[contact]\nboundary = '{boundary}'", "some.toml")
     assert scene.contact.spacing == "side/n"
     assert scene.shape == (128, 128)
-    assert scene.spacing == 1000.0 / 128 == load("paper").spacing
+    assert scene.spacing == (1000.0 / 128,) * 2 == load("paper").spacing
     assert differences(load("paper"), scene) == [
         "contact.spacing: 'side/(n-1)' in the file, 'side/n' asked for",
         f"contact.boundary: nothing in the file, '{boundary}' asked for",
@@ -277,7 +308,7 @@ def test_a_free_boundary_is_as_good_as_none() -> None:
     assert free.fingerprint() == load("paper").fingerprint()
     assert "boundary" not in free.text()
     mirco = Scene.parse("samples = 1\n[contact]\nboundary = 'free'\nspacing = 'side/n'", "")
-    assert mirco.spacing == 1000.0 / 129
+    assert mirco.spacing == (1000.0 / 129,) * 2
     assert mirco.shape == (129, 129)
 
 
@@ -373,6 +404,7 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
             "side": draw(st.floats(0.0, 1e300, exclude_min=True)),
             "hurst": draw(ascending(st.floats(0.0, 1.0))),
             "sigma0": draw(ascending(finite)),
+            "against": "another",
         },
         "delta": {
             "pieces": [
@@ -468,6 +500,13 @@ OTHER_VALUES = {
     "store.perimeter": True,
     "store.heights": True,
     "store.pressure": True,
+    "store.stiffness": True,
+    "store.interface_stiffness": True,
+    "store.contact_spots": True,
+    "store.largest_spot_percent": True,
+    "store.contact_connects": True,
+    "store.gap_connects": True,
+    "store.corrected_area_percent": True,
 }
 
 
@@ -478,6 +517,7 @@ def test_other_values_cover_every_relevant_key() -> None:
         for key in (value if isinstance(value, dict) else [""])
     }
     unset = {"contact.boundary", "contact.hardness", "contact.hardness_ratio"}
+    unset |= {f"store.{name}" for name in flags()} - keys  # the later ones are absent where off
     assert not keys & unset
     untested = {"title", "samples", "contact.boundary"}  # a boundary takes the spacing with it
     assert (keys | unset) - set(OTHER_VALUES) == untested
@@ -521,7 +561,7 @@ def test_unset_keys_are_neither_in_the_text_nor_in_the_fingerprint() -> None:
 def test_a_hardness_is_a_number_or_a_range_in_mpa_or_in_e_star(keys, limits, columns) -> None:
     scene = Scene.parse(f"samples = 1\n[contact]\n{keys}", "some.toml")
     assert scene.contact.hardness_limits == limits
-    assert scene.optional_columns == columns
+    assert scene.optional_columns == columns | {"hurst", "sigma0"}
     assert plan_of(scene).hardness == limits
 
 
@@ -600,4 +640,209 @@ def test_the_plan_of_a_billion_rows_takes_no_time(per_surface: int) -> None:
     )
     assert time.process_time() < began + 2.0
     assert large.surfaces == 10**9 // per_surface
-    assert large.delta == pytest.approx(counted.delta, rel=1e-3)
+    assert large.load == pytest.approx(counted.load, rel=1e-3)
+
+
+PAPER = (files("gen") / "scenes" / "paper.toml").read_text(encoding="utf-8")
+INSTEAD = re.findall(r"^# (\[\w+\]\n(?:# \w.*\n|#  .*\n)+)", PAPER, flags=re.MULTILINE)
+"""Tables that stand in comments of the paper's scene, in place of those that it has."""
+
+
+@pytest.mark.parametrize("block", INSTEAD, ids=["spectral", "scans", "python", "load"])
+def test_tables_in_comments_are_scenes(block: str) -> None:
+    needed = INSTEAD[-1] if "scans" in block else ""
+    text = re.sub(r"^# ?", "", block + needed, flags=re.MULTILINE)
+    scene = Scene.parse(f"samples = 3\n{text}", "comments")
+    assert scene.fingerprint() != load("paper").fingerprint()
+
+
+def test_the_papers_scene_names_every_key() -> None:
+    """But for those that a run writes itself."""
+    tables = [Scene, Load, Delta, Piece, Contact, Store, *TAGS.values()]
+    keys = {name for table in tables for name in table.model_fields} - {
+        "source",
+        "found",
+        "against_found",
+    }
+    assert {key for key in keys if not re.search(rf"\b{key}\b( =|\])", PAPER)} == set()
+
+
+GENERATED = st.fixed_dictionaries(
+    {},
+    optional={
+        "generator": st.sampled_from(["spectral", "python", "midpoint", "scans", 3]),
+        "nodes": st.sampled_from([1, 8, [8], [8, 9], [8, 9, 10], "8", 8.0, [8, True], 5000]),
+        "side": st.sampled_from([0, -1.0, [1.0, 2.0], [1.0], "1", True, [1.0, math.inf]]),
+        "roll_off": st.deferred(lambda: numbers),
+        "cut_off": st.deferred(lambda: numbers),
+        "rms_height": st.deferred(lambda: numbers),
+        "rms_slope": st.deferred(lambda: numbers),
+        "hurst": st.deferred(lambda: numbers),
+        "stretch": st.deferred(lambda: numbers),
+        "period": st.sampled_from([0.5, 17, "2", True, [1, 2]]),
+        "function": st.sampled_from(
+            ["", "a", "a:", ":b", "a:b:c", "a b:c", "no_module:f", 3, "a:b"]
+        ),
+        "parameters": st.sampled_from(
+            [3, {"A": 1}, {"a": "b"}, {"a": {}}, {"force": 1.0}, {"a" * 41: 1}, {"a b": 2}, [1]]
+        ),
+        "source": st.sampled_from(["", "0" * 63, "G" * 64, 5]),
+        "against": st.sampled_from(["itself", 3, True]),
+        "sigma": st.just(1),
+        "files": st.sampled_from(["no_such_folder/*", [], 3, [3], "", ["a", ""]]),
+        "reading": st.sampled_from([3, {"units": "nm"}, {"unit": 3}, {"side": 0}]),
+        "preparation": st.sampled_from([3, {"level": "cubic"}, {"form": 0}, {"despike": "7"}]),
+        "spacing": st.deferred(lambda: numbers),
+    },
+)
+numbers = st.sampled_from(
+    [
+        *(-1, "1", True, [], [1], [2, 1], [1, 2, 3], [0, math.inf], math.nan, [1, "2"], {}, 1e400),
+        *({"uniform": [1, 2]}, {"normal": [1, 0]}, {"normal": [1]}, {"normal": [0, 1], "rang": 1}),
+        *({"normal": [0, 1], "range": [40, 50]}, {"log_uniform": [0, 1]}, {"choice": []}),
+        *({"choice": [1, 2], "shares": [1]}, {"choice": [1], "normal": [1, 2]}, {"choice": 5}),
+        *({"log_uniform": [2, 1]}, {"normal": [-5, 1]}, {"choice": [1, "2"]}, [[1, 2], [3, 4]]),
+    ]
+)
+LOADED = st.fixed_dictionaries(
+    {},
+    optional={
+        "quantity": st.sampled_from(["delta", "Pressure", "", 5, ["force"], "pressure"]),
+        "range": numbers,
+        "pieces": st.sampled_from(
+            [[], 5, [5], [{}], [{"share": 1}], [{"share": 0.5, "range": 1}], {"share": 1}]
+        ),
+        "unit": st.just("MPa"),
+    },
+)
+STORED = st.fixed_dictionaries(
+    {},
+    optional={
+        "function": st.sampled_from(["a", 3, "a:b c", "", "no_module:f"]),
+        "outputs": st.sampled_from(
+            [{}, 3, {"A": "um"}, {"a": 3}, {"a": ""}, {"a": "u" * 30}, {"a": "\n"}, ["a"]]
+        ),
+        "source": st.sampled_from(["", 5, "x" * 64]),
+        "mean_gap": st.sampled_from([1, "yes"]),
+        "spots": st.just(True),
+    },
+)
+SCENES = st.fixed_dictionaries(
+    {"samples": st.just(2)},
+    optional={
+        "surface": GENERATED,
+        "load": LOADED,
+        "delta": st.just({}),
+        "store": STORED,
+        "contact": st.fixed_dictionaries({}, optional={"hardness": numbers, "boundary": numbers}),
+    },
+)
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(SCENES)
+def test_bad_scenes_are_refused_in_one_line(content: dict[str, Any]) -> None:
+    """Every key of these tables that is given has a value that is not allowed, or nearly so."""
+    try:
+        text = tomli_w.dumps(content)
+    except (ValueError, TypeError):
+        return
+    try:
+        completed(Scene.parse(text, "some.toml"))
+    except InputError as error:
+        message = str(error)
+        assert len(message.splitlines()) == 1
+        assert message.isprintable()
+        assert len(message) < 1200
+    else:
+        given_keys = {name: table for name, table in content.items() if table}
+        assert given_keys in ({"samples": 2}, {"samples": 2, "surface": {"generator": "midpoint"}})
+
+
+DRAWN = st.one_of(
+    st.floats(20, 60),
+    st.tuples(st.floats(20, 30), st.floats(31, 60)).map(list),
+    st.just({"log_uniform": [20.0, 60.0]}),
+    st.just({"normal": [40.0, 5.0]}),
+    st.just({"normal": [40.0, 9.0], "range": [30.0, 41.0]}),
+    st.just({"choice": [20.0, 40, 21.5], "shares": [0.5, 0.25, 0.25]}),
+)
+GOOD = st.fixed_dictionaries(
+    {
+        "samples": st.integers(1, 99),
+        "surface": st.one_of(
+            st.fixed_dictionaries(
+                {
+                    "generator": st.just("spectral"),
+                    "roll_off": st.just(80.0),
+                    "cut_off": DRAWN,
+                    "rms_height": DRAWN,
+                },
+                optional={"stretch": st.just([1.0, 1.2]), "nodes": st.just([200, 300])},
+            ),
+            st.fixed_dictionaries(
+                {"generator": st.just("python"), "function": st.just("package.mine:waves")},
+                optional={
+                    "parameters": st.dictionaries(st.sampled_from("zbca"), DRAWN),
+                    "side": st.sampled_from([5, 7.5, [3, 4.0]]),
+                    "against": st.just("another"),
+                },
+            ),
+        ),
+    },
+    optional={
+        "load": st.fixed_dictionaries({"quantity": st.sampled_from(list(UNITS)), "range": DRAWN}),
+        "contact": st.fixed_dictionaries({"hardness": DRAWN}),
+        "store": st.fixed_dictionaries(
+            {"function": st.just("mine:spots")},
+            optional={
+                "outputs": st.dictionaries(st.sampled_from("zab"), st.just("um"), min_size=1)
+            },
+        ),
+    },
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(GOOD, st.randoms(use_true_random=False))
+def test_the_text_of_a_scene_is_that_scene_in_any_order_of_its_keys(content, random) -> None:
+    """Numbers, distributions, parameters and outputs; whole numbers are numbers like others."""
+    try:
+        scene = Scene.parse(tomli_w.dumps(content), "good")
+    except InputError as error:  # a load that no hardness drawn here carries
+        assert "carries less" in str(error)  # noqa: PT017
+        return
+    again = Scene.from_text(scene.text())
+    assert again == scene
+    assert again.text() == scene.text()
+    assert again.fingerprint() == scene.fingerprint()
+    assert differences(again, scene) == []
+    assert Scene.parse(tomli_w.dumps(shuffled(content, random)), "other") == scene
+    assert [column.name for column in columns_for(again)] == [
+        column.name for column in columns_for(scene)
+    ]
+
+
+def shuffled(value: Any, random: Any) -> Any:
+    """The same tables with their keys in another order."""
+    if not isinstance(value, dict):
+        return value
+    keys = list(value)
+    random.shuffle(keys)
+    return {key: shuffled(value[key], random) for key in keys}
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+def test_spacings_follow_the_rule_of_the_solver(boundary: Boundary) -> None:
+    """Scenes follow it without loading the solver, also on grids of two nodes."""
+    keys = "roll_off = 90.0\ncut_off = 85.0\nrms_height = 1.0\nnodes = [2, 7]\nside = [40.0, 90.0]"
+    text = f"samples = 1\n[surface]\ngenerator = 'spectral'\n{keys}\nperiod = 4.0\n"
+    scene = Scene.parse(f"{text}[contact]\nboundary = '{boundary}'", "test")
+    expected = node_spacing(2, 40.0, boundary), node_spacing(7, 90.0, boundary)
+    assert scene.spacing == expected
+    code = f"from gen.scene import Scene; print(Scene.parse({text!r}, 'a').spacing);"
+    code += "import sys; print('bem' in sys.modules)"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert loaded.stdout.splitlines()[1] == "False"

@@ -2,10 +2,23 @@ import numpy as np
 import pytest
 
 from gen import schema, statistics
-from gen.scene import Scene, Store
+from gen.scene import Scene, Store, flags
 from gen.schema import COLUMNS, PHYSICS, PHYSICS_CHANGES, REASON, REASONS, RUNTIME, STATUS, Reason
 
-STORED = ("mean_gap", "largest_pressure", "perimeter", "heights", "pressure")
+STORED = (
+    *(
+        "mean_gap",
+        "largest_pressure",
+        "perimeter",
+        "stiffness",
+        "interface_stiffness",
+        "contact_spots",
+    ),
+    *("largest_spot_percent", "contact_connects", "gap_connects", "corrected_area_percent"),
+    *("heights", "pressure"),
+)
+PLACES = ("map", "tile")
+DRAWN = ("hurst", "sigma0", "roll_off", "cut_off", "rms_height", "rms_slope", "stretch", "load")
 YIELDING = ("hardness", "yielded_percent")
 
 
@@ -42,10 +55,10 @@ def test_only_runtime_differs_between_runs():
 
 def test_scene_flags_are_the_optional_columns():
     optional = tuple(column for column in COLUMNS if column.optional)
-    assert tuple(column.name for column in optional) == YIELDING + STORED
+    assert tuple(column.name for column in optional) == PLACES + DRAWN + YIELDING + STORED
     conditions = [column.optional for column in optional if column.name in STORED]
     assert conditions == [f"`store.{name}`" for name in STORED]
-    assert set(Store.model_fields) == set(STORED)
+    assert set(flags()) == set(STORED)
 
 
 @pytest.mark.parametrize("flag", STORED)
@@ -56,8 +69,8 @@ def test_flag_adds_its_column(flag):
 
 
 def test_fields_have_nodes():
-    shapes = {column.name: column.shape(7, 9) for column in COLUMNS}
-    assert shapes["heights"] == shapes["pressure"] == (7, 9, 9)
+    shapes = {column.name: column.shape(7, (9, 8)) for column in COLUMNS}
+    assert shapes["heights"] == shapes["pressure"] == (7, 9, 8)
     assert shapes["force"] == (7,)
 
 
@@ -68,7 +81,8 @@ def test_every_reason_has_a_text():
 
 def test_every_physics_number_says_what_it_changed():
     assert list(PHYSICS_CHANGES) == list(range(2, PHYSICS + 1))
-    for change in PHYSICS_CHANGES.values():
+    assert list(schema.EDGELESS_CHANGES) == list(range(PHYSICS + 1, schema.EDGELESS_PHYSICS + 1))
+    for change in (PHYSICS_CHANGES | schema.EDGELESS_CHANGES).values():
         assert change.isprintable()
         assert 20 < len(change) < 200
 

@@ -1,10 +1,14 @@
 """The command line: help without numerics, wrong input in one line."""
 
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from gen.database import Reader
 from learn import cli
 
 
@@ -94,3 +98,37 @@ def test_wrong_input_is_one_line_and_code_2(work, capsys, arguments, word):
     assert said[-1].startswith("learn: "), said
     assert word in said[-1]
     assert sorted(work.iterdir()) == before, "nothing was written"
+
+
+def test_every_command_works_on_every_population(population, tmp_path, monkeypatch, capsys):
+    """Databases of all generators, loads and grids are fitted, compared, asked and tabulated."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(population, "d.h5")
+    with Reader(population) as reader:
+        scene = reader.scene
+    np.save("s.npy", np.random.default_rng(0).normal(size=scene.shape))
+    side = ",".join(f"{each:g}" for each in scene.sides)
+    for line in (
+        [
+            "fit",
+            "d.h5",
+            "-o",
+            "d.s",
+            "--features",
+            "hybrid",
+            "--target",
+            "area,force,contact_nodes",
+        ],
+        ["card", "d.s"],
+        ["predict", "d.s", "s.npy", "--side", side, "--delta", "1:2:2", "-o", "p.csv"],
+        ["law", "d.s", "d.h5", "--surfaces", "2", "--csv", "predicted.csv"],
+        ["law", "d.h5", "--solver", "--surfaces", "2", "--csv", "solved.csv"],
+        ["compare", "d.h5", "-o", "c", "--model", "decision-tree", "--features", "dimensionless"],
+        ["show", "c", "--no-pictures"],
+        ["importance", "d.h5", "-o", "c2", "--model", "decision-tree"],
+    ):
+        assert cli.main(line) == 0, line
+    shown = capsys.readouterr().out
+    (nx, ny), (x, y) = scene.shape, scene.sides
+    assert f"{nx} x {ny} nodes, " + (f"side {x:g}" if x == y else f"sides {x:g} x {y:g}") in shown
+    assert " nodes, trained on" not in Path("p.csv").read_text(encoding="utf-8")

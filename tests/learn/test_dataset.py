@@ -4,15 +4,17 @@ import h5py
 import numpy as np
 import pytest
 
+from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.schema import statistics_columns
 from learn import dataset
+from learn.columns import INPUTS, results
 from learn.models import pipeline
 
 
 def test_the_inputs_are_the_23_of_table_1_in_its_order(solved):
     names = ("delta", *(column.name for column in statistics_columns()))
-    assert names == dataset.INPUTS
+    assert names == INPUTS
     assert len(names) == 23
     found = dataset.read(solved)
     with h5py.File(solved) as file:
@@ -71,6 +73,58 @@ def test_samples_of_one_surface_share_a_group(tmp_path):
     assert np.unique(groups).size == 10
 
 
+@pytest.fixture(scope="module")
+def undefined(tmp_path_factory):
+    """The path of a database of 60 surfaces of 5 x 5 nodes, many of which have no asperity."""
+    from gen import cli
+
+    folder = tmp_path_factory.mktemp("undefined")
+    (folder / "s.toml").write_text("samples = 120\nsamples_per_surface = 2\n[surface]\nnodes = 5\n")
+    assert cli.main(["run", str(folder / "s.toml"), "-o", str(folder / "s.h5")]) == 0
+    return folder / "s.h5"
+
+
+def lacking(path):
+    """Rows whose surfaces do not define all statistics, all of them done."""
+    with h5py.File(path) as file:
+        assert set(file["status"][:]) == {1}
+        return np.flatnonzero(file["reason"][:])
+
+
+def test_rows_that_lack_a_statistic_which_the_features_need_are_left_out(undefined, tmp_path):
+    rows = lacking(undefined)
+    assert 10 < rows.size < 100
+    found = dataset.read(undefined)
+    why = "paper features need statistics that the surface does not define"
+    assert found.dropped == {why: rows.size}
+    assert f"left out {rows.size} rows: {why}" in dataset.remarks(found, "l2")
+    assert set(found.rows.tolist()) == set(range(120)) - set(rows.tolist())
+    assert np.isfinite(found.inputs).all()
+
+
+def test_features_that_do_not_need_the_statistic_use_the_row(undefined, monkeypatch):
+    def heights(wanted, statistics, delta, *_, **__):
+        return np.column_stack([delta, statistics[:, -3:]])  # these every surface has
+
+    monkeypatch.setattr(dataset, "build", heights)
+    found = dataset.read(undefined)
+    assert found.dropped == {}
+    assert found.size == 120
+    np.testing.assert_array_equal(found.groups[::2], found.groups[1::2])
+    assert np.unique(found.groups).size == 60  # statistics that are NaN do not tear samples apart
+
+
+@pytest.mark.parametrize("features", ["dimensionless", "hybrid"])
+def test_surrogates_are_fitted_to_the_other_rows(undefined, tmp_path, capsys, features):
+    from learn import cli
+
+    output = str(tmp_path / "s.surrogate")
+    assert cli.main(["fit", str(undefined), "--features", features, "-o", output]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    lost = f"left out {lacking(undefined).size} rows: {features} features need statistics"
+    assert lost in said
+
+
 @pytest.mark.parametrize(
     ("column", "rows", "value", "said"),
     [
@@ -98,7 +152,7 @@ def test_the_user_is_told_of_what_is_odd(database, change, solved):
     change("asperity_density", slice(None), 0.1)
     change("height_max", slice(None), 1e12)
     with h5py.File(database, "r+") as file:
-        for name in (*dataset.INPUTS, "area_percent"):
+        for name in (*INPUTS, "area_percent"):
             file[name][1] = file[name][0]
     text = "\n".join(dataset.remarks(dataset.read(database), "l2"))
     assert "constant over all rows, so of no use to a model: asperity_density, height_max" in text
@@ -131,3 +185,46 @@ def test_targets_that_are_read_together_are_those_that_are_read_alone(change):
         alone = dataset.read(path, target, 40.0)
         for name, values in vars(alone).items():
             np.testing.assert_equal(vars(rows)[name], values, err_msg=name)
+
+
+def test_rows_of_every_population_have_the_displacement_that_was_solved(population):
+    found = dataset.read(population, "force", features="dimensionless")
+    with h5py.File(population) as file:
+        deltas, force = file["delta"][:], file["force"][:]
+    assert found.size > 50
+    np.testing.assert_array_equal(found.described[:, 0], deltas[found.rows])
+    with Reader(population) as reader:
+        length = np.sqrt(np.prod(reader.scene.sides))
+    np.testing.assert_allclose(found.scale, length * deltas[found.rows], rtol=1e-12)
+    np.testing.assert_allclose(found.target * found.scale, force[found.rows], rtol=1e-12)
+
+
+def test_targets_are_results_and_no_parameters(populations):
+    found = {}
+    for name in ("spectral", "python", "relative"):
+        with Reader(populations / f"{name}.h5") as reader:
+            found[name] = list(results(reader.scene))
+    always = ["area_percent", "force", "contact_nodes"]
+    assert found["relative"] == always
+    assert found["spectral"] == [*always, "mean_gap"]
+    assert found["python"] == [*always, "yielded_percent"]
+    for target in ("amplitude", "count", "load", "residual", "height_rms"):
+        with pytest.raises(
+            InputError, match=r"stores area, force, contact_nodes, yielded_percent$"
+        ):
+            dataset.read(populations / "python.h5", target)
+
+
+def test_generated_surfaces_lie_in_no_tile(populations):
+    found = dataset.read(populations / "python.h5")
+    assert not found.by_tile
+    assert np.unique(found.groups).size == 20
+
+
+def test_windows_of_one_tile_are_one_group(populations):
+    found = dataset.read(populations / "scans.h5")
+    with Reader(populations / "scans.h5") as reader:
+        tiles = reader.column("tile")[found.rows]
+    assert found.by_tile
+    pairs = set(zip(tiles.tolist(), found.groups.tolist(), strict=True))
+    assert len(pairs) == np.unique(tiles).size == np.unique(found.groups).size > 3

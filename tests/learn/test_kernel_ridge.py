@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from sklearn.kernel_ridge import KernelRidge
 
-from learn.kernel_ridge import IllConditioned, SafeKernelRidge, dual_coefficients, predictions
+from learn.kernel_ridge import (
+    IllConditioned,
+    SafeKernelRidge,
+    dual_coefficients,
+    left_out_errors,
+    predictions,
+)
 
 
 @pytest.mark.parametrize("kernel", ["rbf", "linear", "poly"])
@@ -78,3 +84,16 @@ def test_it_warns_of_nothing_in_the_papers_range(samples):
         warnings.simplefilter("error")
         for gamma in (0.01, 150.0):
             SafeKernelRidge(kernel="rbf", gamma=gamma, alpha=1e-5).fit(inputs, target)
+
+
+@pytest.mark.parametrize("kernel", ["rbf", "poly"])
+def test_errors_of_rows_left_out_are_those_of_fits_to_the_others(samples, kernel):
+    inputs, target = samples
+    settings = {"kernel": kernel, "gamma": 0.5, "alpha": 1e-3}
+    whole = SafeKernelRidge(**settings).fit(inputs, target)
+    parts = [np.arange(3), np.arange(10, 70, 7), np.array([79])]
+    for part, found in zip(parts, left_out_errors(whole, parts), strict=True):
+        others = np.setdiff1d(np.arange(80), part)
+        alone = SafeKernelRidge(**settings).fit(inputs[others], target[others])
+        wanted = target[part] - alone.predict(inputs[part])
+        np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-9)

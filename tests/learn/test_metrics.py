@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from learn.metrics import scores
+from learn.metrics import bootstrap, scores
 
 pairs = st.lists(
     st.tuples(st.floats(0.01, 60), st.floats(-9, 9, allow_subnormal=False)), min_size=2, max_size=30
@@ -37,3 +37,16 @@ def test_a_perfect_prediction_has_no_error():
 def test_undefined_scores_are_refused(truth, prediction):
     with pytest.raises(ValueError, match=r"."):
         scores(truth, prediction)
+
+
+def test_bootstrap_intervals_hold_the_score_of_other_rows_as_often_as_they_say():
+    generator = np.random.default_rng(5)
+    inside, trials = 0, 30
+    for _ in range(trials):
+        truth = generator.uniform(1.0, 9.0, 100)
+        low, high = bootstrap(truth, truth + generator.normal(size=100))["nmse"]
+        inside += low <= 100 * 1.0 / 5.0 <= high
+    assert inside / trials == pytest.approx(0.9, abs=0.15)
+    wide, narrow = (bootstrap(truth, truth + 0.1, level)["nmae"] for level in (0.99, 0.5))
+    assert wide[0] < narrow[0] < narrow[1] < wide[1]
+    assert bootstrap(truth, truth)["r2"] == (100.0, 100.0)

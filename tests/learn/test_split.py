@@ -1,5 +1,7 @@
 """The split: sizes, surfaces, folds, seeds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,6 +10,7 @@ from hypothesis import strategies as st
 from gen.runtime.errors import InputError
 from learn import split
 from learn.dataset import Dataset
+from learn.surrogate.calibration_rows import without_calibration
 
 
 def rows_of(sizes, seed=0):
@@ -21,6 +24,8 @@ def rows_of(sizes, seed=0):
         target=inputs[:, 0],
         rows=np.arange(size),
         groups=groups,
+        database=np.zeros(size, dtype=np.int64),
+        population=np.zeros(size, dtype=np.int64),
         names=("a", "b", "c"),
         target_name="area_percent",
         unit="%",
@@ -48,6 +53,29 @@ def test_surfaces_stay_together_and_rows_are_used_once(sizes, seed):
         inside, outside = drawn.train[drawn.folds == fold], drawn.train[drawn.folds != fold]
         assert not set(rows.groups[inside]) & set(rows.groups[outside])
     assert abs(drawn.test.size - 0.2 * rows.size) <= 9 + 1
+
+
+@given(st.lists(st.integers(4, 30), min_size=4, max_size=25), st.integers(0, 99))
+def test_no_tile_is_divided_by_any_split(sizes, seed):
+    """Between training, calibration and test, between folds, and in the search's validation."""
+    rows = replace(rows_of(sizes, seed), by_tile=True)
+    drawn = split.draw(rows, seed)
+    train, calibration = without_calibration(rows, drawn.train)
+    parts = [set(rows.groups[part].tolist()) for part in (train, calibration, drawn.test)]
+    assert sum(len(part) for part in parts) == len(set().union(*parts)) == len(sizes)
+    folds = drawn.folds[: train.size]
+    inside = [set(rows.groups[train[folds == fold]].tolist()) for fold in np.unique(folds)]
+    assert sum(len(fold) for fold in inside) == len(parts[0])
+
+
+def test_too_few_tiles_are_refused_where_a_single_surface_is_split_by_rows():
+    one = replace(rows_of([40]), by_tile=True)
+    with pytest.raises(InputError, match="lie in 1 of the maps' tiles, 2 at least are needed"):
+        split.draw(one)
+    split.require_tiles(rows_of([40]), 4)
+    three = replace(rows_of([40, 40, 40]), by_tile=True)
+    with pytest.raises(InputError, match="lie in 3 of the maps' tiles, 4 at least"):
+        split.require_tiles(three, 4)
 
 
 def test_some_rows_of_a_dataset_are_split_like_a_dataset():

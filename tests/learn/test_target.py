@@ -30,3 +30,15 @@ def test_targets_without_units_are_standardised_over_the_training_rows(solved):
     scaled = scaling_of(rows, train).scaled(rows.target[train])
     assert scaled.mean() == pytest.approx(0, abs=1e-12)
     assert scaled.std() == pytest.approx(1)
+
+
+def test_roots_of_areas_are_standardised_and_squared_again(solved):
+    area = dataset.read(solved, "area", features="dimensionless")
+    train = split.draw(area).train
+    scaling = scaling_of(area, train, roots=True)
+    assert scaling.root
+    assert scaling.scaled(area.target[train]).std() == pytest.approx(1)
+    np.testing.assert_allclose(scaling.restored(scaling.scaled(area.target)), area.target)
+    assert scaling.restored(np.array([-1e3]))[0] == 0.0, "a root below 0 is no area"
+    force = dataset.read(solved, "force", features="dimensionless")
+    assert not scaling_of(force, train, roots=True).root

@@ -99,6 +99,9 @@ SOLVES: dict[str, Solves] = {
 }
 """The items and their solves."""
 
+STIFF = ("Delta = 15 um", "257 nodes", "mirror, given pressure", "hardness of 0.05 E*")
+"""Items whose contacts are asked for their stiffness too."""
+
 
 def solve_counts() -> dict[Key, int]:
     """Count the work and the contact nodes of all items of `SOLVES`, and of the extreme scene.
@@ -115,6 +118,9 @@ def solve_counts() -> dict[Key, int]:
         for count in ("iterations", "convolutions", "contact_nodes"):
             total = sum(getattr(contact, count) for contact in contacts)
             counts[Key(item, count.replace("_", " "))] = total
+        if item in STIFF:
+            taken = sum(contact.punch.effort.convolutions for contact in contacts)
+            counts[Key(item, "convolutions of the stiffness")] = taken
         if contacts[0].problem.hardness is not None:
             yielded = sum(contact.yielded_percent * contact.pressure.size for contact in contacts)
             counts[Key(item, "yielded nodes")] = round(yielded / 100)

@@ -17,14 +17,10 @@ from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.scene import Scene
 
+# Relative change of the force at which MIRCO stops (the paper's section 2.4 does not say).
 TOLERANCE = 0.01
-"""Relative change of the force at which MIRCO stops (the paper's section 2.4 does not say)."""
-
-ENOUGH = 1e-4
-"""Relative tolerance of the solves, far below `TOLERANCE`."""
-
-STEPS = 40
-"""Solves after which an iteration counts as one that does not end."""
+ENOUGH = 1e-4  # relative tolerance of the solves, far below `TOLERANCE`
+STEPS = 40  # solves after which an iteration counts as one that does not end
 
 
 def compare(scene: Scene, surfaces: int, shares: tuple[float, ...]) -> Iterator[dict[str, float]]:
@@ -66,7 +62,7 @@ def iterate(scene: Scene, heights: NDArray[np.float64], delta: float) -> tuple[b
     ArithmeticError
         If that takes more than `STEPS` solves.
     """
-    nodes, side, kernel = scene.surface.nodes, scene.surface.side, scene.contact.kernel
+    nodes, side, kernel = scene.shape[0], scene.sides[0], scene.contact.kernel
     stiffness = side / shape_factor((nodes, nodes), kernel)  # for E* = 1 MPa
     solve = partial(bem.solve, heights, side, spacing=side / nodes, kernel=kernel)
     force, near = 0.0, None
@@ -82,8 +78,8 @@ def _difference(
     scene: Scene, heights: NDArray[np.float64], delta: float
 ) -> tuple[float, float, float]:
     """Return the solves, and how much too low area and force are [%]; nan for what is not there."""
-    side, kernel = scene.surface.side, scene.contact.kernel
-    solve = partial(bem.solve, heights, side, spacing=side / scene.surface.nodes, kernel=kernel)
+    side, kernel = scene.sides[0], scene.contact.kernel
+    solve = partial(bem.solve, heights, side, spacing=side / scene.shape[0], kernel=kernel)
     solves = np.nan
     try:
         early, solves = iterate(scene, heights, delta)

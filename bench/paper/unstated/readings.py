@@ -10,21 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.paper.facts import RANGES
+from gen.arrays import Values
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 
-Values = NDArray[np.float64]
 Offsets = Sequence[tuple[int, int]]
+# What a quantity may mean: its value, of a surface and its spacing [um].
 Reading = Callable[[Values, float], float]
-"""What a quantity may mean: its value, of a surface and its spacing [um]."""
-
+# Neighbours that marked nodes stand above, and whether the border counts, by definition.
 Kinds = dict[str, tuple[Sequence[Offsets], bool]]
-"""Neighbours that marked nodes stand above, and whether the border counts, by definition."""
-
-ALONG, ACROSS = ((-1, 0), (1, 0)), ((0, -1), (0, 1))
-"""Neighbours in profiles along x and along y."""
+ALONG, ACROSS = ((-1, 0), (1, 0)), ((0, -1), (0, 1))  # neighbours in profiles along x and along y
 
 NEIGHBOURS: dict[int, Offsets] = {
     4: (*ALONG, *ACROSS),
@@ -37,7 +34,7 @@ def compare(scene: Scene, surfaces: int) -> Iterator[dict[str, str | float]]:
     """Compare the range of every reading with Table 1's, on the first surfaces of a scene."""
     plan = parameters(scene, 0, surfaces)
     heights = [surface_of(scene, plan, row) for row in range(surfaces)]
-    spacing = scene.surface.side / (scene.surface.nodes - 1)
+    spacing = scene.sides[0] / (scene.shape[0] - 1)
     for column, readings in READINGS.items():
         low, high = RANGES[column]
         for number, (words, value) in enumerate(readings.items()):

@@ -4,22 +4,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.page.content import Content, Figure, Table
 from bench.paper.unstated import early_stop, effects, readings
-from bench.picture import new_figure
-from bench.remarks import remark
-from bench.report import Report
-from bench.style import STYLES
+from bench.picture import STYLES, new_figure
+from bench.report import Report, remark
 from gen.scene import load
 
-SURFACES = 200
-"""Surfaces that readings of Table 1 are tried on."""
-
-LIMITED = 8
-"""Surfaces that are pressed to shares of their limits."""
-
-SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 1.0, 1.05)
-"""Displacements over Delta*."""
+SURFACES = 200  # surfaces that readings of Table 1 are tried on
+LIMITED = 8  # surfaces that are pressed to shares of their limits
+SHARES = (0.5, 0.8, 0.9, 0.95, 0.98, 1.0, 1.05)  # displacements over Delta*
 
 PANELS: Mapping[str, Mapping[str, str | None]] = {
     "times the preset's": {"area_times": "mean area", "force_times": "mean force"},
@@ -28,8 +20,7 @@ PANELS: Mapping[str, Mapping[str, str | None]] = {
 }
 """Columns of each panel, with their names."""
 
-TICKS = (0.5, 1.0, 2.0, 5.0)
-"""Of areas and forces over the preset's."""
+TICKS = (0.5, 1.0, 2.0, 5.0)  # of areas and forces over the preset's
 
 
 def report(folder: Path, rows: int) -> Report:
@@ -48,46 +39,6 @@ def report(folder: Path, rows: int) -> Report:
         "unstated": rows_of_choices,
     }
     return Report(tables, pictures={"unstated": _picture(rows_of_choices)})
-
-
-def contents(folder: Path) -> Sequence[Content]:
-    """List what a folder of this report holds, with what to see in it."""
-    return [
-        Figure(
-            folder / "unstated.png",
-            "What the paper does not say, and what it does to the result: one choice at a time"
-            " against the preset (first line). Left, mean area and force over the preset's, on rows"
-            " that both have solved; middle, R2 of kernel ridge and of decision trees on the test"
-            " rows, as many training rows for all; right, how far the ranges of the 22 statistics"
-            " are from Table 1's. The second line is another seed, other surfaces and loads:"
-            " choices that change surfaces or loads, and R2, have to move more than that to mean"
-            " anything. Influence coefficients, far field and spacing are compared on the same"
-            " surfaces.",
-            data=(folder / "unstated.csv",),
-        ),
-        Table(
-            folder / "unstated.csv",
-            "The same as numbers [%], times for areas and forces. Spread is the variance of the"
-            " test areas over their mean, to which nMSE is proportional at equal R2.",
-            columns=(
-                "choice", "ours", "other", "done", "area_mean", "area_times", "force_times",
-                "area_largest", "kept", "table_1", "nmse", "nmae", "r2", "tree_r2", "spread",
-            ),
-        ),
-        Table(
-            folder / "readings.csv",
-            f"Readings of Table 1 that its names allow, on {SURFACES} surfaces: ranges beside the"
-            " paper's; distance is that of the ends, in per cent of the paper's width.",
-        ),
-        Table(
-            folder / "early-stop.csv",
-            "A far field that gives way, iterated as MIRCO does until the force changes by less"
-            " than 1 %, at shares of the displacement Delta* beyond which there is no equilibrium:"
-            " how many iterations stop, after how many solves, and how much too low [%] area and"
-            " force are where they do. From 1 on, what stops reports an answer that does not"
-            " exist.",
-        ),
-    ]  # fmt: skip
 
 
 def _picture(rows: Sequence[dict[str, Any]]) -> Any:

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from bench.stability.case import Finding
 from bench.stability.models.fitted import Asked, fitted, loaded, rows_of
-from bench.stability.models.samples import Values, ordinary, scene
+from bench.stability.models.samples import ordinary, scene
+from gen.arrays import Values
 from gen.runtime.errors import InputError
 from learn.models import MODELS
 
@@ -86,7 +87,7 @@ def same_in_other_units(asked: Asked, target: float = 1.0) -> Iterator[Finding]:
 
 def flagged(asked: Asked) -> Iterator[Finding]:
     """Rows far outside the training are said to be, or refused; values are possible ones."""
-    side = scene().surface.side
+    side = scene().sides[0]
     for factor in (1e-12, 1e-3, 1e3, 1e12, 1e150, 1e300):
         statistics, delta = asked.test.described[:, 1:] * factor, asked.test.described[:, 0]
         try:

@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from bench.stability.models.samples import CALIBRATING, NODES, SEEN, Values, scene
+from bench.stability.models.samples import CALIBRATING, NODES, SEEN, scene
+from gen.arrays import Values
+from learn.columns import short_name
 from learn.comparison.search.spaces import baseline, untuned
-from learn.dataset import Dataset, remarks, short_name
+from learn.dataset import Dataset, remarks
 from learn.features import chosen
 from learn.models import STEP
 from learn.request import Request
@@ -65,8 +67,7 @@ class Asked:
     @property
     def target(self) -> Values:
         """(n,) what the estimator was trained on."""
-        learnt = self.fit.learnt
-        return (self.train.target - learnt.mean) / learnt.deviation
+        return self.fit.learnt.scaling.scaled(self.train.target)
 
     def predicted(self, rows: Dataset) -> Values:
         """(n,) targets of some rows."""
@@ -121,8 +122,9 @@ def fitted(
     fit = fit_target(request, train, calibration, folds, settings=wanted)
     known = {
         "features": rows.features,
+        "columns": [],
         "nodes": NODES,
-        "side": scene().surface.side,
+        "side": scene().sides[0],
         "spacing": scene().spacing,
         "modulus": 1.0,
     }
@@ -133,7 +135,7 @@ def fitted(
 
 def rows_of(rows: Dataset) -> Rows:
     """Rows that a surrogate can be asked about."""
-    side = scene().surface.side
+    side = scene().sides[0]
     return Rows(rows.inputs, rows.described[:, 1:], rows.described[:, 0], side, ())
 
 
@@ -141,10 +143,11 @@ def loaded(asked: Asked) -> Surrogate:
     """The surrogate after it was written, with the card of a whole one, and read."""
     (name,), learnt = asked.request.targets, asked.fit.learnt
     calibrated = sum(scores.size for scores in learnt.calibration.scores)
-    parts = np.arange(asked.train.rows.size), np.arange(calibrated), np.arange(0)
+    train = np.arange(asked.train.rows.size)
+    sizes = {"train": train.size, "calibration": calibrated, "test": 0}
     judged = card.judge(learnt, asked.test, np.arange(asked.test.rows.size))
     judged |= {"settings": {}, "settings_from": asked.way, "remarks": list(asked.remarks)}
-    whole = card.make(asked.request, asked.train, parts, {name: judged})
+    whole = card.make(asked.request, asked.train, train, sizes, {name: judged})
     with TemporaryDirectory() as folder:
         path = Path(folder) / "model.surrogate"
         replace(asked.surrogate, card=whole, learnt={name: learnt}).save(path)

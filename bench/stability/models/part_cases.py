@@ -10,12 +10,13 @@ import numpy as np
 
 from bench.stability.case import EXACT_FACTORS, FACTORS, Answer, Case, Finding, Refusal
 from bench.stability.models import samples
-from bench.stability.models.samples import Values, ordinary
+from bench.stability.models.samples import ordinary
 from bench.stability.surfaces.exact import fractions
+from gen.arrays import Values
 from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn import dataset
-from learn.features import SurfaceFeatures, chosen
+from learn.features import SurfaceFeatures, Undefined, chosen
 from learn.metrics import scores
 from learn.split import FOLDS, draw
 
@@ -98,19 +99,19 @@ def _bearing(heights: Values, delta: float = DELTA) -> Answer:
 
 def _features_refused() -> Iterator[Case]:
     rough = _surface()
-    for name, heights, delta, words in (
-        ("flat", np.zeros((9, 9)), DELTA, "statistics undefined"),
-        ("no asperity", np.outer(np.arange(9.0), np.ones(9)), DELTA, "no asperity"),
-        ("NaN among heights", np.where(rough > 30, np.nan, rough), DELTA, "finite"),
-        ("lost in an offset", rough + 1e16, DELTA, "lost in rounding"),
-        ("Δ = 0", rough, 0.0, "above 0"),
-        ("Δ = -1 um", rough, -1.0, "above 0"),
-        ("Δ = NaN", rough, np.nan, "above 0"),
-        ("Δ infinite", rough, np.inf, "above 0"),
+    for name, heights, delta, error, words in (
+        ("flat", np.zeros((9, 9)), DELTA, Undefined, "statistics undefined"),
+        ("no asperity", np.outer(np.arange(9.0), np.ones(9)), DELTA, Undefined, "no asperity"),
+        ("NaN among heights", np.where(rough > 30, np.nan, rough), DELTA, InputError, "finite"),
+        ("lost in an offset", rough + 1e16, DELTA, Undefined, "lost in rounding"),
+        ("Δ = 0", rough, 0.0, InputError, "above 0"),
+        ("Δ = -1 um", rough, -1.0, InputError, "above 0"),
+        ("Δ = NaN", rough, np.nan, InputError, "above 0"),
+        ("Δ infinite", rough, np.inf, InputError, "above 0"),
     ):
         surface = SurfaceFeatures(heights, (SIDE, SIDE))
         call = partial(surface.features, chosen("hybrid"), np.array([delta]))
-        yield Case("features: refused", name, "", call, Refusal(InputError, (words,)))
+        yield Case("features: refused", name, "", call, Refusal(error, (words,)))
 
 
 def _split(groups: Any) -> Answer:

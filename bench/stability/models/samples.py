@@ -6,9 +6,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import bem
+from gen.arrays import Values
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.scene import Scene, load
@@ -16,8 +16,8 @@ from gen.statistics import describe
 from learn.dataset import Dataset
 from learn.features import chosen
 from learn.features.sets import build, target_scale
+from learn.pooling import Origin
 
-Values = NDArray[np.float64]
 Change = Callable[[Dataset], Dataset]
 
 ROWS = 90
@@ -41,7 +41,7 @@ def solved() -> tuple[Values, Values]:
     for row, delta in enumerate(plan.delta.tolist()):
         heights = surface_of(wanted, plan, row)
         inputs.append([delta, *describe(heights, wanted.spacing).values.values()])
-        contact = bem.solve(heights, wanted.surface.side, delta)
+        contact = bem.solve(heights, wanted.sides[0], delta)
         targets.append([contact.force, contact.area_percent])
     return np.array(inputs), np.array(targets)
 
@@ -50,7 +50,7 @@ def solved() -> tuple[Values, Values]:
 def ordinary(features: str = "paper", target: str = "area_percent") -> Dataset:
     """The rows as a dataset of paper or dimensionless features; the target is area or force."""
     described, targets = solved()
-    wanted, side = chosen(features), scene().surface.side
+    wanted, side = chosen(features), scene().sides[0]
     statistics, delta = described[:, 1:], described[:, 0]
     scale = target_scale(wanted, target, statistics, delta, side, 1.0)
     return Dataset(
@@ -58,12 +58,15 @@ def ordinary(features: str = "paper", target: str = "area_percent") -> Dataset:
         target=targets[:, int(target == "area_percent")] / scale,
         rows=np.arange(ROWS),
         groups=np.arange(ROWS),
+        database=np.zeros(ROWS, dtype=np.int64),
+        population=np.zeros(ROWS, dtype=np.int64),
         names=wanted.columns,
         target_name=target,
         unit="%" if target == "area_percent" else "uN",
         dropped={},
         source={"database": "the cases' rows", "database_sha256": "", "scene": scene().text()},
         described=described,
+        origins=(Origin("the cases' rows", "", scene().text(), ROWS),),
         scale=scale,
         features=features,
     )

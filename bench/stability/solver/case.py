@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import bem
+from bench.references.half_space import Field
 from bench.stability.case import Answer, Case, Finding, Refusal, attempt, one_line
 from bench.stability.solver.checks import Check, complementarity, honesty
 from bench.stability.solver.setup import DELTA, Setup
-from bench.stability.solver.topographies import Field, cropped_paper
+from bench.stability.solver.topographies import cropped_paper
 
 # Iterations over those of the ordinary contact on the same grid that need no reason.
 MOST_TIMES_ORDINARY = 3.0

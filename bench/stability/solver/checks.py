@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike
 import bem
 from bem.influence import Kernel
 from bench.references import dense, yielding
-from bench.references.half_space import displacement, flat_punch
+from bench.references.half_space import Field, displacement, flat_punch
 from bench.stability.case import Finding
 from bench.stability.solver.setup import DELTA, Setup
-from bench.stability.solver.topographies import Field, paper
+from bench.stability.solver.topographies import paper
 
 ROUNDING = 1e-9  # what two convolutions of the same pressure may differ by [Delta]
 UNDECIDED = 1e-5  # pressures and gaps in reduced units below which a node may be in contact or not
@@ -34,7 +34,7 @@ Displace = Callable[[Field, Kernel, float], Field]
 def complementarity(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
     """The conditions of contact, from the pressure alone."""
     tension = int(np.count_nonzero(~(contact.pressure >= 0)))
-    beyond = int(np.count_nonzero(contact.pressure > (asked.hardness or np.inf)))
+    beyond = int(np.count_nonzero(contact.pressure > asked.bound))
     yield Finding("gap", violation(asked, contact.pressure), asked.rtol + ROUNDING)
     if tension:
         yield Finding("nodes in tension", tension, 0)
@@ -46,11 +46,10 @@ def honesty(
     asked: Setup, contact: bem.Contact, displace: Displace = displacement
 ) -> Iterator[Finding]:
     """Residual, force and area are those of the pressure."""
-    length, width = asked.cell
     share = 100 * float(np.mean(contact.pressure > 0))
     recomputed = violation(asked, contact.pressure, displace)
     yield Finding("residual off", abs(contact.residual - recomputed), ROUNDING)
-    force = float(contact.pressure.sum()) * length * width
+    force = float(contact.pressure.sum()) * asked.cell_area
     yield Finding("force off its pressure", deviation(contact.force, force), 1e-12)
     yield Finding("area off its nodes", abs(contact.area_percent - share), 1e-12)
 
@@ -115,11 +114,11 @@ def agrees_with_dense_solve(
 
 def yields_as_by_dense_solve(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
     """Force, contact nodes and yielded nodes are those of the dense matrix."""
-    hardness = float(asked.hardness or np.inf) * asked.compliance
+    hardness = asked.bound * asked.compliance
     arguments = asked.surface, asked.delta, hardness, asked.kernel, asked.aspect
     pressure, gap = yielding.press(*arguments, method=yielding.by_growth)
     pressure = pressure / asked.compliance
-    force = float(pressure.sum()) * asked.cell[0] * asked.cell[1]
+    force = float(pressure.sum()) * asked.cell_area
     yield Finding("force off a dense solve", abs(contact.force / force - 1), 1e-4)
     little, close = UNDECIDED * float(pressure.max()), UNDECIDED * asked.delta
     touching, yielded = unlike_nodes(asked, contact, (pressure, gap), little, close)
@@ -135,7 +134,7 @@ def unlike_nodes(
     Those may differ whose pressure is `little` away from a bound [MPa], and that are `close` [um].
     """
     pressure, gap = expected
-    hardness = float(asked.hardness or np.inf)
+    hardness = asked.bound
     yielded = contact.pressure == hardness, pressure >= hardness * (1 - 1e-15)
     return (
         unlike(contact.pressure > 0, pressure > 0, (pressure > little) | (gap > close)),

@@ -13,13 +13,13 @@ from bem.analytic import Cone, FlatPunch, Indenter, Paraboloid
 from bem.equilibrium import BeyondCriticalDelta
 from bem.influence import KERNELS, Kernel
 from bench.references import dense
-from bench.references.half_space import critical_delta, influence_coefficients
+from bench.references.half_space import Field, critical_delta, influence_coefficients
 from bench.stability.case import Case, Refusal
 from bench.stability.solver import checks as judged
 from bench.stability.solver import topographies
 from bench.stability.solver.case import contact_case
 from bench.stability.solver.setup import DELTA, Setup
-from bench.stability.solver.topographies import CELL, NODES, SIDE, SMALL, Field, flat, paper
+from bench.stability.solver.topographies import CELL, NODES, SIDE, SMALL, flat, paper
 
 # Heights times a power of ten are rounded anew: two solves then differ by their tolerance.
 HEIGHT_ROUNDING = 1e-6

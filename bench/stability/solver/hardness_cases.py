@@ -10,12 +10,13 @@ import bem
 from bem.analytic import Paraboloid
 from bem.influence import KERNELS
 from bench.references import dense
+from bench.references.half_space import Field
 from bench.stability.case import Case, Refusal
 from bench.stability.solver import checks as judged
 from bench.stability.solver import topographies
 from bench.stability.solver.case import contact_case
 from bench.stability.solver.setup import Setup
-from bench.stability.solver.topographies import CELL, SIDE, Field, flat, paper
+from bench.stability.solver.topographies import CELL, SIDE, flat, paper
 
 SMALL = 17  # nodes a side where the dense matrix is to judge: it takes many solves of all nodes
 # Of a half-space of E* = 1 MPa [MPa].

@@ -11,7 +11,8 @@ import bem
 from bem.influence import Kernel
 from bem.problem import MAX_ITERATIONS, FarField
 from bem.spacing import Boundary, node_spacing
-from bench.stability.solver.topographies import SIDE, Field
+from bench.references.half_space import Field
+from bench.stability.solver.topographies import SIDE
 from gen.material import plane_strain_modulus
 
 DELTA = 25.0  # displacement of an ordinary contact, unless a case is about another [um]
@@ -72,6 +73,21 @@ class Setup:
             node_spacing(rows, length, self.boundary),
             node_spacing(columns, width, self.boundary),
         )
+
+    @property
+    def cell_area(self) -> float:
+        """Area of a cell [um2]."""
+        return self.cell[0] * self.cell[1]
+
+    @property
+    def given_force(self) -> float:
+        """The force that is given, itself or as a mean pressure; 0 where Delta is given [uN]."""
+        return self.force or (self.pressure or 0.0) * self.surface.size * self.cell_area
+
+    @property
+    def bound(self) -> float:
+        """Largest pressure, the hardness or infinity [MPa]."""
+        return np.inf if self.hardness is None else self.hardness
 
     @property
     def aspect(self) -> float:

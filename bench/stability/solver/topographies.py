@@ -3,14 +3,12 @@
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bem.analytic import Indenter, distances_to_centre
+from bench.references.half_space import Field
 from gen.generation.plan import parameters, surface_random
 from gen.scene import load
 from gen.surface import generate
-
-Field = NDArray[np.float64]
 
 NODES = 129  # nodes a side, unless a case is about another grid
 SMALL = 33  # nodes a side where all may touch and the dense matrix is to judge
@@ -29,8 +27,8 @@ def paper(nodes: int = NODES, hurst: float | None = None, sigma0: float | None =
     heights = generate(
         scene.surface.generator,
         nodes,
-        float(row.hurst[0]) if hurst is None else hurst,
-        float(row.sigma0[0]) if sigma0 is None else sigma0,
+        float(row.drawn["hurst"][0]) if hurst is None else hurst,
+        float(row.drawn["sigma0"][0]) if sigma0 is None else sigma0,
         surface_random(scene, 0),
     )
     heights.setflags(write=False)

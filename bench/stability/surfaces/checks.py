@@ -4,14 +4,14 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bench.references.half_space import Field
 from bench.stability.case import Answer, Finding
 from bench.stability.surfaces import exact
 from gen.statistics import NAMES, Description, describe
 
 Spacing = tuple[float, float]
-Field = NDArray[np.float64]
 
 G = 7.8125  # spacing of the paper's nodes [um]
 EXACT = 1e-12  # what a few hundred roundings may add up to, relative to each statistic

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.references.half_space import Field
 from gen.statistics import NAMES
 
-Field = NDArray[np.float64]
 Place = tuple[int, int]
 
 SMALL_ENOUGH = 2**20  # whole heights up to here are kept in machine words: their curvatures fit too
@@ -24,8 +24,7 @@ DIGITS = 60  # of powers of two and roots that are no fractions
 DIAGONAL = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 STRAIGHT = ((1, 0), (-1, 0), (0, 1), (0, -1))
 
-fractions = np.vectorize(Fraction, otypes=[object])
-"""Make fractions of floats, exactly."""
+fractions = np.vectorize(Fraction, otypes=[object])  # make fractions of floats, exactly
 
 
 def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]:

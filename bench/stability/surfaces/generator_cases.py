@@ -6,14 +6,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bench.references.half_space import Field
 from bench.stability.case import EXACT_FACTORS, FACTORS, Answer, Case, Finding, Refusal
 from bench.stability.surfaces import exact
 from gen.runtime.errors import InputError
 from gen.surface import GENERATORS, generate
-
-Field = NDArray[np.float64]
 
 NODES = 17  # nodes a side of the surfaces that are computed again in fractions
 ROUNDING = 1e-14  # what the roundings of a few levels may add up to, over the range of heights
@@ -32,8 +30,8 @@ HURSTS = {
 }
 """As near to 0 and 1 as numbers go."""
 
+# From nothing to all that numbers hold [um].
 AMPLITUDES = {"0": 0.0} | FACTORS | {"1e-300": 1e-300, "1e300": 1e300}
-"""From nothing to all that numbers hold [um]."""
 
 
 def cases() -> Iterator[Case]:

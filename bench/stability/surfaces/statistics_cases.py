@@ -6,15 +6,14 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bench.references.half_space import Field
 from bench.stability.case import EXACT_FACTORS, FACTORS, Answer, Case, Refusal
 from bench.stability.surfaces.checks import EXACT, G, described, says, unchanged
 from gen.runtime.errors import InputError
 from gen.statistics import describe
 from gen.surface import generate
-
-Field = NDArray[np.float64]
 
 SMALL = 33  # nodes a side of most surfaces
 STEP = 1 / 1024  # steps of heights that are to take offsets and turns exactly [um]

@@ -1,9 +1,9 @@
-"""Contact laws: what a finite-element code needs at an integration point, as tables.
+"""Contact laws that a surrogate predicts, with the numbers and the writers of `gen.law`.
 
-`contact_law.make` makes a law; `predicted` and `solved` are the two ways to it, `subjects` the
-surfaces that it is about, `points` and `curves` its numbers, `table` and `c_header` its files.
+`contact_law.make` makes a law; `predicted` predicts its contacts, and `inversion` reads them at
+given pressures.
 """
 
-from learn.surrogate.law.contact_law import Law, Order, make
+from learn.surrogate.law.contact_law import Order, make
 
-__all__ = ["Law", "Order", "make"]
+__all__ = ["Order", "make"]

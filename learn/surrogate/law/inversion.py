@@ -15,8 +15,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from gen.law.points import STIFFNESS, Points
 from learn.arrays import Values
-from learn.surrogate.law.points import Points
 
 FINE = 20
 """Steps into which an interval of Delta is divided to invert the cubic in it."""
@@ -52,7 +52,10 @@ def at_pressures(points: Points, pressures: Values) -> Points:
         "delta_um": at,
         "area_percent": _cubic(deltas, points.values["area_percent"])(at),
         "mean_gap_um": _cubic(deltas, points.values["mean_gap_um"])(at),
+        "closure_um": _cubic(deltas, points.values["closure_um"])(at),
     }
+    if STIFFNESS in points.values:
+        values[STIFFNESS] = _read(deltas, points.values[STIFFNESS], at)
     reasons = _reasons(points, at)
     if not points.low:
         return Points(values, reasons=reasons)
@@ -61,6 +64,9 @@ def at_pressures(points: Points, pressures: Values) -> Points:
     for name, (one, other) in {"area_percent": (least, most), "mean_gap_um": (most, least)}.items():
         low[name] = _read(deltas, points.low[name], one)
         high[name] = _read(deltas, points.high[name], other)
+    if STIFFNESS in points.low:
+        low[STIFFNESS] = _read(deltas, points.low[STIFFNESS], least)
+        high[STIFFNESS] = _read(deltas, points.high[STIFFNESS], most)
     unknown = np.isnan(least) | np.isnan(most)
     said = []
     ends = zip(_reasons(points, least), _reasons(points, most), unknown, strict=True)

@@ -1,17 +1,20 @@
 """Laws from a surrogate: predicted over Delta, and inverted at given pressures."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from bem.derived.stiffness import without_patch
+from gen.law.curves import Curves, continued, monotone, slopes, tabulated
+from gen.law.points import STIFFNESS, Points
+from gen.law.subjects import Subject
+from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.progress import RunProgress
 from learn.arrays import Values
-from learn.surrogate.bodies import Bodies
+from learn.features import SurfaceFeatures, Undefined
 from learn.surrogate.law import inversion
-from learn.surrogate.law.curves import Curves, continued, monotone, tabulated
-from learn.surrogate.law.points import Points, predicted
-from learn.surrogate.law.subjects import Subject
 from learn.surrogate.model import OnSurface, Surrogate
 
 BEYOND = (1.15, 1.4, 2.0, 3.0)
@@ -22,8 +25,56 @@ ESTIMATED_GAP = (
     " area,force,mean_gap"
 )
 
+STIFFNESSES = {"stiffness", "interface_stiffness"}
+"""Targets that give the stiffness of the interface."""
+
+YIELDING_STIFFNESS = (
+    "the conductance of bodies that yield follows from their stiffness of unloading, which is no"
+    " slope of the force: fit a surrogate with --target area,force,stiffness, or solve the law"
+)
+
 CORRECTED = 0.01
 """Correction for monotone curves, over the largest value, above which there is a warning."""
+
+
+def defined(
+    surrogate: Surrogate, surfaces: Sequence[Subject]
+) -> tuple[Sequence[Subject], list[str]]:
+    """Leave out surfaces that lack statistics which the surrogate needs.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        Surrogate of area and force.
+    surfaces : sequence of Subject
+        One surface or more.
+
+    Returns
+    -------
+    surfaces : sequence of Subject
+        The other surfaces.
+    warnings : list of str
+        One line if any were left out.
+
+    Raises
+    ------
+    InputError
+        If no surface is left.
+    """
+    kept, faults = [], []
+    for surface in surfaces:
+        try:
+            _features(surface).require_statistics(surrogate.features)
+        except Undefined as fault:
+            faults.append(fault)
+        else:
+            kept.append(surface)
+    if not kept:
+        raise faults[0]
+    if not faults:
+        return surfaces, []
+    many = f"{len(faults)} of {len(surfaces)} surfaces were left out"
+    return kept, [f"warning: {many}, the first: {faults[0]}"]
 
 
 def tables(
@@ -33,6 +84,8 @@ def tables(
     pressures: Values | None,
     level: float,
     bodies: Bodies,
+    *,
+    stiffness: bool = False,
 ) -> tuple[Curves, Curves, list[str]]:
     """Predict all surfaces; tabulate against Delta and against pressure.
 
@@ -50,6 +103,9 @@ def tables(
         Coverage of the band.
     bodies : Bodies
         E* and hardness.
+    stiffness : bool
+        Whether the stiffness is asked for. If the surrogate has not learnt it, it is the slope of
+        the force of elastic bodies.
 
     Returns
     -------
@@ -61,25 +117,129 @@ def tables(
     Raises
     ------
     InputError
-        For a pressure that the law does not reach.
+        For a pressure that the law does not reach, and for the stiffness of bodies that yield if
+        the surrogate has not learnt it.
     """
+    learnt = STIFFNESSES & surrogate.learnt.keys()
+    if stiffness and bodies.hardness is not None and not learnt:
+        raise InputError(YIELDING_STIFFNESS)
     parts, whole, corrections = [], [], []
     with RunProgress(len(surfaces), "surfaces") as progress:
         for surface in surfaces:
-            on_surface = OnSurface(surrogate, surface.features())
-            raw = predicted(on_surface, surface, deltas, level, bodies).from_rest(surface)
+            on_surface = OnSurface(surrogate, _features(surface))
+            raw = predicted_points(on_surface, surface, deltas, level, bodies).from_rest(surface)
             smooth, correction = monotone(raw)
+            extended = _extended(smooth, on_surface, surface, level, bodies)
+            if stiffness and not learnt:
+                smooth, extended = (_with_stiffness(p, surface, bodies) for p in (smooth, extended))
             parts.append(smooth)
-            whole.append(_extended(smooth, on_surface, surface, level, bodies))
+            whole.append(extended)
             corrections.append(correction)
             progress.advance(1, 0)
-    over_delta = tabulated("delta_um", np.append(0.0, deltas), parts, level)
+    rest = float(np.mean([surface.gap_at_rest for surface in surfaces]))
+    over_delta = tabulated("delta_um", np.append(0.0, deltas), parts, level, rest)
     notes = [*_unknown(over_delta), *_corrected(over_delta, corrections)]
     if bodies.hardness is not None and "mean_gap" not in surrogate.learnt:
         notes.append(ESTIMATED_GAP)
     chosen, late = _pressures(over_delta, whole, pressures)
     inverted = [inversion.at_pressures(each, chosen) for each in whole]
-    return over_delta, tabulated("pressure_MPa", chosen, inverted, level), [*notes, *late]
+    return over_delta, tabulated("pressure_MPa", chosen, inverted, level, rest), [*notes, *late]
+
+
+def predicted_points(
+    on_surface: OnSurface, subject: Subject, deltas: Values, level: float, bodies: Bodies
+) -> Points:
+    """Predict the law of one surface.
+
+    Parameters
+    ----------
+    on_surface : OnSurface
+        The surrogate on the surface.
+    subject : Subject
+        The surface.
+    deltas : ndarray, shape (k,)
+        Ascending displacements above 0 [um].
+    level : float
+        Coverage of the intervals.
+    bodies : Bodies
+        E* and hardness.
+
+    Raises
+    ------
+    InputError
+        If a prediction is not finite.
+    """
+    e_star, hardness = bodies.e_star, bodies.hardness
+    answer = on_surface.predict(deltas, e_star=e_star, hardness=hardness, level=level)
+    for name, predictions in answer.values.items():
+        if not np.isfinite(predictions).all():
+            place = int(np.argmin(np.isfinite(predictions)))
+            raise InputError(
+                f"{subject.name}: the surrogate has no finite {name} at Delta ="
+                f" {deltas[place]:.4g} um: no law can be made of it"
+            )
+    parts: list[dict[str, Values]] = []
+    for ends in (answer.values, answer.low, answer.high):
+        gap = ends.get("mean_gap")
+        if gap is None:  # which rises with the force
+            gap = _mean_gap(on_surface, deltas, ends["force"] / e_star, bodies)
+        learnt = STIFFNESSES & ends.keys()
+        found = {STIFFNESS: _learnt_stiffness(ends, subject, bodies)} if learnt else {}
+        parts.append(
+            {
+                **found,
+                "area_percent": ends["area"],
+                "force_uN": ends["force"],
+                "mean_gap_um": gap,
+                "pressure_MPa": ends["force"] / subject.nominal,
+            }
+        )
+    values, low, high = parts
+    behind = subject.patch_compliance(e_star)
+    closure = np.maximum(deltas - behind * values["pressure_MPa"], 0.0)
+    return Points({"delta_um": deltas, **values, "closure_um": closure}, low, high, answer.reasons)
+
+
+def _mean_gap(on_surface: OnSurface, deltas: Values, force: Values, bodies: Bodies) -> Values:
+    """Return the mean gap from forces over E*, (k,) [um]."""
+    surface = on_surface.surface
+    heights = surface.heights
+    rest = float(heights.max()) - float(heights.mean())
+    coarse = [surface.coarse_means(float(delta), bodies.hardness_ratio) for delta in deltas]
+    compliance, yielded = np.array(coarse).reshape(-1, 2).T
+    free = surface.boundary == "free"
+    mean = compliance * force / surface.length if free else 0.0  # displacement
+    return np.asarray(np.maximum(rest - deltas + mean + yielded, 0.0))
+
+
+def _features(subject: Subject) -> SurfaceFeatures:
+    """Return a surface as one whose features can be computed."""
+    heights, sides, spacing = subject.heights, subject.sides, subject.spacing
+    return SurfaceFeatures(heights, sides, spacing, subject.name, subject.boundary)
+
+
+def _learnt_stiffness(ends: dict[str, Values], subject: Subject, bodies: Bodies) -> Values:
+    """Return the stiffness of the interface per nominal area from what was learnt [MPa / um]."""
+    if "interface_stiffness" in ends:
+        return ends["interface_stiffness"] / subject.nominal
+    return _of_interface(ends["stiffness"] / subject.nominal, subject, bodies)
+
+
+def _with_stiffness(points: Points, subject: Subject, bodies: Bodies) -> Points:
+    """Add the stiffness of the interface, the slope of the pressure of elastic bodies.
+
+    The compliance of the half-space behind a free patch is taken out of it.
+    """
+    rising = slopes(points.values["delta_um"], points.values["pressure_MPa"], 0.0)
+    found = _of_interface(rising, subject, bodies)
+    return replace(points, values={**points.values, STIFFNESS: found})
+
+
+def _of_interface(stiffness: Values, subject: Subject, bodies: Bodies) -> Values:
+    """Take the patch's compliance out of stiffnesses per nominal area, (k,) [MPa / um]."""
+    behind = subject.patch_compliance(bodies.e_star)
+    patch = 1 / behind if behind else np.inf
+    return np.array([without_patch(each, patch) for each in stiffness])
 
 
 def _extended(
@@ -88,7 +248,7 @@ def _extended(
     """Extend the law to larger displacements, where they can be predicted."""
     further = points.values["delta_um"][-1] * np.array(BEYOND)
     try:
-        return continued(points, predicted(on_surface, surface, further, level, bodies))
+        return continued(points, predicted_points(on_surface, surface, further, level, bodies))
     except InputError:
         return points
 
@@ -106,6 +266,8 @@ def _corrected(over_delta: Curves, corrections: Sequence[Points]) -> list[str]:
     """Warn of curves that were far from monotone."""
     worst = 0.0
     for name, curve in over_delta.curves.items():
+        if name not in corrections[0].values:  # slopes are not corrected
+            continue
         change = np.mean([each.values[name] for each in corrections], axis=0)
         worst = max(worst, float(np.abs(change).max()) / (float(np.abs(curve.value).max()) or 1.0))
     if worst <= CORRECTED:

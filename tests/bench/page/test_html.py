@@ -8,7 +8,7 @@ from page_parts import WRITE, inputs, makes, part, written
 
 from bench.page.content import Absent, Content, Figure, Table, Words
 from bench.page.html import write_page
-from bench.page.part import Part
+from bench.page.parts import Part
 from bench.picture import new_figure, save
 
 

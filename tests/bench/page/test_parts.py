@@ -8,8 +8,7 @@ from page_parts import inputs
 
 from bench.__main__ import app as bench
 from bench.page.inputs import Inputs
-from bench.page.part import Part
-from bench.page.parts import PARTS
+from bench.page.parts import PARTS, Part
 from learn.cli import app as learn
 
 

@@ -1,6 +1,7 @@
 """What separates the nine models from the paper's, in words."""
 
-from bench.paper import deviations, models
+from bench.paper import models
+from bench.paper.texts import why
 from learn.metrics import Scores
 
 
@@ -8,7 +9,7 @@ def test_why_says_what_is_known():
     alike = models._why(Scores(1.16, 3.07, 9.84, 99.52), 1.2, 3.6)
     assert alike == "R2 alike; nMSE x 1.5 by the areas' spread"
     assert models._why(Scores(16.71, 12.8, 25.03, 90.71), 2.7, 3.6) == (
-        f"worse R2: {deviations.UNEXPLAINED}; {deviations.TWO_SPREADS}"
+        f"worse R2: not explained; {why('two-spreads')}"
     )
 
 

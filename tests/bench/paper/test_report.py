@@ -10,12 +10,14 @@ from bench import __main__ as bench
 from bench import hertz, picture
 from bench.page.content import Absent, Figure, Table, Words, files_of
 from bench.page.record import Making, read
-from bench.paper import deviations, facts, report
+from bench.paper import facts, report
 from bench.paper.report import contents
-from bench.surrogates.break_even import PAPER_BREAK_EVEN, break_even
+from bench.paper.texts import why
+from bench.surrogates.times import PAPER_BREAK_EVEN
 from bench.table import write_table
 from gen.database import Reader
 from gen.runtime.errors import InputError
+from learn.surrogate.break_even import break_even
 
 COST = ("asked", "solver", "features", *("rows", "database", "tuning", "fit", "solve", "query"))
 NAMES = set(report.PARTS)
@@ -97,7 +99,7 @@ def test_tables_hold_both_sides(made, preset):
     assert float(heights["ours_high"]) == pytest.approx(highest, rel=1e-3)
     assert float(heights["paper_high"]) == 79.25
     bandwidth = first["Nayak's bandwidth parameter along x"]
-    assert bandwidth["explanation"] == deviations.BANDWIDTH
+    assert bandwidth["explanation"] == why("bandwidth")
     assert float(bandwidth["ours_inside_percent"]) < 90
     tuned = [row for row in table_of(folder / "table-2.csv") if row["our_optimum"]]
     assert {row["model"] for row in tuned} == {"Kernel Ridge"}

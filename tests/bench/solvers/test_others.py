@@ -2,7 +2,7 @@
 
 import pytest
 
-from bench.peers.accuracy import find_errors
+from bench.peers.compare import find_errors
 from bench.peers.sample import sample
 from bench.solvers import aspher, contact_mechanics
 from bench.solvers.case import find_exact

@@ -6,10 +6,10 @@ import pytest
 import bem
 from bench import __main__ as bench
 from bench.page.content import Figure, Table, Words
+from bench.page.parts import contents_of
 from bench.surrogates import tolerance_labels as labels
-from bench.surrogates.tolerance import tolerance
+from bench.surrogates.tolerance import advice, choice, report, tolerance
 from bench.surrogates.tolerance_labels import DEFAULT, TIGHT, kept, scene_of, solve_all
-from bench.surrogates.tolerance_report import choice, contents, lines, report
 from bench.table import read_table
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
@@ -142,7 +142,7 @@ def test_what_an_interruption_leaves_is_done_later(tmp_path, monkeypatch):
 )
 def test_the_loosest_tolerance_that_is_good_enough_is_chosen(errors, chosen):
     assert choice(rows_of(errors), "paper")["tolerance"] == chosen
-    text = " ".join(lines(rows_of(errors)))
+    text = advice(rows_of(errors))
     assert (f"Choose {chosen:g} for" in text) == (chosen > DEFAULT)
 
 
@@ -151,7 +151,7 @@ def test_the_report(small, tmp_path):
     made = report(small[1])
     paths, text = made.write(folder), made.text
     assert [path.name for path in paths] == ["tolerance.csv", "tolerance.txt", "tolerance.png"]
-    figure, *words, table = contents(folder)
+    figure, *words, table = contents_of("surrogates/tolerance", folder)
     assert isinstance(figure, Figure)
     assert isinstance(table, Table)
     assert words == [Words(line) for line in text.splitlines()]

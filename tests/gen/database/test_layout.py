@@ -21,7 +21,7 @@ def test_new_file_has_every_column_pending(path):
         assert reader.counts() == Counts(pending=10, done=0, failed=0)
         for column in reader.columns():
             values = reader.column(column.name)
-            assert values.shape == column.shape(10, 5)
+            assert values.shape == column.shape(10, (5, 5))
             assert values.dtype == column.dtype
             np.testing.assert_array_equal(values, np.full_like(values, column.fill))
     assert list(path.parent.iterdir()) == [path]

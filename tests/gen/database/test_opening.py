@@ -10,7 +10,7 @@ from small_databases import PHYSICS, raise_physics, small
 from gen import database, schema
 from gen.database import Reader, Writer, create, merge, open_or_create
 from gen.runtime.errors import InputError
-from gen.scene import Scene, Surface
+from gen.scene import DisplacedSurface, Scene
 
 
 def bad_file(path, kind):
@@ -90,7 +90,7 @@ def test_forbidden_file(path):
 def test_other_scene_is_refused_key_by_key(path):
     create(path, small(seed=1))
     before = path.read_bytes()
-    other = Scene(samples=20, seed=2, surface=Surface(nodes=9))
+    other = Scene(samples=20, seed=2, surface=DisplacedSurface(nodes=9))
     with pytest.raises(InputError) as raised:
         open_or_create(path, other, force=True)
     assert "seed: 1 in the file, 2 asked for" in str(raised.value)
@@ -129,3 +129,19 @@ def test_other_physics_is_refused_unless_forced(path, monkeypatch):
     with Reader(path) as reader:
         assert reader.attributes["physics"] == PHYSICS
         assert reader.attributes["physics_forced"] == PHYSICS + 1
+
+
+def test_patches_without_edges_have_a_number_of_their_own(tmp_path):
+    """Their results have changed where those of free patches have not."""
+    free, periodic = small(), small(contact={"boundary": "periodic"})
+    for scene, number in ((free, schema.PHYSICS), (periodic, schema.EDGELESS_PHYSICS)):
+        path = tmp_path / f"{number}.h5"
+        create(path, scene)
+        with Reader(path) as reader:
+            assert reader.attributes["physics"] == number
+        assert schema.changes_since(number, scene) == {}
+    with h5py.File(path, "r+") as file:
+        file.attrs.modify("physics", schema.PHYSICS)
+    with pytest.raises(InputError, match="physics 4, this version computes physics 5"):
+        open_or_create(path, periodic)
+    assert list(schema.changes_since(schema.PHYSICS, periodic)) == [schema.EDGELESS_PHYSICS]

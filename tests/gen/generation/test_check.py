@@ -8,6 +8,7 @@ import pytest
 
 from gen import cli
 from gen.generation.check import faults
+from gen.schema import Reason, Status
 
 SCENE = "samples = 20\nsamples_per_surface = 3\n[surface]\nnodes = 17\n[store]\npressure = true\n"
 
@@ -69,6 +70,68 @@ def test_a_spoilt_value_is_found_without_recomputing(database, capsys, column, v
     assert any(fault in line for line in found)
     assert cli.main(["check", "rows.h5"]) == 1
     assert fault in capsys.readouterr().out
+
+
+FLAT = "samples = 3\n[surface]\nnodes = 9\nsigma0 = [0.0, 0.0]\n"
+
+
+@pytest.fixture
+def undefined(tmp_path, monkeypatch):
+    """A database of flat surfaces, which have no asperity."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "flat.toml").write_text(FLAT)
+    assert cli.main(["run", "flat.toml", "-o", "flat.h5"]) == 0
+    return tmp_path / "flat.h5"
+
+
+def test_two_rough_bodies_are_recomputed_and_told(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "two.toml").write_text(SCENE.replace("[store]", 'against = "another"\n[store]'))
+    assert cli.main(["run", "two.toml", "-o", "two.h5", "--dry-run"]) == 0
+    assert "17 x 17 nodes, each against another rough one" in capsys.readouterr().out
+    assert cli.main(["run", "two.toml", "-o", "two.h5"]) == 0
+    assert list(faults(tmp_path / "two.h5", recompute=20)) == []
+    (tmp_path / "one.toml").write_text(SCENE)
+    capsys.readouterr()
+    assert cli.main(["run", "one.toml", "-o", "two.h5"]) == 2
+    assert "surface.against" in capsys.readouterr().err
+
+
+def test_statistics_that_a_surface_does_not_define_are_no_faults(undefined, capsys):
+    assert list(faults(undefined, recompute=3)) == []
+    assert cli.main(["info", "flat.h5"]) == 0
+    shown = capsys.readouterr().out
+    assert "3 done, 0 failed" in shown
+    assert "3 done: statistics undefined on this surface" in shown
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "fault"),
+    [
+        ("reason", 0, "peak_mean is not finite"),
+        ("force", np.nan, "force is not finite"),
+        ("delta", np.nan, "delta is not the plan's"),
+        ("asperity_mean", np.inf, "asperity_mean is not finite"),
+    ],
+)
+def test_only_statistics_with_their_reason_may_be_undefined(undefined, column, value, fault):
+    spoil(undefined, column, 1, value)
+    assert any(f"row 1: {fault}" in line for line in faults(undefined, recompute=0))
+
+
+def test_a_reason_needs_an_undefined_statistic(database):
+    spoil(database, "reason", 4, Reason.NO_STATISTICS)
+    assert list(faults(database, recompute=0)) == [
+        "row 4: statistics are said to be undefined, but are not"
+    ]
+
+
+def test_rows_that_failed_for_their_statistics_are_valid_and_mended(undefined, capsys):
+    spoil(undefined, "status", slice(None), Status.FAILED)  # as files had it before
+    assert list(faults(undefined, recompute=3)) == []
+    assert cli.main(["run", "flat.toml", "-o", "flat.h5", "--retry-failed"]) == 0
+    assert "3 rows done, 0 failed" in capsys.readouterr().out
+    assert list(faults(undefined, recompute=3)) == []
 
 
 @pytest.mark.parametrize("column", ["height_mean", "iterations", "pressure"])
@@ -148,3 +211,39 @@ def folder_of_cells(tmp_path, monkeypatch):
     (tmp_path / "scene.toml").write_text(text)
     assert cli.main(["run", "scene.toml", "-o", "rows.h5"]) == 0
     return tmp_path
+
+
+LOADED = """samples = 4
+[surface]
+generator = "spectral"
+nodes = [16, 20]
+side = [100.0, 90.0]
+roll_off = 60.0
+cut_off = 20.0
+rms_height = 1.0
+[load]
+quantity = "{}"
+range = {}
+"""
+
+
+@pytest.mark.parametrize(
+    ("quantity", "span", "fault"),
+    [
+        ("delta", "[0.1, 1.0]", "delta is not the plan's"),
+        ("delta/height_rms", "[0.1, 1.0]", "delta is not that of the load"),
+        ("pressure", "[1e-3, 1e-2]", "force is not that of the load"),
+        ("pressure/(E* slope_rms)", "[1e-3, 1e-2]", "load is not the plan's"),
+        ("force", "{ log_uniform = [1.0, 30.0] }", "force is not that of the load"),
+    ],
+)
+def test_rows_have_the_loads_of_their_plan(tmp_path, quantity, span, fault):
+    (tmp_path / "loads.toml").write_text(LOADED.format(quantity, span))
+    path = tmp_path / "loads.h5"
+    assert cli.main(["run", str(tmp_path / "loads.toml"), "-o", str(path)]) == 0
+    assert list(faults(path, recompute=4)) == []
+    spoilt = fault.partition(" ")[0]
+    with h5py.File(path) as file:
+        value = float(file[spoilt][2])
+    spoil(path, spoilt, 2, value * (1 + 1e-6))
+    assert list(faults(path, recompute=0)) == [f"row 2: {fault}"]

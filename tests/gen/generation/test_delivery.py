@@ -12,7 +12,7 @@ from gen.generation.delivery import Block, Target, delivery, in_parallel
 from gen.generation.sample import compute_rows
 from gen.runtime import farm
 from gen.runtime.errors import InputError
-from gen.scene import Scene, Surface
+from gen.scene import DisplacedSurface, Scene
 
 ALONE, MANY = farm.World(), farm.World(0, 9)
 
@@ -76,7 +76,7 @@ def test_a_parallel_writer_that_cannot_be_is_refused(monkeypatch, world, has_mpi
 
 
 def test_rows_through_the_master_are_counted_and_written(tmp_path):
-    scene = Scene(samples=10, surface=Surface(nodes=5))
+    scene = Scene(samples=10, surface=DisplacedSurface(nodes=5))
     path = tmp_path / "some.h5"
     database.create(path, scene)
 

@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from gen.generation.plan import (
     CHUNK,
     Parameters,
-    _log_within,
     blocks,
+    opposite_random,
     parameters,
     planned_columns,
     surface_random,
 )
+from gen.generation.quantiles import log_within
 from gen.generation.run import BLOCK_BYTES, blocks_of
 from gen.scene import Scene, load
 
@@ -25,7 +26,7 @@ def scene(samples: int = 1000, m: int = 1, extra: str = "") -> Scene:
 
 
 def columns(rows: Parameters) -> tuple[np.ndarray, ...]:
-    return rows.surface, rows.hurst, rows.sigma0, rows.delta
+    return rows.surface, rows.drawn["hurst"], rows.drawn["sigma0"], rows.delta
 
 
 def assert_slice(part: Parameters, whole: Parameters, start: int, stop: int) -> None:
@@ -39,10 +40,12 @@ def test_first_rows_of_the_papers_database() -> None:
     rows = parameters(load("paper"), 0, 3)
     np.testing.assert_array_equal(rows.surface, [0, 1, 2])
     np.testing.assert_allclose(
-        rows.hurst, [0.7203239930748728, 0.6465117409900214, 0.6770927403352416], rtol=1e-15
+        rows.drawn["hurst"],
+        [0.7203239930748728, 0.6465117409900214, 0.6770927403352416],
+        rtol=1e-15,
     )
     np.testing.assert_allclose(
-        rows.sigma0, [12.089954739115084, 10.0545284405591, 10.033495532330592], rtol=1e-15
+        rows.drawn["sigma0"], [12.089954739115084, 10.0545284405591, 10.033495532330592], rtol=1e-15
     )
     np.testing.assert_allclose(
         rows.delta, [19.135645934310062, 16.34904294864218, 17.09480985923459], rtol=1e-15
@@ -61,8 +64,8 @@ def test_rows_are_cut_from_streams_drawn_in_full(m: int) -> None:
         rows = parameters(paper, chunk * CHUNK * m, (chunk + 1) * CHUNK * m)
         surface = chunk * CHUNK + np.arange(CHUNK)
         np.testing.assert_array_equal(rows.surface, np.repeat(surface, m))
-        np.testing.assert_array_equal(rows.hurst, np.repeat(hurst, m))
-        np.testing.assert_array_equal(rows.sigma0, np.repeat(sigma0, m))
+        np.testing.assert_array_equal(rows.drawn["hurst"], np.repeat(hurst, m))
+        np.testing.assert_array_equal(rows.drawn["sigma0"], np.repeat(sigma0, m))
         np.testing.assert_array_equal(rows.delta, delta.ravel())
 
 
@@ -93,8 +96,8 @@ def test_more_samples_leave_rows_as_they_are() -> None:
 
 def test_more_samples_a_surface_leave_surfaces_as_they_are() -> None:
     single, fivefold = parameters(scene(m=1), 0, 100), parameters(scene(m=5), 0, 500)
-    np.testing.assert_array_equal(fivefold.hurst[::5], single.hurst)
-    np.testing.assert_array_equal(fivefold.sigma0[::5], single.sigma0)
+    np.testing.assert_array_equal(fivefold.drawn["hurst"][::5], single.drawn["hurst"])
+    np.testing.assert_array_equal(fivefold.drawn["sigma0"][::5], single.drawn["sigma0"])
 
 
 def test_rows_of_a_surface_share_it() -> None:
@@ -102,8 +105,8 @@ def test_rows_of_a_surface_share_it() -> None:
     np.testing.assert_array_equal(rows.surface, [0, 0] + 5 * [1] + 5 * [2] + 5 * [3] + 3 * [4])
     assert rows.surface.dtype == np.int64
     for surface in range(5):
-        assert len(set(rows.hurst[rows.surface == surface])) == 1
-        assert len(set(rows.sigma0[rows.surface == surface])) == 1
+        assert len(set(rows.drawn["hurst"][rows.surface == surface])) == 1
+        assert len(set(rows.drawn["sigma0"][rows.surface == surface])) == 1
     assert len(set(rows.delta)) == 20
 
 
@@ -132,10 +135,10 @@ def test_displacement_has_the_shares_of_its_pieces() -> None:
 
 def test_ranges_are_filled_evenly_and_independently() -> None:
     rows = parameters(load("paper"), 0, 200_000)
-    for column, low, high in [(rows.hurst, 0.5, 0.8), (rows.sigma0, 10.0, 15.0)]:
+    for column, low, high in [(rows.drawn["hurst"], 0.5, 0.8), (rows.drawn["sigma0"], 10.0, 15.0)]:
         share, _ = np.histogram(column, bins=10, range=(low, high))
         np.testing.assert_allclose(share / column.size, 0.1, atol=0.005)
-    correlation = np.corrcoef([rows.hurst, rows.sigma0, rows.delta])
+    correlation = np.corrcoef([rows.drawn["hurst"], rows.drawn["sigma0"], rows.delta])
     np.testing.assert_allclose(correlation, np.eye(3), atol=0.015)
 
 
@@ -145,8 +148,8 @@ def test_range_of_one_value() -> None:
         "[delta]\npieces = [{share = 1.0, range = [0.3, 0.3]}]"
     )
     rows = parameters(fixed, 0, 1000)
-    assert set(rows.hurst) == {0.7}
-    assert set(rows.sigma0) == {0.1}
+    assert set(rows.drawn["hurst"]) == {0.7}
+    assert set(rows.drawn["sigma0"]) == {0.1}
     assert set(rows.delta) == {0.3}
 
 
@@ -155,7 +158,7 @@ def test_range_of_one_value() -> None:
 def test_rounding_keeps_within_the_range(limits: list[float]) -> None:
     low, high = limits
     rows = parameters(scene(extra=f"[surface]\nhurst = [{low!r}, {high!r}]"), 0, 200)
-    assert np.all((rows.hurst >= low) & (rows.hurst <= high))
+    assert np.all((rows.drawn["hurst"] >= low) & (rows.drawn["hurst"] <= high))
 
 
 def hardness(limits: str, m: int = 1, key: str = "hardness") -> Scene:
@@ -195,7 +198,9 @@ def test_hardness_is_log_uniform_and_independent() -> None:
     assert rows.hardness is not None
     share, _ = np.histogram(np.log(rows.hardness), bins=10, range=np.log([0.003, 0.1]))
     np.testing.assert_allclose(share / rows.hardness.size, 0.1, atol=0.005)
-    correlation = np.corrcoef([rows.hurst, rows.sigma0, rows.delta, np.log(rows.hardness)])
+    correlation = np.corrcoef(
+        [rows.drawn["hurst"], rows.drawn["sigma0"], rows.delta, np.log(rows.hardness)]
+    )
     np.testing.assert_allclose(correlation, np.eye(4), atol=0.015)
 
 
@@ -204,7 +209,7 @@ def test_hardness_is_log_uniform_and_independent() -> None:
 def test_hardness_keeps_within_its_range_and_follows_the_power(limits: list[float]) -> None:
     low, high = limits
     uniform = np.random.default_rng(0).random(100)
-    values = _log_within(low, high, uniform)
+    values = log_within(low, high, uniform)
     assert np.all((values >= low) & (values <= high))
     expected = np.log(low) + uniform * (np.log(high) - np.log(low))
     np.testing.assert_allclose(np.log(values), expected, rtol=0, atol=1e-12)
@@ -227,7 +232,8 @@ def test_other_seeds_give_other_rows() -> None:
 def test_surfaces_have_streams_of_their_own() -> None:
     paper = scene()
     first = {surface_random(paper, surface).random() for surface in range(2000)}
-    assert len(first) == 2000
+    first |= {opposite_random(paper, surface).random() for surface in range(2000)}
+    assert len(first) == 4000
     again = surface_random(paper, 7).standard_normal(5)
     np.testing.assert_array_equal(again, surface_random(paper, 7).standard_normal(5))
     np.testing.assert_array_equal(

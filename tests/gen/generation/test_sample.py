@@ -8,6 +8,7 @@ import gen.generation.sample
 import gen.runtime.overtime
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows, solve_contact, surface_of
+from gen.runtime.errors import InputError
 from gen.scene import Scene, load
 from gen.schema import Reason, Status, columns_for
 from gen.statistics import describe
@@ -99,7 +100,7 @@ def test_a_row_without_edges_is_what_its_parts_say(boundary, hardness):
         contact = bem.solve(
             heights, 1000.0, plan.delta[row], boundary=boundary, hardness=plan.hardness_of(row)
         )
-        assert contact.problem.spacing == (made.spacing,) * 2
+        assert contact.problem.spacing == made.spacing
         for name in ("area_percent", "force", "largest_pressure", "mean_gap", "perimeter"):
             assert rows[name][row] == getattr(contact, name)
         np.testing.assert_array_equal(rows["pressure"][row], contact.pressure)
@@ -157,6 +158,53 @@ def test_a_surface_is_made_once_for_its_samples(monkeypatch):
     assert len(calls) == 3
 
 
+SPECTRAL = """
+samples = 60
+[surface]
+generator = "spectral"
+nodes = [32, 24]
+side = [64.0, 48.0]
+roll_off = 16.0
+cut_off = 6.0
+rms_height = [0.5, 1.5]
+"""
+AGAINST = "against = 'another'\n"
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
+@pytest.mark.parametrize("text", [SPECTRAL, "samples = 60\n[surface]\nnodes = 17\n"])
+def test_two_rough_bodies_are_the_sum_of_two_surfaces(text, boundary):
+    contact = f"[contact]\nboundary = '{boundary}'\n"
+    alone, pair = (Scene.parse(text + key + contact, "test") for key in ("", AGAINST))
+    assert alone.fingerprint() != pair.fingerprint()
+    plans = [parameters(made, 0, 60) for made in (alone, pair)]
+    for name, values in plans[0].drawn.items():
+        np.testing.assert_array_equal(values, plans[1].drawn[name])
+    np.testing.assert_array_equal(plans[0].delta, plans[1].delta)
+    likeness, ratios = [], []
+    for row in range(60):
+        first, composite = (
+            surface_of(made, plan, row) for made, plan in zip((alone, pair), plans, strict=True)
+        )
+        assert composite.min() == 0
+        assert composite.shape == first.shape
+        second = composite - first
+        likeness.append(np.corrcoef(first.ravel(), second.ravel())[0, 1])
+        ratios.append(second.var() / first.var())
+    assert abs(np.mean(likeness)) < 3 * np.std(likeness) / np.sqrt(60)  # none
+    assert abs(np.mean(np.log(ratios))) < 4 * np.std(np.log(ratios)) / np.sqrt(60)
+
+
+def test_the_second_body_is_another_one_for_each_surface():
+    made = Scene.parse(SPECTRAL + AGAINST + "[contact]\nboundary = 'periodic'\n", "test")
+    plan = parameters(made, 0, 2)
+    whole = [surface_of(made, plan, row) for row in (0, 1)]
+    alone = Scene.parse(SPECTRAL + "[contact]\nboundary = 'periodic'\n", "test")
+    second = [heights - surface_of(alone, plan, row) for row, heights in enumerate(whole)]
+    assert not np.allclose(second[0] - second[0].mean(), second[1] - second[1].mean())
+    np.testing.assert_array_equal(surface_of(made, parameters(made, 1, 2), 0), whole[1])
+
+
 def test_failures_are_rows_with_a_reason(monkeypatch):
     monkeypatch.setattr(bem.half_space, "FEW_PER_ROOT", 0.0)  # else one iteration may be enough
     starved = scene("[contact]\nmax_iterations = 1")
@@ -181,6 +229,7 @@ def test_a_flat_surface_has_an_area_but_no_statistics():
     made = Scene.parse("samples = 2\n[surface]\nnodes = 9\nsigma0 = [0.0, 0.0]", "test")
     rows = compute_rows(made, 0, 2)
     assert set(rows["reason"]) == {Reason.NO_STATISTICS}
+    assert set(rows["status"]) == {Status.DONE}
     assert set(rows["area_percent"]) == {100.0}
     assert np.isnan(rows["peak_mean"]).all()
 
@@ -235,3 +284,127 @@ def test_a_bug_in_the_timer_is_not_a_row(monkeypatch):
 def test_a_limit_that_no_timer_takes_is_no_failed_row():
     with pytest.raises(ValueError, match="at most"):
         compute_rows(scene(), 0, 1, limit=1e10)
+
+
+DECIDED = (
+    "{stiffness=true, interface_stiffness=true, contact_spots=true, largest_spot_percent=true,"
+    " contact_connects=true, gap_connects=true, corrected_area_percent=true}"
+)
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
+def test_what_contact_decides_is_what_the_contact_says(boundary):
+    pressed = f"contact = {{boundary = '{boundary}', hardness = 0.02}}"
+    made = scene(f"store = {DECIDED}\n{pressed}\n", samples=4)
+    rows = compute_rows(made, 0, 4)
+    plan = parameters(made, 0, 4)
+    for row in range(4):
+        contact = solve_contact(made, surface_of(made, plan, row), plan.delta[row], 0.02)
+        for name in ("stiffness", "interface_stiffness", "corrected_area_percent"):
+            assert rows[name][row] == getattr(contact, name)
+        spots = contact.spots
+        assert rows["contact_spots"][row] == spots.number
+        assert rows["largest_spot_percent"][row] == 100 * spots.largest_share
+        for name in ("contact_connects", "gap_connects"):
+            along, across = getattr(spots, name)
+            assert rows[name][row] == along + 2 * across
+    assert set(rows["status"]) == {Status.DONE}
+
+
+def test_a_stiffness_that_cannot_be_solved_for_is_a_reason(monkeypatch):
+    def fail(*_):
+        raise ArithmeticError
+
+    monkeypatch.setattr(bem.contact, "punch_of", fail)
+    rows = compute_rows(scene("store = {stiffness=true}", samples=1), 0, 1)
+    assert rows["reason"][0] == Reason.ARITHMETIC
+
+
+def test_absent_and_false_keys_are_one_scene():
+    """Later keys of [store] stand in no text where they are off, so that older scenes stay."""
+    off = scene("store = {stiffness=false, mean_gap=false}")
+    assert off.fingerprint() == scene().fingerprint()
+    assert "stiffness" not in off.text()
+
+
+def test_corrected_areas_need_square_cells():
+    oblong = "store = {corrected_area_percent=true}\n[surface]\ngenerator = 'spectral'\n"
+    size = "nodes = [16, 8]\nside = [100.0, 100.0]\nhurst = 0.8\nrms_height = 1.0\n"
+    size += "roll_off = 50.0\ncut_off = 30.0\n"
+    with pytest.raises(InputError, match="needs square cells"):
+        Scene.parse(f"samples = 1\n{oblong}{size}", "test")
+
+
+LOADED = """samples = 6
+samples_per_surface = 2
+[surface]
+generator = "spectral"
+nodes = [14, 17]
+side = [70.0, 60.0]
+roll_off = 40.0
+cut_off = 14.0
+rms_slope = [0.05, 0.2]
+[load]
+quantity = "{}"
+range = {}
+[contact]
+modulus = 3.0
+poisson = 0.3
+boundary = "{}"
+{}
+"""
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
+@pytest.mark.parametrize(
+    ("quantity", "span"),
+    [
+        ("delta", "[0.0, 1.0]"),
+        ("delta/height_rms", "[0.0, 1.0]"),
+        ("pressure", "{ log_uniform = [1e-3, 0.03] }"),
+        ("pressure/(E* slope_rms)", "[0.0, 0.05]"),
+        ("force", "{ choice = [0.0, 5.0, 60.0] }"),
+    ],
+)
+@pytest.mark.parametrize("further", ["", "hardness = { normal = [0.3, 0.03] }"])
+def test_loads_in_every_quantity_are_those_of_bem_solve(boundary, quantity, span, further):
+    """Against the surface pressed by `bem.solve`, loads worked out here from the heights."""
+    scene = Scene.parse(LOADED.format(quantity, span, boundary, further), "test")
+    rows, plan = compute_rows(scene, 0, 6), parameters(scene, 0, 6)
+    assert set(rows["status"].tolist()) == {Status.DONE}
+    modulus = 3.0 / (1 - 0.3**2)
+    for row in range(6):
+        heights, load = surface_of(scene, plan, row), plan.load[row]
+        slopes = (np.diff(heights, axis=axis) / scene.spacing[axis] for axis in (0, 1))
+        slope = np.sqrt(sum(np.mean(along**2) for along in slopes))
+        pressed = {
+            "delta": {"delta": load},
+            "delta/height_rms": {"delta": load * heights.std()},
+            "pressure": {"pressure": load},
+            "pressure/(E* slope_rms)": {"pressure": load * modulus * slope},
+            "force": {"force": load},
+        }[quantity]
+        contact = bem.solve(
+            heights,
+            scene.sides,
+            modulus=3.0,
+            poisson=0.3,
+            boundary=boundary,
+            hardness=plan.hardness_of(row),
+            **pressed,
+        )
+        assert rows["delta"][row] == pytest.approx(contact.delta, rel=1e-5, abs=1e-9)
+        assert rows["force"][row] == pytest.approx(contact.force, rel=1e-5, abs=1e-9)
+        assert rows["contact_nodes"][row] == contact.contact_nodes
+
+
+def test_rows_fail_by_their_load_alone_and_their_surface_is_described():
+    text = LOADED.format("pressure", "{ choice = [1e-3, 9.0] }", "free", "hardness = 1.0")
+    rows = compute_rows(Scene.parse(text, "test"), 0, 6)
+    beyond = rows["load"] == 9.0
+    assert beyond.any()
+    assert not beyond.all()
+    assert (rows["status"] == np.where(beyond, Status.FAILED, Status.DONE)).all()
+    assert (rows["reason"][beyond] == Reason.BEYOND_HARDNESS).all()
+    assert np.isnan(rows["delta"][beyond]).all()
+    assert np.isfinite(rows["height_rms"]).all()

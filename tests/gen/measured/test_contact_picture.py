@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bem
-from gen.maps import CYAN
+from gen.maps import COLOURS, CYAN
 from gen.measured import contact_picture
 from gen.measured.contact_picture import Subject, draw_contacts, section_line
 from gen.surface import generate
@@ -184,3 +184,24 @@ def test_sections_place_nodes_on_the_borders_or_at_the_centres_of_cells(
     assert section.get_xlim() == pytest.approx((0.0, 100.0))
     expected = f"= {(first + place) * spacing[1 - along]:.4g} µm"
     assert section.get_title(loc="left").endswith(expected)
+
+
+def test_spots_and_the_open_gap_replace_heights_and_pressure() -> None:
+    contacts = list(bem.ladder(ROUGH, 100.0, [1.0, 4.0], modulus=E_STAR))
+    figure = drawn(contacts, spots=True)
+    assert titled(figure, f"{contacts[-1].spots.number} spots")
+    gap = titled(figure, "gap: connects opposite sides, closed pockets in cyan")
+    closed = (contacts[-1].spots.labels == 0) & ~contacts[-1].spots.open_gap
+    assert len(gap.get_images()) == 1 + closed.any()
+    full = bem.solve(ROUGH, 100.0, pressure=1e7, modulus=E_STAR)
+    assert titled(drawn([full], spots=True), "gap: connects no sides")
+
+
+def test_colours_number_spots_from_the_largest_one_without_a_colour_bar() -> None:
+    (contact,) = bem.ladder(ROUGH, 100.0, [1.0], modulus=E_STAR)
+    axis = titled(drawn([contact], spots=True), f"{contact.spots.number} spots")
+    (image,) = axis.get_images()
+    assert image.get_clim() == (0, COLOURS - 1)
+    assert image.colorbar is None
+    largest = contact.spots.labels.T == 1
+    assert (image.get_array()[largest] == 0).all()

@@ -46,6 +46,32 @@ def test_constants_pass_up_to_the_border(cutoff: float) -> None:
     np.testing.assert_allclose(smooth, 3.7, rtol=1e-14)
 
 
+@pytest.mark.parametrize("cutoff", [3.2, 11.0, 40.0])  # the longest reaches round the map
+def test_a_periodic_map_is_filtered_as_one_that_is_repeated(cutoff: float) -> None:
+    heights = np.random.default_rng(2).normal(size=(81, 50))
+    smooth = long_waves(heights, SPACING, cutoff, "periodic")
+    repeated = long_waves(np.tile(heights, (5, 5)), SPACING, cutoff)
+    np.testing.assert_allclose(smooth, repeated[162:243, 100:150], atol=1e-7)
+    shifted = long_waves(np.roll(heights, (7, -11), (0, 1)), SPACING, cutoff, "periodic")
+    np.testing.assert_allclose(shifted, np.roll(smooth, (7, -11), (0, 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [1, 2])
+def test_periodic_waves_pass_up_to_the_border(ratio: int) -> None:
+    waves = wave((80, 50), 40.0 / ratio, 0.0)
+    smooth = long_waves(waves, SPACING, 40.0, "periodic")
+    np.testing.assert_allclose(smooth, 0.5 ** (ratio**2) * waves, atol=1e-7)
+
+
+@pytest.mark.parametrize("cutoff", [3.2, 11.0, 40.0])
+def test_a_mirrored_map_is_filtered_as_the_periodic_one_of_its_images(cutoff: float) -> None:
+    heights = np.random.default_rng(3).normal(size=(41, 50))
+    images = np.block([[heights, heights[:, ::-1]], [heights[::-1], heights[::-1, ::-1]]])
+    smooth = long_waves(heights, SPACING, cutoff, "mirror")
+    whole = long_waves(images, SPACING, cutoff, "periodic")
+    np.testing.assert_allclose(smooth, whole[:41, :50], atol=1e-12)
+
+
 def test_a_step_is_the_standards_error_function() -> None:
     x = SPACING[0] * (np.arange(200) - 99.5)
     heights = np.repeat(np.sign(x)[:, None], 9, axis=1)

@@ -93,6 +93,7 @@ def test_npy_is_known_by_its_content_whatever_its_name(tmp_path):
 
 GOOD = npy(np.eye(4))
 TERABYTES = GOOD.replace(b"(4, 4), }" + b" " * 12, b"(9999999, 9999999), }")  # header as long
+BEYOND = GOOD.replace(b"(4, 4), }" + b" " * 18, b"(9223372036854775808, 9), }")  # as long
 FAULTS = {
     "no array": ("a.npy", b"1 2\n3 4\n", r"not a whole \.npy file \(.*magic"),
     "empty npy": ("a.npy", b"", r"not a whole \.npy file \("),
@@ -100,6 +101,7 @@ FAULTS = {
     "cut off": ("a.npy", GOOD[:-9], r"not a whole \.npy file \("),
     "broken header": ("a.npy", GOOD.replace(b"'descr'", b"'{([\x00'"), r"not a whole \.npy"),
     "claims terabytes": ("a.npy", TERABYTES, r"not a whole \.npy file \("),
+    "more nodes than integers": ("a.npy", BEYOND, r"not a whole \.npy file \("),
     "objects": ("a.npy", npy(np.array([[1, "a"], [None, 2]], dtype=object)), "Object arrays"),
     "pickle": ("a.npy", pickle.dumps([[1.0, 2.0], [3.0, 4.0]]), r"not a whole \.npy file"),
     "zip": ("a.npy", b"PK\x03\x04" + b"\x00" * 40, r"not a whole \.npy file"),

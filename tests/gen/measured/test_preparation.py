@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,10 +14,11 @@ from bem.spacing import Boundary
 from gen import cli
 from gen.material import combined_modulus
 from gen.measured import preparation
-from gen.measured.preparation import filled_harmonically, prepare, rms_slope, surface_warnings, tilt
+from gen.measured.preparation import filled_harmonically, prepare, surface_warnings, tilt
 from gen.measured.settings import Preparation
 from gen.measured.topography import Topography
 from gen.runtime.errors import InputError
+from gen.statistics import rms_slope
 from gen.surface import generate
 
 X, Y = np.meshgrid(np.arange(12) * 2.0, np.arange(9) * 0.5, indexing="ij")  # um
@@ -67,7 +69,8 @@ def test_a_level_takes_its_shape_away_whatever_is_missing(level: str, shape: np.
 
 def test_tilt_is_the_slope_of_the_plane() -> None:
     assert tilt(topography(4 + 0.1 * X - 0.3 * Y)) == pytest.approx((0.1, -0.3))
-    assert rms_slope(topography(4 + 0.1 * X - 0.3 * Y)) == pytest.approx(np.hypot(0.1, 0.3))
+    tilted = topography(4 + 0.1 * X - 0.3 * Y)
+    assert rms_slope(tilted.heights, tilted.spacing) == pytest.approx(np.hypot(0.1, 0.3))
 
 
 def test_crop_keeps_nodes_and_spacing() -> None:
@@ -75,6 +78,47 @@ def test_crop_keeps_nodes_and_spacing() -> None:
     assert np.array_equal(cropped.heights, -(X + 100 * Y)[2:6, 2:7])
     assert cropped.spacing == pytest.approx((2.0, 0.5))
     assert len(cropped.steps) == 2
+
+
+def test_holes_at_the_border_of_a_periodic_map_are_filled_from_the_opposite_side() -> None:
+    heights = np.random.default_rng(4).normal(size=(12, 9))
+    holes = heights.copy()
+    holes[4:7, 3:6] = np.nan  # far from the border
+    moved = np.roll(holes, (6, 4), (0, 1))  # across it
+    filled = filled_harmonically(moved, (2.0, 0.5), periodic=True)
+    expected = filled_harmonically(holes, (2.0, 0.5))
+    np.testing.assert_allclose(filled, np.roll(expected, (6, 4), (0, 1)), atol=1e-12)
+    surface = Topography("scan", moved, (24.0, 4.5), boundary="periodic")
+    np.testing.assert_array_equal(prepare(surface, Preparation(fill=True)).heights, filled)
+
+
+def waves(boundary: Boundary, tilt: float = 0.0) -> Topography:
+    """One wave of 64 um along x and four of 16 um along both axes, perhaps on a slope."""
+    x = np.arange(64.0)
+    heights = np.sin(2 * np.pi * x / 64)[:, None] + 0.3 * np.sin(8 * np.pi * (x[:, None] + x) / 64)
+    return Topography("waves", heights + tilt * x[:, None], (64.0, 64.0), boundary=boundary)
+
+
+def test_a_filter_goes_round_a_periodic_map() -> None:
+    filtered = prepare(waves("periodic"), Preparation(filter=":32"))
+    passed = 1 - 0.5 ** (32**2 / 64**2), 1 - 0.5 ** (32**2 * 2 / 16**2)
+    x = np.arange(64.0)
+    expected = passed[0] * np.sin(2 * np.pi * x / 64)[:, None]
+    expected = expected + passed[1] * 0.3 * np.sin(8 * np.pi * (x[:, None] + x) / 64)
+    np.testing.assert_allclose(filtered.heights, expected, atol=1e-7)
+    assert filtered.steps[-1].endswith("L-filter 32 um, on past the borders")
+    free = prepare(waves("free"), Preparation(filter=":32"))
+    assert np.abs(free.heights - expected).max() > 0.1
+
+
+@pytest.mark.parametrize("settings", [{"level": "plane"}, {"level": "quadratic"}, {"form": 3}])
+def test_a_fit_that_is_not_periodic_is_told_of_periodic_maps(settings: dict[str, Any]) -> None:
+    told = prepare(waves("periodic"), Preparation(**settings)).warnings
+    assert len(told) == 1
+    assert "a periodic map needs --level mean" in told[0]
+    for other in (waves("free"), waves("mirror"), waves("periodic", tilt=0.1)):
+        assert prepare(other, Preparation(**settings)).warnings == ()
+    assert prepare(waves("periodic"), Preparation(level="mean")).warnings == ()
 
 
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])

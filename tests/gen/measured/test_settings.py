@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from gen.measured.settings import Preparation
+from gen.measured.settings import Preparation, in_words_of_scenes
 from gen.runtime.errors import InputError
 
 
@@ -61,3 +61,7 @@ def test_settings_out_of_their_ranges_are_refused(settings: dict[str, Any], word
     assert str(refusal.value).startswith(word)
     assert "\n" not in str(refusal.value)
     assert len(str(refusal.value)) < 300
+
+
+def test_options_are_keys_in_the_words_of_scenes():
+    assert in_words_of_scenes("--fill-most, --despike 7: no") == "fill_most, despike 7: no"

@@ -38,10 +38,21 @@ def test_rows_are_read():
 def test_values_are_those_of_linspace():
     assert values_from("5", "--delta", "") == [5.0]
     assert values_from("1,2:3:5,-7", "--delta", "") == [1.0, *np.linspace(2, 3, 5), -7.0]
+    assert values_from("0.1:100:4:log", "--delta", "") == [
+        0.1,
+        pytest.approx(1),
+        pytest.approx(10),
+        100,
+    ]
+    assert values_from("8:2:3:log,1", "--delta", "") == pytest.approx([8, 4, 2, 1])
 
 
 @pytest.mark.parametrize(
-    "text", ["", "x", "1:2", "1:2:1", "1:2:0x3", "1:inf:3", "nan:2:3", "1:2:3:4", "1,", ":" * 3000]
+    "text",
+    [
+        *("", "x", "1:2", "1:2:1", "1:2:0x3", "1:inf:3", "nan:2:3", "1:2:3:4", "1,", ":" * 3000),
+        *("0:1:3:log", "-2:-1:3:log", "1:2:1:log", "1:log", "1:2:log", "1:2:3:log:log", "1:2:3:x"),
+    ],
 )
 def test_what_is_no_value_is_refused(text):
     with pytest.raises(InputError, match=r"^--delta .*: advice$"):

@@ -169,7 +169,9 @@ def test_an_error_midway_leaves_what_was_there(folder):
 
 def test_files_in_an_input_folder_are_inputs(folder):
     check_outputs([Output(folder / "table.csv", "-o")], [folder])  # results of earlier runs
-    for name in ("heights.txt", "hard.txt"):
+    (folder / "heights.csv").write_text("0,1\n1,0\n")
+    (folder / "holes.csv").write_text("nan,nan\n1,0\n")
+    for name in ("heights.txt", "hard.txt", "heights.csv", "holes.csv"):
         with pytest.raises(InputError, match="is an input"):
             check_outputs([Output(folder / name, "-o")], [folder])
 

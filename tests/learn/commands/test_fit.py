@@ -1,12 +1,17 @@
-"""`learn fit`: with a tuned winner, and on several ranks."""
+"""`learn fit`: with a tuned winner, of several databases, and on several ranks."""
 
+import copy
 import csv
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from launch import launch, mpiexec
 
+from gen.runtime.errors import InputError
+from gen.surface import generate
 from learn import Surrogate, cli
 
 
@@ -58,3 +63,144 @@ def test_workers_generate_the_surfaces_of_hybrid_features(made, database, tmp_pa
         for path in (tmp_path / "r3.surrogate", made / "hybrid.surrogate")
     ]
     assert scores[0] == scores[1]
+
+
+SCENES = {
+    "coarse": "samples = 80\nseed = 5\n[surface]\nnodes = 17\n",
+    "soft": """
+        samples = 60
+        seed = 6
+        [surface]
+        nodes = 17
+        [contact]
+        modulus = 2.0
+        hardness_ratio = [0.003, 0.1]
+    """,
+    "fine": 'samples = 30\nseed = 7\n[surface]\nnodes = 33\ngenerator = "midpoint"\n',
+}
+
+
+@pytest.fixture(scope="module")
+def several(tmp_path_factory):
+    """A folder with databases of elastic and yielding bodies, two grids, and their surrogate."""
+    from gen import cli as gen
+
+    folder = tmp_path_factory.mktemp("several")
+    for name, text in SCENES.items():
+        scene = folder / f"{name}.toml"
+        scene.write_text(text)
+        assert gen.main(["run", str(scene), "-o", str(folder / f"{name}.h5")]) == 0
+    files = [folder / f"{name}.h5" for name in SCENES]
+    assert run("fit", *files, "--features", "hybrid", "-o", folder / "all.surrogate") == 0
+    assert run("fit", *files, "-o", folder / "free.surrogate") == 0
+    return folder
+
+
+@pytest.fixture
+def trial(several, tmp_path, monkeypatch):
+    """A current folder with copies of what `several` has made."""
+    shutil.copytree(several, tmp_path / "trial")
+    monkeypatch.chdir(tmp_path / "trial")
+
+
+@pytest.mark.usefixtures("trial")
+def test_the_card_of_several_databases_names_them_all(capsys):
+    surrogate = Surrogate.load("all.surrogate")
+    card = surrogate.card
+    found = [(Path(each["database"]).name, each["rows"]) for each in card["databases"]]
+    assert found == [("coarse.h5", 80), ("soft.h5", 60), ("fine.h5", 30)]
+    assert [each["generator"] for each in card["databases"]][1:] == ["diamond-square", "midpoint"]
+    assert card["columns"][-1] == ["log2(nodes)", "1"]
+    assert card["elastic"] is True
+    assert sum(each["rows"] for each in card["targets"]["area"]["databases"]) == 34
+    assert run("card", "all.surrogate") == 0
+    said = capsys.readouterr().out
+    for text in (
+        *("17 x 17 nodes, side 1000 um and 33 x 33 nodes", "and elastic bodies", "midpoint"),
+        *("Databases, and scores on their test rows", "coarse.h5", "soft.h5, sha256"),
+    ):
+        assert text in said, text
+
+
+@pytest.mark.usefixtures("trial")
+def test_predictions_know_the_grid_and_elastic_bodies():
+    surrogate = Surrogate.load("all.surrogate")
+    for nodes in (17, 33):
+        heights = generate("diamond-square", nodes, 0.65, 12.0, np.random.default_rng(nodes))
+        elastic = surrogate.predict(heights, 1000.0, [15.0])
+        assert "nodes" not in elastic.reasons[0]
+        assert "hardness" not in elastic.reasons[0]
+        hard = surrogate.predict(heights, 1000.0, [15.0], hardness=1e6)
+        np.testing.assert_allclose(hard.area, elastic.area, rtol=1e-4)
+        soft = surrogate.predict(heights, 1000.0, [15.0], hardness=0.01)
+        assert (soft.area > elastic.area).all()
+        assert (soft.force < elastic.force).all()
+    unseen = generate("diamond-square", 65, 0.65, 12.0, np.random.default_rng(1))
+    (reason,) = surrogate.predict(unseen, 1000.0, [15.0]).reasons
+    assert "log2(nodes) 6.022 outside 4.087 to 5.044" in reason
+    (reason,) = surrogate.predict(heights, 1000.0, [15.0], hardness=1e-4).reasons
+    assert "hardness/E* 0.0001 outside 0.003 to inf" in reason
+
+
+@pytest.mark.usefixtures("trial")
+def test_tables_have_to_name_their_nodes(capsys):
+    heights = generate("diamond-square", 17, 0.65, 12.0, np.random.default_rng(3))
+    np.save("surface.npy", heights)
+    from gen import cli as gen
+
+    assert gen.main(["describe", "surface.npy", "--side", "1000", "--csv", "table.csv"]) == 0
+    predict = "predict", "free.surrogate"
+    assert run(*predict, "table.csv", "--delta", "15", "-o", "of.csv") == 0
+    assert run(*predict, "surface.npy", "--side", "1000", "--delta", "15", "-o", "own.csv") == 0
+    ours, other = table("of.csv")[0], table("own.csv")[0]
+    assert float(ours["area_percent"]) == pytest.approx(float(other["area_percent"]), rel=1e-6)
+    lines = Path("table.csv").read_text().replace("nodes_x", "first").replace("nodes_y", "second")
+    Path("bare.csv").write_text(lines)
+    capsys.readouterr()
+    assert run("predict", "free.surrogate", "bare.csv", "--delta", "15") == 2
+    assert "bare.csv: names no nodes_x and nodes_y" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("trial")
+def test_cards_that_contradict_their_databases_are_refused():
+    surrogate = Surrogate.load("all.surrogate")
+    for change in (
+        lambda card: card.pop("elastic"),
+        lambda card: card["databases"].pop(),
+        lambda card: card["databases"][2].update(nodes=[17, 17]),
+        lambda card: card["databases"][0].update(scene=card["databases"][1]["scene"]),
+        lambda card: card["targets"]["area"]["databases"].pop(),
+    ):
+        card = copy.deepcopy(surrogate.card)
+        change(card)
+        forged = replace(surrogate, card=card)
+        forged.save("forged.surrogate")
+        with pytest.raises(InputError, match="is not whole"):
+            Surrogate.load("forged.surrogate")
+
+
+@pytest.mark.usefixtures("trial")
+def test_databases_that_cannot_be_learnt_together_are_one_line(capsys):
+    assert run("fit", "coarse.h5", "coarse.h5", "-o", "x.surrogate") == 2
+    assert "is given twice" in capsys.readouterr().err
+    assert run("fit", "coarse.h5", "soft.h5", "--features", "paper", "-o", "x.surrogate") == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "soft.h5: contact.hardness is 'given', 'none' in coarse.h5" in line
+    assert run("fit", "coarse.h5", "fine.h5", "-o", "coarse.h5") == 2
+    assert not Path("x.surrogate").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (["--features", "hybrid", "--blocks", "40"], "--blocks 40: give 33 or 65"),
+        (["--blocks", "65"], "only hybrid features have blocks"),
+        (["--features", "hybrid", "--blocks", "65", "--from", "out"], "leave one out"),
+    ],
+)
+def test_blocks_that_no_features_have_are_refused(work, capsys, options, word):
+    assert run("fit", "database.h5", "-o", "t.surrogate", *options) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert word in said
+    assert not Path("t.surrogate").exists()

@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+import bem
 from gen.scene import Scene
 from gen.surface import generate
 from learn import dataset
 from learn.features import SETS, SurfaceFeatures, chosen
 from learn.features.hardness import hardness_limits, hardness_ratios, modulus
 from learn.features.regeneration import compute_block
-from learn.features.sets import HARDNESS, SCALED_HARDNESS
+from learn.features.sets import HARDNESS, PLASTIC, SCALED_HARDNESS, no_yield
 
 DELTA = np.array([6.0, 25.0])
 
@@ -79,9 +82,45 @@ def test_rows_of_a_database_have_the_features_of_their_own_hardness(yielding):
     assert raw.names[-1] == HARDNESS
     assert np.exp(np.ptp(np.log(raw.inputs[:, -1]))) > 10
     assert raw.inputs[:, -1].min() >= 0.003
-    inputs, values = compute_block(Scene.from_text(rows.source["scene"]), (0, 4))
+    inputs, values = compute_block(Scene.from_text(rows.source["scene"]), (0, 4, (0.0,) * 4))
     assert inputs.shape == (4, 24)
     np.testing.assert_allclose(inputs[:, -1], raw.inputs[:4, -1], rtol=1e-12)
     softer = Scene.from_text(rows.source["scene"].replace("0.003, 0.1", "0.003, 0.004"))
-    assert (compute_block(softer, (0, 4))[1] != values).any()
+    assert (compute_block(softer, (0, 4, (0.0,) * 4))[1] != values).any()
     assert dataset.read(yielding, target="yielded_percent").target.max() > 0
+
+
+@given(
+    st.integers(0, 999),
+    st.floats(0.0, 1.0),
+    st.sampled_from([5, 9, 17]),
+    st.floats(0.5, 60.0),
+)
+def test_no_elastic_pressure_reaches_the_ceiling_of_the_hardness(seed, hurst, nodes, delta):
+    heights = generate("diamond-square", nodes, hurst, 12.0, np.random.default_rng(seed))
+    contact = bem.solve(heights, (1000.0, 1000.0), delta)
+    ceiling = float(no_yield(np.array([delta]), 1000.0, float(nodes))[0, 0])
+    assert contact.pressure.max() < ceiling  # E* is 1 MPa
+
+
+@pytest.mark.parametrize("name", [name for name, each in SETS.items() if each.scaled])
+def test_elastic_bodies_have_the_feature_of_very_hard_ones(name):
+    wanted = chosen(name, (0.003, 0.3), elastic=True)
+    on_surface = SurfaceFeatures(surface(), (1000.0, 1000.0))
+    elastic = on_surface.features(wanted, DELTA)
+    np.testing.assert_allclose(
+        on_surface.features(wanted, DELTA, 1e9), elastic, rtol=1e-9, atol=1e-4
+    )
+    soft = on_surface.features(wanted, DELTA, 0.01)
+    place = wanted.columns.index(SCALED_HARDNESS)
+    assert (soft[:, place] < elastic[:, place]).all()
+    alone = on_surface.features(chosen(name, (0.003, 0.3)), DELTA, 0.01)
+    np.testing.assert_array_equal(soft[:, : place + 1], alone)
+    if wanted.needs_surface:
+        assert wanted.columns[-1] == PLASTIC
+        np.testing.assert_array_equal(elastic[:, -1], 0.0)
+        for row, delta in zip(soft, DELTA, strict=True):
+            force = on_surface.coarse_contact(delta, 0.01).force  # 33 x 33 nodes are the blocks
+            assert row[-1] ** 2 == pytest.approx(force / (0.01 * 1000.0**2), rel=1e-9)
+    else:
+        assert wanted.columns[-1] == SCALED_HARDNESS

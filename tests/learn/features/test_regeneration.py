@@ -14,8 +14,9 @@ from gen.runtime.errors import InputError
 from learn import dataset
 from learn.executor import Executor
 from learn.features import SETS, SurfaceFeatures, regeneration
+from learn.features.pressed import BLOCK_COUNTS, HYBRID
 from learn.features.regeneration import hybrid_rows
-from learn.features.sets import HYBRID, STATISTICS
+from learn.features.sets import STATISTICS
 
 
 def never():
@@ -36,6 +37,23 @@ def test_rows_of_a_database_and_their_surfaces_have_the_same_features(solved, na
         np.testing.assert_array_equal(rows.inputs[row], again[0])
 
 
+@pytest.mark.parametrize("blocks", BLOCK_COUNTS)
+def test_rows_have_what_surrogates_see_of_their_surfaces(population, blocks):
+    """Each number of blocks is kept in a file of its own, beside the database."""
+    hybrid = hybrid_rows(population, Executor(), never, blocks)
+    beside = f"{population.name}.pressed{'-65' if blocks == 65 else ''}.npz"
+    assert population.with_name(beside).exists()
+    rows = dataset.read(population, features="hybrid", hybrid=hybrid, roots=True, blocks=blocks)
+    with Reader(population) as reader:
+        scene, deltas = reader.scene, reader.column("delta")
+    plan, ratio = parameters(scene, 0, scene.samples), 0.1 if scene.contact.hardness else None
+    row = rows.rows[17]
+    own = regeneration.of_scene(scene, surface_of(scene, plan, row), "it")
+    wanted = dataset.chosen("hybrid", ratio and (ratio,) * 2, roots=True, blocks=blocks)
+    again = own.features(wanted, deltas[row : row + 1], ratio)
+    np.testing.assert_array_equal(rows.inputs[17], again[0])
+
+
 @pytest.mark.parametrize("name", list(SETS))
 def test_rows_without_edges_have_the_features_of_their_cells(mirrored, name):
     hybrid = hybrid_rows(mirrored, Executor(), never) if SETS[name].needs_surface else None
@@ -51,6 +69,31 @@ def test_rows_without_edges_have_the_features_of_their_cells(mirrored, name):
         np.testing.assert_array_equal(rows.inputs[row], again[0])
 
 
+@pytest.mark.parametrize("name", list(SETS))
+def test_rows_of_every_population_have_the_features_of_their_surfaces(population, name):
+    """At the displacement that the database holds, whatever quantity was given."""
+    hybrid = hybrid_rows(population, Executor(), never) if SETS[name].needs_surface else None
+    rows = dataset.read(population, "area", features=name, hybrid=hybrid)
+    with Reader(population) as reader:
+        scene, deltas = reader.scene, reader.column("delta")
+    plan = parameters(scene, 0, scene.samples)
+    ratio = 0.1 if scene.contact.hardness else None
+    for place in (0, 17, rows.size - 1):
+        row = rows.rows[place]
+        own = regeneration.of_scene(scene, surface_of(scene, plan, row), "it")
+        wanted = dataset.chosen(name, None if ratio is None else (ratio, ratio))
+        again = own.features(wanted, deltas[row : row + 1], ratio)
+        np.testing.assert_array_equal(rows.inputs[place], again[0])
+
+
+def test_an_oblong_patch_is_as_long_as_the_square_of_its_area():
+    heights = np.random.default_rng(0).normal(size=(12, 20))
+    assert SurfaceFeatures(heights, (250.0, 1000.0)).length == 500.0
+    assert SurfaceFeatures(heights, (0.1, 0.1)).length == 0.1
+    turned = SurfaceFeatures(heights.T.copy(), (1000.0, 250.0)).hybrid(1.0)
+    np.testing.assert_allclose(turned, SurfaceFeatures(heights, (250.0, 1000.0)).hybrid(1.0))
+
+
 def test_what_was_computed_is_kept_and_only_what_changed_is_computed_again(
     database, change, monkeypatch
 ):
@@ -59,9 +102,9 @@ def test_what_was_computed_is_kept_and_only_what_changed_is_computed_again(
     asked = []
     compute = regeneration.compute_block
 
-    def counting(scene, block):
+    def counting(scene, block, blocks):
         asked.append(block)
-        return compute(scene, block)
+        return compute(scene, block, blocks)
 
     monkeypatch.setattr(regeneration, "compute_block", counting)
     np.testing.assert_array_equal(hybrid_rows(database, Executor(), never), first)
@@ -72,7 +115,7 @@ def test_what_was_computed_is_kept_and_only_what_changed_is_computed_again(
     content["inputs"][5] += 1.0
     np.savez(kept, **content)
     np.testing.assert_array_equal(hybrid_rows(database, Executor(), never), first)
-    assert asked == [(5, 6)]
+    assert [block[:2] for block in asked] == [(5, 6)]
     kept.write_bytes(kept.read_bytes()[:1000])
     np.testing.assert_array_equal(hybrid_rows(database, Executor(), never), first)
     assert len(asked) == 4

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 import bem
 from gen.runtime.errors import InputError
 from gen.surface import generate
-from learn import dataset
+from learn.columns import INPUTS
 from learn.features import SETS, SurfaceFeatures, chosen
+from learn.features.pressed import BLOCK_COUNTS
 from learn.features.sets import height_unit, target_scale
 
 FREE = [name for name, each in SETS.items() if each.scaled]
@@ -20,7 +21,7 @@ def surface(seed, nodes=33):
 
 
 def test_the_sets_have_unique_columns_and_the_papers_are_the_23():
-    assert SETS["paper"].columns == dataset.INPUTS
+    assert SETS["paper"].columns == INPUTS
     assert [len(each.columns) for each in SETS.values()] == [23, 23, 30]
     for each in SETS.values():
         assert len(set(each.columns)) == len(each.columns) == len(each.units)
@@ -45,6 +46,25 @@ def test_scaling_heights_and_delta_or_the_length_changes_nothing(
     again = SurfaceFeatures(z * up, (side, side)).features(SETS[name], np.array([delta * up]))
     # Powers of two round nothing: what remains is the rounding inside the logarithm and solver.
     np.testing.assert_allclose(again, first, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", FREE)
+@pytest.mark.parametrize("blocks", BLOCK_COUNTS)
+def test_what_surrogates_see_has_no_units_either(name, blocks):
+    """Unit names the columns, each once; a power of two rounds nothing."""
+    wanted = chosen(name, roots=True, blocks=blocks)
+    assert len(set(wanted.columns)) == len(wanted.columns) == len(wanted.units)
+    assert wanted.rooted
+    assert wanted.blocks == (blocks if name == "hybrid" else 0)
+    z, deltas = surface(4, 129), np.array([0.5, 6.0, 30.0])
+    first = SurfaceFeatures(z, (1000.0, 1000.0)).features(wanted, deltas)
+    assert first.shape == (3, len(wanted.columns))
+    again = SurfaceFeatures(z / 1024, (8.0, 8.0)).features(wanted, deltas / 1024)
+    np.testing.assert_allclose(again, first, rtol=1e-12, atol=1e-13)
+    roots = [name for name in wanted.columns if name.startswith("sqrt(")]
+    for root in roots:
+        column = wanted.columns.index(root[5:-1])
+        np.testing.assert_allclose(first[:, wanted.columns.index(root)] ** 2, first[:, column])
 
 
 @pytest.mark.parametrize("name", FREE)

@@ -6,8 +6,8 @@ import pytest
 import bem
 from gen.runtime.errors import InputError
 from gen.surface import generate
-from learn.features import SETS, SurfaceFeatures
-from learn.features.sets import HYBRID
+from learn.features import SETS, SurfaceFeatures, chosen
+from learn.features.pressed import BLOCK_COUNTS, COARSE, HYBRID, LOCAL
 
 
 def surface(seed, nodes=33):
@@ -41,7 +41,11 @@ def test_a_delta_that_reaches_no_block_still_has_features():
     z[30, 30] = 10.0
     z += np.random.default_rng(0).uniform(0, 1e-3, z.shape)
     values = SurfaceFeatures(z, (65.0, 65.0)).hybrid(0.5)
-    assert values == (1 / 66**2, 0.5 / 66**2 / 0.5, 0.0, 0.0, 0.0, 1 / 66**2, 0.5 / 66**2 / 0.5)
+    coarse, local = values[: len(COARSE)], dict(zip(LOCAL, values[len(COARSE) :], strict=True))
+    assert coarse == (1 / 66**2, 0.5 / 66**2 / 0.5, 0.0, 0.0, 0.0, 1 / 66**2, 0.5 / 66**2 / 0.5)
+    assert local["refined_share(+1s)"] == 1 / 66**2
+    assert local["local_area(1p)"] == local["coarse_perimeter/L"] == 0.0
+    assert local["refined_interference_2/delta"] == pytest.approx(1 / 66)
 
 
 def test_the_mean_displacement_follows_from_the_force():
@@ -83,3 +87,53 @@ def test_patches_without_edges_have_features_up_to_full_contact(shape, boundary)
             assert values["coarse_area_percent"] == pytest.approx(solved.area_percent, abs=0.5)
     assert values["coarse_area_percent"] > 80
     assert rough.coarse_means(0.9 * full, 0.05)[1] > 0
+
+
+def test_shares_fall_with_the_shift_and_local_areas_rise_with_the_pressure():
+    rough = SurfaceFeatures(surface(2, 129), (1000.0, 1000.0))
+    for blocks in BLOCK_COUNTS:
+        values = dict(zip(HYBRID, rough.hybrid(12.0, blocks=blocks), strict=True))
+        shares = [values[f"refined_share({shift}s)"] for shift in ("-1", "-0.5", "+0.5", "+1")]
+        assert shares == sorted(shares, reverse=True)
+        assert shares[1] > values["refined_share"] > shares[2]
+        areas = [values[f"local_area({factor}p)"] for factor in ("0.5", "1", "2")]
+        assert areas == sorted(areas)
+        assert 100 * areas[2] < values["coarse_area_percent"]
+        mean, square, cube = (values[f"refined_interference{n}/delta"] for n in ("", "_2", "_3"))
+        assert mean < square < cube < 1
+
+
+def test_finer_blocks_come_nearer_to_the_solution():
+    z = surface(6, 129)
+    solved = bem.solve(z, 1000.0, 14.0)
+    coarse, finer = (
+        dict(zip(HYBRID, SurfaceFeatures(z, (1000.0, 1000.0)).hybrid(14.0, None, n), strict=True))
+        for n in BLOCK_COUNTS
+    )
+    for name, truth in (
+        ("coarse_area_percent", solved.area_percent),
+        ("coarse_force/(E*.L.delta)", solved.force / 14e3),
+        ("coarse_perimeter/L", solved.perimeter / 1000.0),
+    ):
+        assert abs(finer[name] - truth) < abs(coarse[name] - truth)
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
+@pytest.mark.parametrize("blocks", BLOCK_COUNTS)
+@pytest.mark.parametrize("hardness_ratio", [None, 0.01])
+def test_what_surrogates_see_is_finite_on_any_patch(boundary, blocks, hardness_ratio):
+    """Oblong patches and cells, fewer nodes than blocks along one axis, bodies that yield."""
+    z = np.random.default_rng(3).normal(size=(40, 150)).cumsum(axis=1)
+    wanted = chosen("hybrid", hardness_ratio and (hardness_ratio,) * 2, roots=True, blocks=blocks)
+    rough = SurfaceFeatures(z, (50.0, 130.0), boundary=boundary)
+    found = rough.features(wanted, np.array([1e-3, 2.0, 10.0]), hardness_ratio)
+    assert found.shape == (3, len(wanted.columns))
+    assert np.isfinite(found).all()
+    turned = SurfaceFeatures(z.T.copy(), (130.0, 50.0), boundary=boundary)
+    a, b = (s.hybrid(10.0, hardness_ratio, blocks) for s in (rough, turned))
+    np.testing.assert_allclose(a, b, rtol=1e-6)
+
+
+def test_another_number_of_blocks_is_refused():
+    with pytest.raises(InputError, match="--blocks 64: give 33 or 65"):
+        chosen("hybrid", roots=True, blocks=64)

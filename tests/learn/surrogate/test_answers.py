@@ -48,6 +48,25 @@ def test_a_folder_is_predicted_and_written(work, capsys):
         assert float(row["force_uN"]) == pytest.approx(solved.force, rel=0.15)
 
 
+def test_a_surface_without_asperities_has_no_prediction_and_the_others_have(work, capsys):
+    Path("some").mkdir()
+    np.save("some/a.npy", np.outer(np.arange(33.0), np.ones(33)))  # a ramp
+    assert run(*PREDICT, "some/a.npy") == 2
+    assert "some/a.npy: statistics undefined" in capsys.readouterr().err
+    np.save("some/b.npy", np.load("many/s1.npy"))
+    assert run("fit", "database.h5", "--model", "gaussian-process", "-o", "gp.surrogate") == 0
+    ask = ["--side", 1000, "--delta", 6]
+    assert run("predict", "gp.surrogate", *ask, "some", "-o", "p.csv") == 0
+    assert table("p.csv")[0]["area_percent_std"] == "nan"
+    capsys.readouterr()
+    assert run(*PREDICT, "some", "-o", "p.csv") == 0
+    assert "warning: some/a.npy: statistics undefined" in capsys.readouterr().err
+    without, other = table("p.csv")
+    assert "no asperity" in without["reason"]
+    assert (without["flag"], without["area_percent"]) == ("outside", "nan")
+    assert float(other["area_percent"]) > 0
+
+
 def test_single_precision_and_oblong_surfaces_are_taken_and_named(work):
     assert run(*PREDICT, "oblong.npy") == 2  # one length fits no grid that is not square
     for name in ("many/s0.npy", "single.npy", "oblong.npy"):
@@ -83,6 +102,30 @@ def test_a_table_may_have_its_own_delta(work):
         writer.writerows([{**row, "delta_um": delta} for delta in (6, 20)])
     assert run("predict", "dimensionless.surrogate", "own.csv", "-o", "p.csv") == 0
     assert [float(each["delta_um"]) for each in table("p.csv")] == [6.0, 20.0]
+
+
+def test_rows_of_a_table_that_lack_statistics_have_no_prediction(work, capsys):
+    (row,) = table("table.csv")
+    assert run("fit", "database.h5", "--model", "gaussian-process", "-o", "gp.surrogate") == 0
+    lacking = {**row, "asperity_mean": "nan", "asperity_rms": "NaN"}
+    for rows, name in (([lacking, row, lacking], "mixed.csv"), ([lacking], "none.csv")):
+        with Path(name).open("w", newline="") as file:
+            writer = csv.DictWriter(file, row)
+            writer.writeheader()
+            writer.writerows(rows)
+    for surrogate in ("dimensionless", "paper", "gp"):
+        ask = ["predict", f"{surrogate}.surrogate", "--delta", "6,20", "-o", "p.csv"]
+        assert run(*ask, "table.csv") == 0
+        alone = table("p.csv")
+        assert run(*ask, "mixed.csv") == 0
+        found = table("p.csv")
+        assert [{**each, "input": "table.csv"} for each in found[2:4]] == alone
+        for each in (*found[:2], *found[4:]):
+            assert (each["area_percent"], each["force_uN_low"]) == ("nan", "")
+            assert each["reason"] == "statistics undefined: nan in the table"
+    capsys.readouterr()
+    assert run(*ask, "none.csv") == 2
+    assert "none.csv: every row lacks statistics" in capsys.readouterr().err
 
 
 def test_force_follows_the_modulus_and_area_does_not(work):

@@ -9,15 +9,17 @@ import pytest
 import bem
 import learn
 from gen import cli
+from gen.option_groups import Reading
 from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn import Surrogate, split
 from learn.comparison.search.spaces import OPTIMA
 from learn.executor import Executor
+from learn.features.pressed import BLOCK_COUNTS, ROOTED_LOCAL
 from learn.models import MODELS
-from learn.reading import Reading
 from learn.request import Request
 from learn.surrogate import agreement, law, settings, training
+from learn.surrogate.card import lines
 from learn.surrogate.law import Order
 
 
@@ -107,7 +109,7 @@ def test_a_surface_costs_its_features_once_and_batches_are_the_single_calls(ridg
     single = [on_surface.predict(delta, level=None, reasons=False) for delta in deltas]
     np.testing.assert_allclose(batch.area, [each.area[0] for each in single], rtol=1e-9)
     assert not single[0].low
-    assert "statistics" in vars(on_surface.surface)
+    assert "description" in vars(on_surface.surface)
 
 
 @pytest.mark.parametrize("features", ["paper", "dimensionless"])
@@ -119,8 +121,63 @@ def test_kernel_ridge_is_scikit_learns(solved, features):
     )
     assert learnt._expansion is not None
     learnt.pipeline.steps[0] = ("scaling", "passthrough")
-    theirs = learnt.mean + learnt.deviation * ridge.predict(inputs)
+    theirs = learnt.scaling.restored(ridge.predict(inputs))
     np.testing.assert_allclose(learnt.raw(inputs), theirs, rtol=1e-6, atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def rooted(solved):
+    """A surrogate as `learn fit --features hybrid` makes it, with square roots."""
+    return fitted(solved, features="hybrid", roots=True)
+
+
+def test_roots_of_area_and_features_are_learnt_kept_and_squared_again(rooted, heights, tmp_path):
+    rooted.save(tmp_path / "rooted.surrogate")
+    loaded = Surrogate.load(tmp_path / "rooted.surrogate")
+    assert loaded.features.columns[-7:] == tuple(f"sqrt({name})" for name in ROOTED_LOCAL)
+    assert loaded.card["blocks"] == 33
+    assert (loaded.learnt["area"].root, loaded.learnt["force"].root) == (True, False)
+    deltas = np.linspace(2.0, 40.0, 9)
+    found, again = rooted.predict(heights, 1000.0, deltas), loaded.predict(heights, 1000.0, deltas)
+    np.testing.assert_array_equal(again.area, found.area)
+    inputs = rooted.for_surface(heights, 1000.0).rows(deltas).inputs
+    scaling = rooted.learnt["area"].scaling
+    roots = scaling.mean + scaling.deviation * rooted.learnt["area"]._predict(inputs)
+    np.testing.assert_allclose(found.area, np.maximum(roots, 0) ** 2, rtol=1e-12)
+    low, high = np.sqrt(found.low["area"]), np.sqrt(found.high["area"])
+    assert (found.low["area"] <= found.area).all()
+    cut = (found.low["area"] > 0) & (found.high["area"] < 100)
+    assert cut.sum() > 2
+    np.testing.assert_allclose((low + high)[cut] / 2, np.sqrt(found.area)[cut], rtol=1e-9)
+
+
+def test_a_card_with_roots_that_its_features_do_not_have_is_refused(rooted, ridge):
+    for card, fault in (
+        (rooted.card | {"roots": False}, "roots is False"),
+        (rooted.card | {"roots": 1}, "roots is 1"),
+        (rooted.card | {"blocks": 34}, "--blocks 34: give 33 or 65"),
+        (rooted.card | {"blocks": 33.0}, "blocks is 33"),
+        (ridge.card | {"blocks": 33}, "dimensionless features have no coarse solve of 33"),
+        (ridge.card | {"roots": True}, "columns are not those|features have no roots"),
+    ):
+        with pytest.raises((ValueError, InputError), match=fault):
+            agreement.check_card(card)
+    without = {name: entry for name, entry in rooted.card.items() if name != "roots"}
+    with pytest.raises(ValueError, match="no coarse solve of 33"):
+        agreement.check_card(without)
+    with pytest.raises(ValueError, match="area is learnt as a square root"):
+        agreement.check_models(ridge.card, {"area": rooted.learnt["area"]}, ridge.low, ridge.high)
+
+
+def test_the_deviation_of_a_gaussian_process_is_that_of_the_square(solved, heights):
+    process = fitted(solved, features="hybrid", roots=True, model="gaussian-process")
+    found = process.for_surface(heights, 1000.0).predict([8.0, 20.0], std=True)
+    learnt = process.learnt["area"]
+    inputs = process.for_surface(heights, 1000.0).rows([8.0, 20.0]).inputs
+    linear = replace(learnt, scaling=replace(learnt.scaling, root=False))
+    draws = np.random.default_rng(0).normal(size=(200_000, 2)) * linear.spread(inputs)
+    squares = (linear.raw(inputs) + draws) ** 2
+    np.testing.assert_allclose(found.std["area"], squares.std(axis=0), rtol=0.02)
 
 
 def test_what_is_unknown_ground_is_said(ridge, heights):
@@ -170,7 +227,10 @@ def test_a_prediction_that_is_not_finite_is_never_inside(ridge, heights, tmp_pat
     rows = ridge.for_surface(heights, 1000.0).rows([10.0, 20.0])
     assert ridge.predict_rows(rows).inside.any()
     for deviation in (np.nan, np.inf):
-        learnt = {name: replace(each, deviation=deviation) for name, each in ridge.learnt.items()}
+        learnt = {
+            name: replace(each, scaling=replace(each.scaling, deviation=deviation))
+            for name, each in ridge.learnt.items()
+        }
         spoilt = replace(ridge, learnt=learnt)
         for reasons in (True, False):
             answer = spoilt.predict_rows(rows, reasons=reasons)
@@ -205,8 +265,39 @@ def test_a_file_from_before_the_hardness_answers_as_it_did():
     low = [6.389432139583134, 41.967531831303084]
     np.testing.assert_allclose(found.low["area"], low, rtol=1e-12)
     assert old.hardness_limits is None
+    assert old.card["nodes"] == [17, 17], "format 3 had one number for both axes"
+    assert old.card["side"] == [1000.0, 1000.0]
     with pytest.raises(InputError, match="trained on elastic bodies"):
         old.predict(surface, 1000.0, 10.0, hardness=0.01)
+
+
+def test_a_file_from_before_the_local_features_answers_as_it_did():
+    """Format 4, hybrid features with five roots."""
+    old = Surrogate.load(Path(__file__).with_name("rooted.surrogate"))
+    surface = generate("diamond-square", 65, 0.7, 12.0, np.random.default_rng(0))
+    found = old.predict(surface, 1000.0, [10.0, 30.0])
+    np.testing.assert_allclose(found.area, [6.2642351750487855, 34.139854229479305], rtol=1e-12)
+    np.testing.assert_allclose(found.low["area"], [5.9163572796004440, 33.321096986277226])
+    assert (len(old.features.columns), old.features.solved_blocks) == (35, 33)
+
+
+def test_finer_blocks_are_kept_and_answer_the_same(tmp_path):
+    from gen.cli import main
+
+    (tmp_path / "s.toml").write_text("samples = 50\n[surface]\nnodes = 65\n")
+    assert main(["run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "s.h5")]) == 0
+    path, surface = tmp_path / "s.h5", generate("midpoint", 65, 0.7, 12.0, np.random.default_rng(1))
+    found = []
+    for blocks in BLOCK_COUNTS:
+        made = fitted(path, features="hybrid", roots=True, blocks=blocks, targets=("area",))
+        made.save(tmp_path / "s.surrogate")
+        loaded = Surrogate.load(tmp_path / "s.surrogate")
+        assert loaded.card["blocks"] == loaded.features.solved_blocks == blocks
+        found.append(made.predict(surface, 1000.0, [8.0, 20.0]).area)
+        np.testing.assert_array_equal(loaded.predict(surface, 1000.0, [8.0, 20.0]).area, found[-1])
+    solved = [bem.solve(surface, 1000.0, delta).area_percent for delta in (8.0, 20.0)]
+    np.testing.assert_allclose(found[1], solved, rtol=0.2)
+    assert (found[0] != found[1]).all()
 
 
 def test_bodies_that_yield_touch_more_at_a_smaller_hardness(plastic, heights, tmp_path):
@@ -287,6 +378,44 @@ def test_a_surrogate_knows_the_boundary_of_its_patches(cells, ridge, heights, tm
     assert beyond.startswith(f"no equilibrium: the contact is full at delta = {full:.6g} um")
     with pytest.raises(InputError, match="table: has a free boundary, the surrogate was"):
         loaded.require_boundary("free", "table")
+
+
+@pytest.fixture(scope="module")
+def oblong(populations):
+    """A surrogate of patches of 18 x 33 nodes on 700 x 1200 um."""
+    return fitted(populations / "spectral.h5", features="hybrid")
+
+
+def test_a_surrogate_of_oblong_patches_knows_their_shape(oblong, tmp_path):
+    oblong.save(tmp_path / "oblong.surrogate")
+    loaded = Surrogate.load(tmp_path / "oblong.surrogate")
+    assert loaded.card["nodes"] == [18, 33]
+    assert loaded.card["side"] == [700.0, 1200.0]
+    assert loaded.card["spacing"] == pytest.approx([700 / 17, 1200 / 32])
+    assert "18 x 33 nodes, sides 700 x 1200 um" in " ".join(lines(loaded))
+    assert loaded.note((18, 33), (700.0, 1200.0)) == ""
+    assert loaded.note((18, 33), (7.0, 12.0)) == "", "without units any size is alike"
+    assert loaded.note((33, 18), (1200.0, 700.0)) == (
+        "33 x 18 nodes, trained on 18 x 33; 1200 x 700 um, trained on 700 x 1200 um"
+    )
+    heights = np.random.default_rng(0).normal(size=(18, 33))
+    small = loaded.predict(heights, (700.0, 1200.0), [1.0, 2.0])
+    large = loaded.predict(1000 * heights, (700e3, 1200e3), [1e3, 2e3])
+    np.testing.assert_allclose(large.area, small.area, rtol=1e-6)
+    np.testing.assert_allclose(large.force, 1e6 * small.force, rtol=1e-6)
+
+
+def test_a_surrogate_with_units_knows_the_spacing_along_both_axes(populations):
+    paper = fitted(populations / "spectral.h5", features="paper")
+    assert paper.note((18, 33), (700.0, 1200.0)) == ""
+    assert "side 7 um, trained on 700 um" in paper.note((18, 33), (7.0, 12.0))
+    assert "spacing 19.05 um, trained on 37.5 um" in paper.note((18, 64), (700.0, 1200.0))
+
+
+@pytest.mark.parametrize("pair", [[18, 32], [18], 18, "18", [18, 0], None, [18, "33"]])
+def test_a_card_with_other_nodes_than_its_scene_is_refused(oblong, pair):
+    with pytest.raises(ValueError, match="nodes"):
+        agreement.check_card(oblong.card | {"nodes": pair})
 
 
 @pytest.mark.parametrize("boundary", [None, "free", "periodic", 3])

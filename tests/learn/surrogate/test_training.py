@@ -3,7 +3,7 @@
 import numpy as np
 
 from learn import split
-from learn.surrogate import training
+from learn.surrogate.calibration_rows import without_calibration
 
 
 def test_calibration_rows_train_nothing(solved, monkeypatch):
@@ -11,7 +11,7 @@ def test_calibration_rows_train_nothing(solved, monkeypatch):
 
     rows = dataset.read(solved, "area", features="dimensionless")
     parts = split.draw(rows)
-    train, calibration = training.without_calibration(rows, parts.train)
+    train, calibration = without_calibration(rows, parts.train)
     assert calibration.size == 14
     everything = np.concatenate([train, calibration, parts.test])
     np.testing.assert_array_equal(np.sort(everything), np.arange(90))

@@ -6,14 +6,15 @@ from pathlib import Path
 import pytest
 
 from bench.__main__ import main
-from bench.paper.unstated import choices, effects, report
-from bench.paper.unstated.choices import VARIANTS
+from bench.page.parts import contents_of
+from bench.paper.unstated import effects, report
+from bench.paper.unstated.effects import OURS, VARIANTS
 
 
 def test_report_compares_each_choice_with_the_preset(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    few = [v for v in VARIANTS if v.name in {choices.OURS, "concentrated"}]
+    few = [v for v in VARIANTS if v.name in {OURS, "concentrated"}]
     monkeypatch.setattr(effects, "VARIANTS", few)
     monkeypatch.setattr(report, "SURFACES", 3)
     monkeypatch.setattr(report, "LIMITED", 1)
@@ -29,6 +30,6 @@ def test_report_compares_each_choice_with_the_preset(
     assert ours["trained"] == other["trained"] == uncut["trained"]
     assert float(ours["table_1"]) == float(other["table_1"])
     assert float(ours["tree_r2"]) < float(ours["r2"])
-    shown = report.contents(tmp_path)
+    shown = contents_of("paper/unstated", tmp_path)
     assert (tmp_path / "unstated.png").read_bytes().startswith(b"\x89PNG")
     assert len(shown) == 4

@@ -24,6 +24,30 @@ def solved_by_gen(surface, *load):
     return rows_of("gen.csv")
 
 
+def test_surfaces_without_asperities_are_left_out_of_a_population(work, capsys):
+    ask = ["hybrid.surrogate", "--side", "1000", "--delta", "5:10:3", "--csv", "law.csv"]
+    Path("some").mkdir()
+    np.save("some/ramp.npy", np.outer(np.arange(33.0), np.ones(33)))
+    run("law", *ask, "some", ends=2)
+    assert "ramp.npy: statistics undefined" in capsys.readouterr().err
+    for seed in range(3):
+        np.save(f"some/s{seed}.npy", np.load(f"many/s{seed}.npy"))
+    run("law", *ask, "some")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "warning: 1 of 4 surfaces were left out, the first: some/ramp.npy: statistics" in said
+    assert "quantiles of 3 surfaces" in said
+    mixed = Path("law.csv").read_text()
+    run("law", *ask, "many")
+    assert Path("law.csv").read_text() == mixed
+
+
+def test_one_name_is_enough_for_all_files_of_a_law(work):
+    ask = ["many/s0.npy", "--side", "1000", "--solver", "--pressure", "1,2,5", *STEEL, "-o", "all"]
+    run("law", *ask)
+    names = {path.name for path in Path().glob("all*")}
+    assert names == {"all.csv", "all.json", "all.h", "all-calculix.inp", "all-abaqus.inp"}
+
+
 def test_the_solver_solves_at_the_pressures_asked_for(work, capsys):
     """Not on a grid of Delta, between which it would interpolate; a surrogate is not needed."""
     contacts = solved_by_gen("many/s0.npy", *LOADS)
@@ -98,14 +122,14 @@ def test_a_scene_is_solved_as_it_says(work, capsys):
             for surface in range(2)
         ]
         assert float(row["force_uN"]) == pytest.approx(np.mean([each.force for each in contacts]))
-        pressure = np.mean([each.force for each in contacts]) / (17 * scene.spacing) ** 2
+        pressure = np.mean([each.force for each in contacts]) / (17 * scene.spacing[0]) ** 2
         assert float(row["pressure_MPa"]) == pytest.approx(pressure)
     run(
         "law", "hybrid.surrogate", "mirco.toml", "--surfaces", "2", "--delta", "5", "--csv", "p.csv"
     )
     (predicted,) = rows_of("p.csv", "delta_um")[1:]
     cells = float(predicted["force_uN"]) / float(predicted["pressure_MPa"])
-    assert cells == pytest.approx((17 * scene.spacing) ** 2)
+    assert cells == pytest.approx((17 * scene.spacing[0]) ** 2)
     Path("rigid.toml").write_text(SCENE.replace('far_field = "compliant"', ""))
     run("law", "rigid.toml", "--solver", "--surfaces", "2", "--csv", "law.csv")
     deltas = column(rows_of("law.csv", "delta_um"), "delta_um")
@@ -129,12 +153,14 @@ def test_a_predicted_population_has_bands_at_given_pressure(work):
         assert len(predicted) >= 3
         names = set(COLUMNS) - {against}
         for name in names:
+            # Mean gaps follow from forces, and are small differences at the largest.
+            off = 0.2 if name == "mean_gap_um" else 0.1
             low, high = (column(predicted, f"{name}_{end}") for end in ("low", "high"))
             assert (low < column(predicted, name)).all()
             assert (column(predicted, name) < high).all()
             for end in ("", "_low", "_high"):
                 np.testing.assert_allclose(
-                    column(predicted, f"{name}{end}"), column(solved, f"{name}{end}"), rtol=0.1
+                    column(predicted, f"{name}{end}"), column(solved, f"{name}{end}"), rtol=off
                 )
 
 
@@ -393,3 +419,49 @@ def test_a_law_of_a_scene_takes_its_hardness(work, capsys):
     assert "give one with --hardness" in capsys.readouterr().err
     run("law", "range.toml", *ask, "--hardness", "0.02", "--csv", "law.csv")
     assert set(column(rows_of("law.csv"), "hardness_MPa")) == {0.02}
+
+
+CONDUCTING = """
+samples = 160
+[surface]
+nodes = 17
+[contact]
+boundary = "mirror"
+hardness_ratio = 0.02
+[delta]
+pieces = [{ share = 1.0, range = [2.0, 6.0] }]
+[store]
+stiffness = true
+"""
+
+
+def test_the_conductance_of_elastic_bodies_is_the_slope_of_their_force(work):
+    """Of a surrogate of area and force; in files for finite elements too."""
+    ask = ["hybrid.surrogate", "many/s1.npy", "--side", "1000", *STEEL, "--delta", "4:40:13"]
+    ask += ["--conductivity", "50"]
+    run("law", *ask, "--csv", "predicted.csv", "--calculix", "law.inp", "--json", "law.json")
+    run("law", *ask, "--csv", "solved.csv", "--solver")
+    predicted, solved = (rows_of(f"{name}.csv", "delta_um") for name in ("predicted", "solved"))
+    for name in ("stiffness_MPa_per_um", "conductance_W_per_mm2_K"):
+        near = column(predicted, name)[2:-2] / column(solved, name)[2:-2]
+        assert np.abs(np.median(near) - 1) < 0.3
+    assert "*GAP CONDUCTANCE" in Path("law.inp").read_text()
+    closures = column(predicted, "closure_um")[1:] / column(solved, "closure_um")[1:]
+    assert np.abs(np.median(closures) - 1) < 0.2
+
+
+def test_the_conductance_of_bodies_that_yield_is_learnt_from_their_stiffness(work, capsys):
+    Path("yielding.toml").write_text(CONDUCTING)
+    assert gen_cli.main(["run", "yielding.toml", "-o", "yielding.h5"]) == 0
+    fit = ["fit", "yielding.h5", "--model", "kernel-ridge", "--features", "hybrid"]
+    run(*fit, "--target", "area,force,stiffness", "-o", "stiff.surrogate")
+    run(*fit, "-o", "both.surrogate")
+    ask = ["yielding.toml", "--surfaces", "8", "--delta", "3:6:4", "--conductivity", "50"]
+    run("law", "stiff.surrogate", *ask, "--csv", "predicted.csv")
+    run("law", *ask, "--solver", "--csv", "solved.csv")
+    predicted, solved = (rows_of(f"{name}.csv", "delta_um")[1:] for name in ("predicted", "solved"))
+    ratio = column(predicted, "conductance_W_per_mm2_K") / column(solved, "conductance_W_per_mm2_K")
+    np.testing.assert_allclose(ratio, 1, atol=0.4)
+    capsys.readouterr()
+    run("law", "both.surrogate", *ask, ends=2)
+    assert "fit a surrogate with --target area,force,stiffness" in capsys.readouterr().err

@@ -1,0 +1,70 @@
+"""The command `asperity serve`."""
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from gen.runtime import command_line
+from gen.runtime.command_line import Version
+from gen.runtime.errors import InputError
+from gen.runtime.terminal import echo
+
+app = typer.Typer(add_completion=False, rich_markup_mode=None)
+
+Sources = Annotated[
+    list[str],
+    typer.Argument(metavar="MODEL...", help="Scenes (a name or a file) and surrogates to serve."),
+]
+Port = Annotated[int, typer.Option(min=1, max=65535, help="Port to listen on.")]
+Host = Annotated[
+    str, typer.Option(metavar="ADDRESS", help="Address to listen on; 0.0.0.0 lets others in.")
+]
+Processes = Annotated[
+    int | None, typer.Option(min=1, max=1024, help="Questions answered at once; all cores if none.")
+]
+
+
+def main(arguments: Sequence[str], name: str) -> int:
+    """Run the command line and return its exit code."""
+    return command_line.main(app, name, arguments, alone=True)
+
+
+@app.command()
+def serve(
+    sources: Sources,
+    port: Port = 4242,
+    host: Host = "127.0.0.1",
+    processes: Processes = None,
+    *,
+    version: Version = False,
+) -> None:
+    """Serve solver and surrogates to UM-Bridge's clients until Ctrl-C.
+
+    The model of a scene takes the parameters of a surface and a load, and returns area, force and
+    Delta; the model of a surrogate predicts them. Clients may send `surface`, `seed` and `nodes`.
+    """
+    from aiohttp import web
+
+    from asperity.serving.models import model_of
+    from asperity.serving.protocol import Server
+    from asperity.serving.workers import Workers
+    from bem.workers import cores
+
+    models = [model_of(source) for source in sources]
+    names = [model.name for model in models]
+    if len(set(names)) < len(names):
+        raise InputError(f"{', '.join(names)}: models of one name; rename a file")
+    workers = Workers(sources, processes or cores())
+
+    def tell(*_: object) -> None:
+        echo(f"serving {', '.join(names)} at http://{host}:{port} until Ctrl-C")
+
+    try:
+        web.run_app(
+            Server(models, workers).app(), host=host, port=port, print=tell, access_log=None
+        )
+    except OSError as error:
+        raise InputError(f"http://{host}:{port}: {error.strerror or error}") from None
+    finally:
+        workers.close()

@@ -1,0 +1,151 @@
+"""Elastic contact of a patch without edges under a load: the method that suits its share of nodes.
+
+Dense algebra solves contacts of few nodes, and sparse algebra contacts of few gaps. Between them,
+conjugate gradients on whole fields start from coarser cells, or from the pressure of full contact.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from bem.arrays import Field
+from bem.edgeless_patch import Patch
+from bem.equilibrium import Start
+from bem.first_contact import settle_few
+from bem.interface import few_nodes
+from bem.iterate import Effort, Iterate
+from bem.nearly_full import press_nearly_full
+from bem.whole_patch import Pressed, WholePatch, press_under_load, touching_nodes
+
+# Finds a start on coarser cells, or none, and the work that this took.
+Coarser = Callable[[], tuple[Start | None, Effort]]
+
+# Projected steps at most that lead to a contact set for dense algebra; its share of the largest set
+# that is worth factorising at which no further step is taken; and the share from which on none is,
+# because steps will not remove that many nodes.
+FEW_STEPS, ENOUGH, TOO_MANY = 3, 0.7, 1.2
+
+# Mean pressure, over the standard deviation of the pressure of full contact, from which a contact
+# may be full or nearly so; and the distance of the rows and columns that tell the slope.
+FLAT, SAMPLED = 1.2, 16
+
+
+def press_elastic(
+    patch: Patch, load: float, start: Iterate | None, rtol: float, coarser: Coarser | None
+) -> tuple[Iterate, bool]:
+    """Solve under a load as if the bodies did not yield.
+
+    Parameters
+    ----------
+    patch : Patch
+        The problem.
+    load : float
+        Sum of the pressure, above 0 [reduced].
+    start : Iterate or None
+        A pressure to start from.
+    rtol : float
+        Largest violation accepted, over the displacement [1].
+    coarser : callable or None
+        Finds a start on coarser cells where none is given; None if that gains nothing.
+
+    Returns
+    -------
+    iterate : Iterate
+        The solution, or the best that was found; its shift is the displacement.
+    converged : bool
+        Whether the tolerance is met.
+    """
+    problem, shape = patch.problem, patch.problem.heights.shape
+    whole = WholePatch(patch.below.reshape(shape), problem.boundary, problem.aspect, load)
+    if start is None:
+        pressed = _first(patch, whole, rtol, coarser)
+    else:
+        residual = start.residual.reshape(shape).astype(np.float32)
+        pressed = Pressed(start.pressure.reshape(shape), residual, start.shift, start.effort)
+    solved = not pressed.residual.any()
+    if problem.hardness is None and not solved:
+        pressed = _with_few_nodes(whole, pressed)
+        settled = _settled_with_few(patch, load, pressed, rtol)
+        if settled is not None:
+            return settled, True
+    converged = solved or press_under_load(
+        whole, pressed, rtol=rtol, least=1e-3 * patch.depth, max_iterations=problem.max_iterations
+    )
+    if patch.keep_displacement:
+        patch.operators.field = whole.displacement
+    iterate = _listed(pressed)
+    iterate.exact = converged
+    return iterate, converged
+
+
+def _listed(pressed: Pressed) -> Iterate:
+    """Return a pressure on the whole patch as one on the list of all nodes."""
+    residual = pressed.residual.reshape(-1).astype(np.float64)
+    return Iterate(pressed.pressure.reshape(-1), residual, pressed.effort, shift=pressed.shift)
+
+
+def _first(patch: Patch, whole: WholePatch, rtol: float, coarser: Coarser | None) -> Pressed:
+    """Start a solve under a load: the solution itself where the contact is full, or nearly so."""
+    full, pressed, spent = None, None, Effort()
+    if coarser is None or _presses_flat(patch, whole.load):
+        full = whole.full_contact()
+        pressed = _closed(patch, whole, full, rtol)
+    if pressed is None and coarser is not None:
+        near, spent = coarser()
+        if near is not None:
+            return whole.begin(near.pressure, spent)
+    if full is None:
+        full = whole.full_contact()
+        pressed = _closed(patch, whole, full, rtol)
+    if pressed is None:
+        pressed = whole.start(full)
+    pressed.effort += spent
+    return pressed
+
+
+def _closed(patch: Patch, whole: WholePatch, full: Field, rtol: float) -> Pressed | None:
+    """Return the solution if the contact is full, or nearly so if the bodies stay elastic."""
+    if full.min() >= 0:
+        return whole.closed(full)
+    if patch.problem.hardness is not None:
+        return None
+    return press_nearly_full(whole, full, rtol * patch.depth / 4)
+
+
+def _presses_flat(patch: Patch, load: float) -> bool:
+    """Guess whether a load may press the surface flat, from the slopes of some rows and columns.
+
+    The pressure of full contact varies by half of the rms slope.
+    """
+    heights = patch.below.reshape(patch.problem.heights.shape)
+    along, across = np.diff(heights[:, ::SAMPLED], axis=0), np.diff(heights[::SAMPLED], axis=1)
+    slope = math.hypot(float(along.std()), float(across.std()) / patch.problem.aspect)
+    return load / heights.size >= FLAT * slope / 2
+
+
+def _with_few_nodes(whole: WholePatch, pressed: Pressed) -> Pressed:
+    """Take projected steps until a contact set is small enough for dense algebra, if it can be."""
+    few = few_nodes(whole.below.size)
+    for _ in range(FEW_STEPS):
+        if not ENOUGH * few < touching_nodes(pressed) <= TOO_MANY * few:
+            break
+        pressed = whole.stepped(pressed)
+    return pressed
+
+
+def _settled_with_few(patch: Patch, load: float, pressed: Pressed, rtol: float) -> Iterate | None:
+    """Solve under a load by dense algebra; None if too many nodes touch, or it does not succeed."""
+    if not 0 < touching_nodes(pressed) <= few_nodes(pressed.pressure.size):
+        return None
+    operators, iterate = patch.operators.for_few(load), _listed(pressed)
+    iterate.pressure = iterate.pressure.copy()
+    accepted = rtol * (pressed.shift if pressed.shift > 0 else 1e-3 * patch.depth) / 2
+    settle_few(operators, patch.below, iterate, accepted, patch.problem.max_iterations)
+    pressed.effort = iterate.effort
+    carried = bool(iterate.pressure.any())
+    if not (iterate.exact and carried and iterate.violation() <= rtol * iterate.shift):
+        return None
+    if patch.keep_displacement:
+        patch.operators.field = operators.field
+    return iterate

@@ -1,0 +1,109 @@
+"""How much faster others' solvers are on threads of their own.
+
+Tamaas is built with OpenMP, which reads the number of threads from the environment as it starts:
+every measurement is a process of its own. A solve of it on a large free patch takes minutes, so
+that a few of its iterations are timed; each of them applies its operator once.
+"""
+
+import importlib
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from importlib.util import find_spec
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from bem.workers import THREADS_VARIABLE
+from bench.growth import SIDE, surface
+from bench.report import remark
+from bench.solvers.tamaas import OPERATOR
+from bench.table import formatted
+
+Row = dict[str, Any]
+
+# Iterations that are timed, and the mean pressure [E*] and tolerance at which they are.
+ITERATIONS = 3
+PRESSURE = 0.02
+NEVER_MET = 1e-30
+
+COLUMNS = {
+    "solver": "{solver}",
+    "nodes": "{nodes}",
+    "threads": "{threads}",
+    "seconds on one": "{seconds_one:.3g}",
+    "seconds": "{seconds:.3g}",
+    "gain": "{gain:.2f}",
+}
+
+
+def measure(nodes: Sequence[int], threads: int, rounds: int) -> list[Row]:
+    """Time iterations of Tamaas on one and on several threads; no rows where it is missing."""
+    if find_spec("tamaas") is None:
+        remark("Tamaas is missing: pip install tamaas")
+        return []
+    rows = []
+    for size in nodes:
+        seconds: dict[int, list[float]] = {1: [], threads: []}
+        for turn in range(rounds):
+            for many in (1, threads) if turn % 2 else (threads, 1):
+                seconds[many].append(_timed_apart(size, many))
+        one, several = median(seconds[1]), median(seconds[threads])
+        rows.append(
+            {
+                "solver": f"Tamaas, {ITERATIONS} iterations",
+                "nodes": size,
+                "threads": threads,
+                "seconds_one": one,
+                "seconds": several,
+                "gain": one / several,
+            }
+        )
+        remark(f"Tamaas, {size} nodes: {rows[-1]['gain']:.2f} times as fast")
+    return rows
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Return the table of the rows, or what to install for it."""
+    if not rows:
+        return "Other solvers on threads of their own: none installed (pip install tamaas)."
+    return f"Other solvers on threads of their own:\n\n{formatted(COLUMNS, rows)}"
+
+
+def _timed_apart(nodes: int, threads: int) -> float:
+    """Return the time of some iterations in a process that has a number of threads [s]."""
+    command = [sys.executable, "-m", "bench.peer_threads", str(nodes)]
+    environment = os.environ | {THREADS_VARIABLE: str(threads)}
+    done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True, text=True)
+    return float(done.stdout.split()[-1])
+
+
+def _iterate_tamaas(nodes: int) -> float:
+    """Return the time of some iterations of Tamaas on a free patch [s]."""
+    tamaas: Any = importlib.import_module("tamaas")
+
+    tamaas.set_log_level(tamaas.LogLevel.error)
+    model = tamaas.ModelFactory.createModel(
+        tamaas.model_type.basic_2d, [SIDE, SIDE], [nodes, nodes]
+    )
+    model.E, model.nu = 1.0, 0.0
+    tamaas.ModelFactory.registerNonPeriodic(model, OPERATOR)
+    heights = np.ascontiguousarray(surface(nodes, 0))
+    seconds = 0.0
+    for iterations in (1, ITERATIONS):  # the first solve makes plans and tables
+        model.traction[:] = 0
+        model.displacement[:] = 0
+        solver = tamaas.PolonskyKeerRey(model, heights, NEVER_MET)
+        solver.setIntegralOperator(OPERATOR)
+        solver.max_iter = iterations
+        began = time.perf_counter()
+        solver.solve(PRESSURE)
+        seconds = time.perf_counter() - began
+    return seconds
+
+
+if __name__ == "__main__":
+    print(_iterate_tamaas(int(sys.argv[1])))  # noqa: T201  read by the process that started it

@@ -1,0 +1,1 @@
+"""Populations of surfaces: made maps that stand for measured ones, and studies on them."""

@@ -1,0 +1,284 @@
+"""How well a surrogate knows windows of maps: parts that it has not seen, and maps left out.
+
+The twenty made maps of one instrument are read, prepared and cut into windows by a scene as a user
+would write it. Kernel ridge with hybrid features, fitted as `learn fit` does, is judged on every
+row once: a fifth of the tiles at a time, and one map at a time. No node of a map is in training and
+in judgement, and neither are settings, intervals and flags: they come from the other rows.
+
+A row is called wrong if it is further from the prediction than twice as far as its interval
+reaches. Of rows outside their interval, which are a tenth where intervals hold, most miss it by
+little: they are the tenth that was announced. Wrong rows were not, so they have to be flagged.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.picture import COLOURS, new_figure
+from bench.populations.made_maps import KINDS, ONE_INSTRUMENT, write_all
+from bench.report import Report, remark
+from bench.surrogates.fitting import fit, read, request_for
+from gen.arrays import Values
+from gen.database import Reader
+from gen.generation.run import Request, generate_database
+from gen.runtime.errors import InputError
+from gen.runtime.farm import World
+from gen.runtime.output import make_folder, write
+from gen.scene import ScanSurface
+from learn.arrays import Indices
+from learn.dataset import Dataset
+from learn.metrics import scores
+from learn.request import Request as LearnRequest
+from learn.split import FOLDS
+from learn.surrogate.settings import Settings, choose
+from learn.target import scaling_of
+
+Row = dict[str, Any]
+
+LEVEL = 0.9
+"""Of the intervals whose coverage is counted."""
+
+FEWEST = 200
+"""Smallest number of rows: ten of each map."""
+
+WANTED_R2, WANTED_NMAE = 99.5, 4.0
+"""Smallest R2 and largest nMAE of unseen tiles that are asked for [%]."""
+
+MISSED = 2.0
+"""Times that a wrong row's error is half the width of its interval, at least."""
+
+SEARCH_ROWS = 500
+"""Rows that choose the settings of each of the fits, one of thirty; `learn fit` takes 3,000."""
+
+SCENE = """samples = {rows}
+[surface]
+generator = "scans"
+files = "../maps"
+nodes = {nodes}
+[surface.preparation]
+despike = 7
+level = "plane"
+fill = true
+[load]
+quantity = "pressure/(E* slope_rms)"
+range = {{ log_uniform = [0.003, 0.08] }}
+"""
+"""Windows of prepared maps, mirrored, under pressures that give areas of about 0.5 to 40 %."""
+
+PARTS = {"unseen tiles": "tile", "maps left out": "map"}
+"""What is left out of the training, and what it is told by."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """All rows of a database, each predicted by a surrogate that has not seen its tile, or map.
+
+    Attributes
+    ----------
+    nodes : int
+        Nodes a side of the windows.
+    left_out : str
+        A key of `PARTS`.
+    maps : ndarray of int, shape (n,)
+        Map of each row.
+    names : tuple of str
+        Names of the maps.
+    truth, prediction : ndarray, shape (n,)
+        Areas [%].
+    low, high : ndarray, shape (n,)
+        Ends of the intervals of 90 % [%].
+    flagged : ndarray of bool, shape (n,)
+        Whether an input is outside the training ranges, or all together are far from the training.
+    """
+
+    nodes: int
+    left_out: str
+    maps: Indices
+    names: tuple[str, ...]
+    truth: Values
+    prediction: Values
+    low: Values
+    high: Values
+    flagged: NDArray[np.bool_]
+
+    @property
+    def covered(self) -> NDArray[np.bool_]:
+        """Whether each interval holds the truth."""
+        return np.asarray((self.low <= self.truth) & (self.truth <= self.high))
+
+    @property
+    def wrong(self) -> NDArray[np.bool_]:
+        """Whether each row is off by more than `MISSED` half widths, of square roots."""
+        root = np.sqrt(self.prediction)
+        reach = np.sqrt(self.high) - root
+        return np.asarray(np.abs(np.sqrt(self.truth) - root) > MISSED * reach)
+
+    def row(self, name: str, chosen: NDArray[np.bool_]) -> Row:
+        """Score some of the rows, as one row of the table."""
+        covered, flagged, wrong = self.covered[chosen], self.flagged[chosen], self.wrong[chosen]
+        width = np.minimum(self.high, 100.0) - self.low
+        judged = scores(self.truth[chosen], self.prediction[chosen])
+        return {
+            "nodes": self.nodes,
+            "left_out": self.left_out,
+            "map": name,
+            "rows": int(chosen.sum()),
+            "area": float(self.truth[chosen].mean()),
+            "r2": judged.r2,
+            "nmae": judged.nmae,
+            "covered": float(covered.mean()),
+            "flagged": float(flagged.mean()),
+            "covered_unflagged": _mean(covered[~flagged]),
+            "width": float(width[chosen].mean()),
+            "outside_flagged": _mean(flagged[~covered]),
+            "wrong": int(wrong.sum()),
+            "wrong_flagged": _mean(flagged[wrong]),
+        }
+
+    def rows(self) -> list[Row]:
+        """Return the rows of the table: all maps together, then each."""
+        every = np.ones(self.maps.size, dtype=bool)
+        each = [self.row(name, self.maps == index) for index, name in enumerate(self.names)]
+        return [self.row("all", every), *each]
+
+
+def scans(folder: Path, rows: int, nodes: Sequence[int]) -> list[Judged]:
+    """Judge surrogates of windows with some numbers of nodes a side, on tiles and maps left out.
+
+    Raises
+    ------
+    InputError
+        If there are too few rows, or windows larger than the maps.
+    """
+    if rows < FEWEST:
+        raise InputError(f"--rows {rows}: give {FEWEST} or more, ten of each map")
+    if not (folder / "maps").is_dir():  # some formats hold the time at which they were written
+        write_all(folder / "maps", ONE_INSTRUMENT)
+    found = []
+    for size in nodes:
+        path = _database(folder / "databases", rows, size)
+        found += [_judged(path, size, left_out) for left_out in PARTS]
+    return found
+
+
+def report(found: Sequence[Judged]) -> Report:
+    """Make a report: the table of all maps, the picture, and the figures of all rows in words."""
+    rows = [row for judged in found for row in judged.rows()]
+    text = [_in_words(row) for row in rows if row["map"] == "all"]
+    return Report(
+        {"scans": rows},
+        pictures={"scans": _picture(found)},
+        text="\n".join(text),
+        text_name="scans",
+    )
+
+
+def _database(folder: Path, rows: int, nodes: int) -> Path:
+    """Generate the windows of a size, or what is missing of them."""
+    scene, path = folder / f"windows-{nodes}.toml", folder / f"windows-{nodes}.h5"
+    make_folder(folder)
+    write(scene, SCENE.format(rows=rows, nodes=nodes))
+    if generate_database(Request(str(scene), path), World()).signal:
+        remark(f"{path}: interrupted; the same command goes on")
+        raise KeyboardInterrupt
+    return path
+
+
+def _judged(path: Path, nodes: int, left_out: str) -> Judged:
+    """Predict all rows of a database, each by a surrogate of the others."""
+    request = request_for(path, "kernel-ridge", "hybrid", None)
+    rows = read(request)
+    with Reader(path) as reader:
+        maps = np.asarray(reader.column("map"), dtype=np.int64)[rows.rows]
+        surface = reader.scene.surface
+    assert isinstance(surface, ScanSurface)
+    names = tuple(Path(each.file).stem for each in surface.known().maps)
+    prediction, low, high = np.empty((3, rows.size))
+    flagged = np.empty(rows.size, dtype=bool)
+    for test in _tests(rows, maps, by_map=PARTS[left_out] == "map"):
+        train, folds = _ordered(rows, np.setdiff1d(np.arange(rows.size), test))
+        fitted = fit(request, rows.at(train), None, folds, _settings(request, rows, train, folds))
+        judged = rows.at(test)
+        low[test], high[test] = fitted.interval(judged, LEVEL)
+        prediction[test] = fitted.predict(judged)
+        flagged[test] = fitted.flags(judged)
+    made = Judged(nodes, left_out, maps, names, rows.target, prediction, low, high, flagged)
+    remark(_in_words(made.rows()[0]))
+    return made
+
+
+def _tests(rows: Dataset, maps: Indices, *, by_map: bool) -> Iterator[Indices]:
+    """Yield the rows that are judged together: those of a map, or of a fifth of all tiles."""
+    groups = np.random.default_rng(0).permutation(np.unique(maps if by_map else rows.groups))
+    for part in np.array_split(groups, groups.size if by_map else FOLDS):
+        yield np.flatnonzero(np.isin(maps if by_map else rows.groups, part))
+
+
+def _settings(
+    request: LearnRequest, rows: Dataset, train: Indices, folds: NDArray[np.int8]
+) -> Settings:
+    """Choose settings with a few of the training rows."""
+    few = np.random.default_rng(2).permutation(train.size)[:SEARCH_ROWS]
+    own = rows.at(train[few])
+    scaling = scaling_of(own, np.arange(own.size), roots=True)
+    return choose(request, None, own.inputs, scaling.scaled(own.target), folds[few])
+
+
+def _ordered(rows: Dataset, kept: Indices) -> tuple[Indices, NDArray[np.int8]]:
+    """Return training rows in random order, tiles together, and their folds."""
+    groups = rows.groups[kept]
+    order = np.random.default_rng(1).permutation(np.unique(groups))
+    place = np.zeros(int(rows.groups.max()) + 1, dtype=np.int64)
+    place[order] = np.arange(order.size)
+    train = kept[np.argsort(place[groups], kind="stable")]
+    fold = place[rows.groups[train]] * FOLDS // order.size
+    return train, fold.astype(np.int8)
+
+
+def _mean(values: NDArray[np.bool_]) -> float:
+    """Return a share, NaN of nothing."""
+    return float(values.mean()) if values.size else float("nan")
+
+
+def _in_words(row: Row) -> str:
+    """Say how all rows of a database were predicted."""
+    asked = ""
+    if PARTS[row["left_out"]] == "tile":
+        met = row["r2"] >= WANTED_R2 and row["nmae"] <= WANTED_NMAE
+        asked = f" (asked: {WANTED_R2:g} % at least, {WANTED_NMAE:g} % at most, "
+        asked += "met)" if met else "not met)"
+    return (
+        f"{row['nodes']} x {row['nodes']} nodes, {row['left_out']}: R2 {row['r2']:.2f} %, nMAE"
+        f" {row['nmae']:.2f} %{asked};"
+        f" {row['covered']:.1%} inside intervals of 90 %, {row['width']:.2f} % of area wide on"
+        f" average; {row['flagged']:.1%} flagged, {row['covered_unflagged']:.1%} of the others"
+        f" inside; {row['wrong']} wrong (off by more than {MISSED:g} times as far as the interval"
+        f" reaches), {_flagged(row)} flagged"
+    )
+
+
+def _flagged(row: Row) -> str:
+    """Say how many of the wrong rows are flagged."""
+    return f"{round(row['wrong'] * row['wrong_flagged'])} of them" if row["wrong"] else "none"
+
+
+def _picture(found: Sequence[Judged]) -> Any:
+    """Draw prediction over truth, a panel for each study, a colour for each kind of surface."""
+    figure = new_figure(5.0 * len(PARTS), 4.4 * (len(found) / len(PARTS)))
+    panels = figure.subplots(-(-len(found) // len(PARTS)), len(PARTS), squeeze=False)
+    for panel, judged in zip(panels.flat, found, strict=True):
+        for kind, colour in zip(KINDS, COLOURS, strict=False):
+            own = [index for index, name in enumerate(judged.names) if name.startswith(kind)]
+            here = np.isin(judged.maps, own)
+            x, y = judged.truth[here], judged.prediction[here]
+            panel.plot(x, y, ".", color=colour, markersize=3, label=kind)
+        ends = float(judged.truth.min()), float(judged.truth.max())
+        panel.plot(ends, ends, color="0.5", linewidth=1)
+        panel.set(xscale="log", yscale="log", xlabel="solved area [%]", ylabel="predicted area [%]")
+        panel.set_title(f"{judged.nodes} x {judged.nodes} nodes, {judged.left_out}", fontsize=10)
+    panels.flat[0].legend(markerscale=3)
+    return figure

@@ -1,0 +1,217 @@
+"""Of the rows that a surrogate does not flag, how many lie inside their interval.
+
+An interval is promised to rows like those of the training, and a flag says which rows are not. So
+what counts is the coverage of the rows without a flag: on surfaces, grids and bodies that the
+surrogate has not been trained on, and for as many draws of training rows as there are seeds.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.report import Report, remark
+from bench.surrogates.coverage_cases import Case, cases, databases, pools
+from bench.surrogates.fitting import Fitted, Parts, fit, parted, request_for
+from bench.table import formatted
+from gen.arrays import Values
+from gen.runtime.errors import InputError
+from learn import dataset
+from learn.dataset import Dataset, joined
+from learn.executor import Executor
+from learn.features.regeneration import hybrid_rows
+from learn.request import Request
+from learn.split import FOLDS
+from learn.surrogate.groups import groups_of
+
+Row = dict[str, Any]
+
+LEVEL = 0.9
+"""Of the intervals whose coverage is counted."""
+
+WANTED = 0.88
+"""Smallest coverage of unflagged rows that is asked for, within its standard error."""
+
+FEWEST = 300
+"""Smallest number of rows of the preset."""
+
+PRINTED = {
+    "trained on": "{trained_on}",
+    "tested on": "{tested_on}",
+    "rows": "{judged}",
+    "nMAE [%]": "{nmae:.2f}",
+    "flagged": "{flagged:.1%}",
+    "in 90 %": "{covered:.1%}",
+    "unflagged": "{unflagged}",
+    "of these in 90 %": "{shown}",
+    "width [%]": "{wide}",
+    "verdict": "{verdict}",
+}
+
+
+def coverage(folder: Path, rows: int, seeds: int) -> list[Row]:
+    """Judge all cases with each seed; the arguments are those of the command.
+
+    Returns
+    -------
+    list of dict
+        A row for each case and seed.
+
+    Raises
+    ------
+    InputError
+        If there are too few rows or seeds.
+    """
+    if rows < FEWEST or seeds < 1:
+        raise InputError(f"--rows {rows}, --seeds {seeds}: give {FEWEST} rows and 1 seed or more")
+    made = databases(folder / "databases", rows)
+    hybrids = {name: hybrid_rows(path, Executor(), lambda: False) for name, path in made.items()}
+    found = []
+    for pool in pools():
+        read = _read(made, hybrids, pool)
+        for seed in range(seeds):
+            for case in cases(pool, read, seed):
+                found.append(_judged(case, read, rows, seed))
+                remark(_in_words(found[-1]))
+    return found
+
+
+def _request(path: Path) -> Request:
+    """Ask for the area with hybrid features by kernel ridge."""
+    return request_for(path, "kernel-ridge", "hybrid", None)
+
+
+def _read(
+    made: Mapping[str, Path], hybrids: Mapping[str, Values], pool: tuple[str, ...]
+) -> Dataset:
+    """Read the databases of a pool together."""
+    asked = _request(made[pool[0]])
+    (rows,) = dataset.read_together(
+        [made[name] for name in pool],
+        ("area",),
+        None,
+        asked.features,
+        [hybrids[name] for name in pool],
+        roots=asked.roots,
+    )
+    return rows
+
+
+def _judged(case: Case, rows: Dataset, most: int, seed: int) -> Row:
+    """Fit the surrogate of a case and judge it, as one row of the table."""
+    parts = _parts(case, rows, most, seed)
+    by_groups = groups_of(parts.train) is not None  # as in `learn fit`
+    calibration = None if by_groups else parts.calibration
+    fitted = fit(_request(Path()), parts.train, calibration, parts.folds)
+    judged = parts.test if case.judged is None else rows.at(case.judged)
+    always = np.zeros(judged.size, dtype=bool)
+    if case.judged is not None:
+        always = case.flagged[case.judged]
+    names = {"trained_on": case.trained_on, "tested_on": case.tested_on, "seed": seed}
+    return {**names, "trained": parts.train.size, **_scores(fitted, judged, always)}
+
+
+def _parts(case: Case, rows: Dataset, most: int, seed: int) -> Parts:
+    """Split the rows of a case, at most so many of them, and add those that all train.
+
+    Rows of several databases all train, and calibrate by their groups.
+    """
+    chosen = np.random.default_rng(seed).permutation(case.train)[:most]
+    parts = parted(rows.at(np.sort(chosen)), seed)
+    train = joined([parts.train, rows.at(case.added)])
+    folds = np.append(parts.folds, np.arange(case.added.size) % FOLDS).astype(np.int8)
+    if groups_of(train) is None:
+        return parts
+    more = np.arange(parts.calibration.size) * FOLDS // max(parts.calibration.size, 1)
+    train, folds = joined([train, parts.calibration]), np.append(folds, more).astype(np.int8)
+    order = np.random.default_rng(seed).permutation(train.size)  # a search looks at the first rows
+    return Parts(train.at(order), parts.calibration, parts.test, folds[order])
+
+
+def _scores(fitted: Fitted, judged: Dataset, always: NDArray[np.bool_]) -> Row:
+    """Return shares and scores of some rows: flagged, covered, and covered where not flagged."""
+    low, high = (np.clip(end, 0.0, 100.0) for end in fitted.interval(judged, LEVEL))
+    covered = (low <= judged.target) & (judged.target <= high)
+    flagged = fitted.flags(judged) | always
+    kept = ~flagged
+    widths = (high - low)[kept].sum() / judged.target[kept].sum() if kept.any() else np.nan
+    return {
+        "judged": judged.size,
+        "nmae": fitted.scores(judged).nmae,
+        "flagged": float(flagged.mean()),
+        "covered": float(covered.mean()),
+        "unflagged": int(kept.sum()),
+        "covered_unflagged": float(covered[kept].mean()) if kept.any() else float("nan"),
+        "width": 100 * float(widths),
+    }
+
+
+def pooled(found: Sequence[Row]) -> list[Row]:
+    """Return one row for each case: means over the seeds, unflagged rows counted together."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in found:
+        groups.setdefault((row["trained_on"], row["tested_on"]), []).append(row)
+    return [_pooled(names, rows) for names, rows in groups.items()]
+
+
+def _pooled(names: tuple[str, str], rows: Sequence[Row]) -> Row:
+    weights = np.array([row["unflagged"] for row in rows])
+    each = np.array([row["covered_unflagged"] for row in rows])
+    width = np.array([row["width"] for row in rows])
+    some = weights > 0
+    share = float(np.average(each[some], weights=weights[some])) if some.any() else float("nan")
+    # The seeds judge the same rows or ones like them: no more than one seed's are independent.
+    error = float(np.sqrt(share * (1 - share) / weights[some].mean())) if some.any() else share
+    return {
+        "trained_on": names[0],
+        "tested_on": names[1],
+        "seeds": len(rows),
+        "trained": rows[0]["trained"],
+        "judged": rows[0]["judged"],
+        **{name: float(np.mean([row[name] for row in rows])) for name in ("nmae", "flagged")},
+        "covered": float(np.mean([row["covered"] for row in rows])),
+        "unflagged": int(weights.sum()),
+        "covered_unflagged": share,
+        "error": error,
+        "width": float(np.average(width[some], weights=weights[some])) if some.any() else share,
+        "verdict": verdict(share, error),
+    }
+
+
+def verdict(share: float, error: float) -> str:
+    """Say whether the coverage of unflagged rows is what is asked for, within a standard error."""
+    if np.isnan(share):
+        return "all flagged"
+    if share >= WANTED:
+        return "met"
+    return "met within its error" if share + error >= WANTED else "not met"
+
+
+def report(found: Sequence[Row]) -> Report:
+    """Make a report: all seeds, the table of all cases, and the same as text."""
+    table = pooled(found)
+    printed = [
+        {
+            **row,
+            "shown": f"{row['covered_unflagged']:.1%} +- {row['error']:.1%}",
+            "wide": f"{row['width']:.1f}",
+        }
+        if row["unflagged"]
+        else {**row, "shown": "-", "wide": "-"}
+        for row in table
+    ]
+    return Report(
+        {"coverage-seeds": found, "coverage": table},
+        text=formatted(PRINTED, printed),
+        text_name="coverage",
+    )
+
+
+def _in_words(row: Row) -> str:
+    """Say how a case came out with one seed."""
+    return (
+        f"{row['trained_on']}: {row['tested_on']}: nMAE {row['nmae']:.2f} %, {row['flagged']:.0%}"
+        f" flagged, {row['covered_unflagged']:.1%} of {row['unflagged']} others in 90 %"
+    )

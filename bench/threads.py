@@ -1,0 +1,188 @@
+"""How much faster a large solve is on several threads, and how much faster it could be.
+
+The bound is what the machine itself allows: as many copies of the transforms alone, each on a
+thread of its own, against one copy. Surfaces are those of `bench.growth`. All times are wall-clock
+times of one process, in turn, and medians count; a busy machine spoils them. Every contact on
+several threads is the same to the last bit as the one on a single thread, or the command fails.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from itertools import product
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+import bem
+from bem.contact import Contact
+from bem.convolution import displacement_filter
+from bem.workers import Workers, led_by
+from bench import peer_threads
+from bench.growth import RTOL, SIDE, displacement_at, require_nested, surface
+from bench.report import Report, remark
+from bench.table import formatted
+from gen.arrays import Heights
+
+Row = dict[str, Any]
+
+# Share of the transforms' own gain that a solve is to reach.
+WANTED_SHARE = 0.9
+
+# Entries of padded fields that are transformed in one turn of the copies.
+TRANSFORMED = 2.5e7
+
+# Threads for which the gain is reckoned from the shared part of a solve.
+RECKONED = (4, 8)
+
+COLUMNS = {
+    "nodes": "{nodes}",
+    "contact": "{area_percent:.1f} %",
+    "threads": "{threads}",
+    "seconds on one": "{seconds_one:.3g}",
+    "seconds": "{seconds:.3g}",
+    "gain": "{gain:.2f}",
+    "gain of copies": "{copies:.2f}",
+    "gain over that": "{gain_over_copies:.2f}",
+    "shared": "{shared_percent:.0f} %",
+    "4 threads, estimate": "{reckoned_4:.2f}",
+    "8 threads, estimate": "{reckoned_8:.2f}",
+}
+
+
+def measure(
+    nodes: Sequence[int], percents: Sequence[float], threads: int, rounds: int
+) -> list[Row]:
+    """Time solves at shares of contact [%] on one and on several threads.
+
+    Raises
+    ------
+    ArithmeticError
+        If the number of threads changes a bit of a pressure.
+    InputError
+        For nodes a side that are not 2^k + 1, or too few.
+    """
+    require_nested(nodes)
+    rows = []
+    for size, percent in product(nodes, percents):
+        copies = gain_of_copies(size, threads, rounds)
+        heights, delta = surface(size, 0), displacement_at(size, 0, percent)
+        row = {"nodes": size, "threads": threads, "copies": copies}
+        row |= _timed(heights, delta, threads, rounds)
+        rows.append(row | {"gain_over_copies": row["gain"] / copies})
+        remark(f"{size} nodes, {percent:g} %: {rows[-1]['gain']:.2f} times as fast")
+    return rows
+
+
+def gain_of_copies(nodes: int, threads: int, rounds: int) -> float:
+    """Return how many transforms several threads do in the time in which one thread does one."""
+    turns = max(round(TRANSFORMED / (2 * nodes * nodes)), 2)
+    seconds: dict[int, list[float]] = {1: [], threads: []}
+    for _, many in product(range(rounds), seconds):
+        seconds[many].append(_transform_copies(nodes, many, turns))
+    return threads * median(seconds[1]) / median(seconds[threads])
+
+
+def _transform_copies(nodes: int, threads: int, turns: int) -> float:
+    """Return the time that threads take for some transforms each, with filters of their own [s]."""
+    ready, ends = threading.Barrier(threads + 1), []
+
+    def transform() -> None:
+        operator = displacement_filter((nodes, nodes), "uniform-pressure", dtype="float32")
+        operator.field.fill(0)
+        operator.transform()
+        ready.wait()
+        for _ in range(turns):
+            operator.transform()
+        ends.append(time.perf_counter())
+
+    running = [threading.Thread(target=transform) for _ in range(threads)]
+    for thread in running:
+        thread.start()
+    ready.wait()
+    began = time.perf_counter()
+    for thread in running:
+        thread.join()
+    return max(ends) - began
+
+
+def _timed(heights: Heights, delta: float, threads: int, rounds: int) -> Row:
+    """Solve on one and on several threads in turn, and once with a look at what is shared."""
+
+    def solve(many: int) -> Contact:
+        return bem.solve(heights, SIDE, delta, rtol=RTOL, threads=many)
+
+    contact, other = solve(1), solve(threads)  # tables and plans are made
+    if not np.array_equal(contact.pressure, other.pressure):
+        raise ArithmeticError(
+            f"{threads} threads change the pressure of {len(heights)} nodes a side"
+        )
+    seconds: dict[int, list[float]] = {1: [], threads: []}
+    for turn in range(rounds):
+        for many in (1, threads) if turn % 2 else (threads, 1):
+            began = time.perf_counter()
+            solve(many)
+            seconds[many].append(time.perf_counter() - began)
+    one, several = median(seconds[1]), median(seconds[threads])
+    shared = _shared(lambda: solve(1))
+    return {
+        "area_percent": contact.area_percent,
+        "convolutions": contact.convolutions,
+        "seconds_one": one,
+        "seconds": several,
+        "gain": one / several,
+        "shared_percent": 100 * shared,
+        **{f"reckoned_{many}": 1 / (1 - shared + shared / many) for many in RECKONED},
+    }
+
+
+class _Watched(Workers):
+    """A single thread that adds up the time of the work that others could share.
+
+    Attributes
+    ----------
+    seconds : float
+        That time.
+    """
+
+    seconds = 0.0
+
+    def share(self, work: Callable[[Any], None], pieces: Sequence[Any]) -> None:
+        """Do the work, and count its time if it comes in several pieces."""
+        began = time.perf_counter()
+        super().share(work, pieces)
+        if len(pieces) > 1:
+            self.seconds += time.perf_counter() - began
+
+
+def _shared(solve: Callable[[], Contact]) -> float:
+    """Return the share of a solve's time that several threads could share [1]."""
+    watched = _Watched()
+    with led_by(watched):
+        began = time.perf_counter()
+        solve()
+        return watched.seconds / (time.perf_counter() - began)
+
+
+def report(rows: Sequence[Row], peers: Sequence[Row] | None = None) -> Report:
+    """Make a report of the rows of `measure`, and of those of other solvers if they were timed."""
+    text = f"{formatted(COLUMNS, rows)}\n\n{verdict(rows)}"
+    if peers is not None:
+        text += f"\n\n{peer_threads.table(peers)}"
+    tables = {"threads": rows} | ({"threads-peers": peers} if peers else {})
+    return Report(tables, text=text)
+
+
+def verdict(rows: Sequence[Row]) -> str:
+    """Say in how many rows solves keep to their mark, and what is an estimate."""
+    kept = sum(row["gain_over_copies"] >= WANTED_SHARE for row in rows)
+    shares = [row["gain_over_copies"] for row in rows]
+    return (
+        f"Gain over that of copies: {min(shares):.2f} to {max(shares):.2f},"
+        f" {WANTED_SHARE:g} or more (the mark) in {kept} of {len(rows)} rows. Every contact has the"
+        " same bits on any number of threads. Gains on 4 and 8 threads are estimates, not measured:"
+        " Amdahl's law, 1 / (1 - s + s / threads), with the measured share s of the time on one"
+        " thread that is spent in work that threads share; memory that all threads wait for is not"
+        " in them."
+    )

@@ -1,0 +1,420 @@
+"""The tables of the manual, made of the files in `bench/results` and of the code's own lists."""
+
+import csv
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from gen.schema import markdown_table
+from learn.comparison.tables import hours
+from learn.models import MODELS
+
+RESULTS = Path(__file__).resolve().parents[2] / "bench" / "results"
+FEATURES = "paper", "dimensionless", "hybrid"
+Row = dict[str, str]
+
+
+def table(name: str) -> list[Row]:
+    """Read the rows of a file in `bench/results`."""
+    with (RESULTS / name).open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def scores(comparison: str) -> dict[tuple[str, str], Row]:
+    """Read the scores of a comparison by model and result."""
+    found = table(f"{comparison}/area/scores.csv")
+    return {(row["model"], row["result"]): row for row in found}
+
+
+def cells(row: Row, *names: str) -> str:
+    """Return values of a row with two decimals, as cells of Markdown."""
+    return " | ".join(f"{float(row[name]):.2f}" for name in names)
+
+
+def pair(row: Row, first: str, second: str) -> str:
+    """Return two values of a row in one cell."""
+    return f"{float(row[first]):.2f}, {float(row[second]):.2f}"
+
+
+def models() -> list[str]:
+    """Scores of the nine models beside the paper's Table 4."""
+    names = "nmse", "nmae", "nmaxe", "r2"
+    lines = []
+    for (model, result), row in scores("comparison").items():
+        title = MODELS[model].title + (", tuned" if result == "tuned" else "")
+        theirs = cells(row, *(f"paper_{name}" for name in names))
+        lines.append(f"| {title} | {cells(row, *names)} | {theirs} |")
+    return lines
+
+
+def hybrid() -> list[str]:
+    """Baselines with the paper's features and with hybrid ones."""
+    paper, other = scores("comparison"), scores("comparison-hybrid")
+    return [
+        f"| {MODELS[model].title} | {pair(paper[model, 'baseline'], 'nmse', 'r2')}"
+        f" | {pair(other[model, 'baseline'], 'nmse', 'r2')} |"
+        for model in MODELS
+    ]
+
+
+def mirco() -> list[str]:
+    """R2 of baselines with the preset's influence coefficients, with MIRCO's, and the paper's."""
+    preset, concentrated = scores("comparison"), scores("comparison-concentrated")
+    lines = []
+    for model in MODELS:
+        row, other = preset[model, "baseline"], concentrated[model, "baseline"]
+        columns = cells(row, "r2"), cells(other, "r2"), cells(row, "paper_r2")
+        lines.append(f"| {MODELS[model].title} | {' | '.join(columns)} |")
+    return lines
+
+
+def surrogates() -> list[str]:
+    """R2 and nMAE of each feature set where it was not trained."""
+    found: dict[str, list[str]] = {}
+    for row in table("generalisation/generalisation.csv"):
+        if "same heights" not in row["tested_on"]:
+            found.setdefault(row["tested_on"], []).append(pair(row, "r2", "nmae"))
+    return [f"| {' | '.join([name, *columns])} |" for name, columns in found.items()]
+
+
+SOLVERS = {
+    "ContactMechanics, dual conjugate gradients, on the free half-space": (
+        "ContactMechanics dual",
+    ),
+    "the same, with a margin that makes its FFT fast": ("ContactMechanics dual, margin",),
+    "Tamaas, with such a margin": ("Tamaas, margin",),
+    "ASPHER, as it comes (it is given the load)": ("ASPHER",),
+    "ASPHER, on nested grids, with a margin, the faster of its two operators": (
+        "ASPHER nested, stencil, margin",
+        "ASPHER nested, FFT, margin",
+    ),
+    "the paper's algorithm, up to 1,200 nodes in contact": ("paper's NNLS",),
+}
+
+
+def peers() -> list[str]:
+    """Smallest and largest ratio over the displacements, of the faster of several variants."""
+    found: dict[tuple[str, str], dict[str, float]] = {}
+    for row in table("peers/peers.csv"):
+        if row["times_ours"] and row["hurst"] == "0.65":
+            ratios = found.setdefault((row["solver"], row["nodes"]), {})
+            ratios[row["delta_um"]] = float(row["times_ours"])
+
+    def ends(names: tuple[str, ...], nodes: str) -> str:
+        each = [found[name, nodes] for name in names]
+        best = [min(ratios[delta] for ratios in each if delta in ratios) for delta in each[0]]
+        low, high = (f"{each:.{2 if each < 100 else 3}g}" for each in (min(best), max(best)))
+        return low if len(best) == 1 else f"{low} to {high}"
+
+    sizes = sorted({nodes for _, nodes in found}, key=int)
+    return [
+        f"| {title} | {' | '.join(ends(names, nodes) for nodes in sizes)} |"
+        for title, names in SOLVERS.items()
+    ]
+
+
+def cost() -> list[str]:
+    """From how many contacts on a surrogate pays, and how much cheaper its answers are."""
+    rows = [row for row in table("cost/cost.csv") if row["solver"] == "ours"]
+    found = {(row["asked"], row["features"]): row for row in rows}
+
+    def line(title: str, asked: str, text: Callable[[Row], str]) -> str:
+        columns = [text(found[asked, features]) for features in FEATURES]
+        return f"| {title} | {' | '.join(columns)} |"
+
+    def cheaper(row: Row) -> str:
+        return f"{float(row['solve']) / float(row['query']):.3g}"
+
+    return [
+        line(
+            "pays from so many contacts on", "new surfaces", lambda r: f"{int(r['break_even']):,}"
+        ),
+        line(
+            "an answer, with its statistics, is cheaper than a solve, times",
+            "new surfaces",
+            cheaper,
+        ),
+        line(
+            "a further load on a known surface, than the next of a ladder, times",
+            "loads on one surface",
+            cheaper,
+        ),
+    ]
+
+
+def scans() -> list[str]:
+    """Surrogates of measured maps on tiles and maps that they have not seen."""
+    lines = []
+    for row in table("scans/scans.csv"):
+        if row["map"] == "all":
+            names = ("covered", "flagged", "covered_unflagged")
+            shares = [f"{100 * float(row[name]):.1f}" for name in names]
+            flagged = round(float(row["wrong"]) * float(row["wrong_flagged"] or 0))
+            wrong = f"{float(row['width']):.2f} | {row['wrong']}, {flagged}"
+            size = f"{row['nodes']} x {row['nodes']} nodes, {row['left_out']}"
+            lines.append(f"| {size} | {pair(row, 'r2', 'nmae')} | {' | '.join(shares)} | {wrong} |")
+    return lines
+
+
+def growths() -> list[str]:
+    """Growths to an error: rows and looks, what is promised, and the truth on fresh rows."""
+    found: dict[tuple[str, str], dict[str, Row]] = {}
+    for row in table("grow/grow.csv"):
+        found.setdefault((row["population"], row["seed"]), {})[row["target"]] = row
+    lines = []
+    for (population, seed), targets in found.items():
+        first = targets["area"]
+        columns = [f"{population}, seed {seed}", f"{float(first['asked']):g}", first["rows"]]
+        for row in targets.values():
+            columns.append(pair(row, "nmae", "at_most"))
+            columns.append(f"{float(row['fresh_nmae']):.2f} ± {float(row['fresh_error']):.2f}")
+        lines.append(f"| {' | '.join(columns)} |")
+    return lines
+
+
+def grids() -> list[str]:
+    """What whole grids of the search take, beside the paper's times."""
+    searched = {row["model"]: row["searched"] for row in table("comparison/area/tuning.csv")}
+    lines = []
+    for row in table("comparison/area/whole-grids.csv"):
+        ours, theirs = hours(float(row["seconds"])), hours(float(row["paper_s"]))
+        if row["fits"] != row["of"]:
+            error = 100 * float(row["error"]) / float(row["seconds"]) if row["error"] else None
+            ours += "" if error is None else f" +- {error:.0f} %"
+        how = searched.get(row["model"], "not searched")
+        title = MODELS[row["model"]].title
+        timed = f"{row['fits']} of {row['of']} | {int(row['rows']):,}"
+        lines.append(f"| {title} | {timed} | {ours} | {theirs} | {how} |")
+    return lines
+
+
+def unstated() -> list[str]:
+    """What the choices that the paper leaves open change."""
+    lines = []
+    for row in table("unstated/unstated.csv"):
+        ours = f" instead of {row['ours']}" if row["ours"] else ""
+        what = f"{row['choice']}: {row['other']}{ours}" if row["other"] else row["choice"]
+        times = cells(row, "area_times", "force_times")
+        shares = " | ".join(f"{float(row[name]):.0f}" for name in ("done", "table_1"))
+        lines.append(f"| {what} | {shares} | {times} | {cells(row, 'r2', 'tree_r2')} |")
+    return lines
+
+
+def outputs() -> list[str]:
+    """Cost of the optional columns of a database."""
+    lines = []
+    for row in table("outputs/outputs.csv"):
+        more, middle, low, high = (
+            float(row[name]) for name in ("more_ms", "ratio", "ratio_low", "ratio_high")
+        )
+        time = f"{more:+.2f} | {middle:.3f} ({low:.3f} to {high:.3f})"
+        lines.append(f"| `{row['column']}` | {time} | {int(row['bytes']):,} |")
+    return lines
+
+
+def as_they_stand(name: str) -> Callable[[], list[str]]:
+    """Return the rows of a file whose cells are texts, without a change."""
+    return lambda: [f"| {' | '.join(row.values())} |" for row in table(name)]
+
+
+@dataclass(frozen=True)
+class PageTable:
+    """A table of a page.
+
+    Attributes
+    ----------
+    header : tuple of str
+        Titles of the columns.
+    lines : callable
+        Returns the rows as lines of Markdown.
+    sources : tuple of str
+        Files in `bench/results` that the rows are made of.
+    """
+
+    header: tuple[str, ...]
+    lines: Callable[[], list[str]]
+    sources: tuple[str, ...]
+
+    def markdown(self) -> str:
+        """Return the whole table."""
+        rule = "|" + "---|" * len(self.header)
+        return "\n".join([f"| {' | '.join(self.header)} |", rule, *self.lines()])
+
+
+TABLES = {
+    "peers": PageTable(
+        (
+            "CPU time over ours, `--deltas 5,15,25,35,45 --rounds 2`, H = 0.65",
+            "129 nodes",
+            "257 nodes",
+            "513 nodes",
+        ),
+        peers,
+        ("peers/peers.csv",),
+    ),
+    "growths": PageTable(
+        (
+            "nMAE [%]",
+            "asked",
+            "rows",
+            "area: estimate, at most",
+            "area, fresh rows",
+            "force: estimate, at most",
+            "force, fresh rows",
+        ),
+        growths,
+        ("grow/grow.csv",),
+    ),
+    "models": PageTable(
+        (
+            "[%]",
+            "nMSE",
+            "nMAE",
+            "nMaxE",
+            "R2",
+            "the paper's: nMSE",
+            "nMAE",
+            "nMaxE",
+            "R2",
+        ),
+        models,
+        ("comparison/area/scores.csv",),
+    ),
+    "hybrid": PageTable(
+        (
+            "nMSE, R2 [%], libraries' settings",
+            "`paper`",
+            "`hybrid`",
+        ),
+        hybrid,
+        (
+            "comparison/area/scores.csv",
+            "comparison-hybrid/area/scores.csv",
+        ),
+    ),
+    "mirco": PageTable(
+        (
+            "",
+            "uniform pressure, ours",
+            "concentrated forces",
+            "the paper",
+        ),
+        mirco,
+        (
+            "comparison/area/scores.csv",
+            "comparison-concentrated/area/scores.csv",
+        ),
+    ),
+    "surrogates": PageTable(
+        (
+            "tested on: R2, nMAE [%]",
+            "`paper`",
+            "`dimensionless`",
+            "`hybrid`",
+        ),
+        surrogates,
+        ("generalisation/generalisation.csv",),
+    ),
+    "cost": PageTable(
+        (
+            "our solver, new surfaces",
+            "`paper`",
+            "`dimensionless`",
+            "`hybrid`",
+        ),
+        cost,
+        ("cost/cost.csv",),
+    ),
+    "scans": PageTable(
+        (
+            "kernel ridge, hybrid features",
+            "area R2, nMAE [%]",
+            "in the 90 % interval [%]",
+            "flagged [%]",
+            "of the others, in the interval [%]",
+            "mean width [% of area]",
+            "wrong rows, flagged ones",
+        ),
+        scans,
+        ("scans/scans.csv",),
+    ),
+    "grids": PageTable(
+        (
+            "",
+            "timed on all rows",
+            "on rows up to",
+            "hours",
+            "the paper's",
+            "searched here",
+        ),
+        grids,
+        (
+            "comparison/area/whole-grids.csv",
+            "comparison/area/tuning.csv",
+        ),
+    ),
+    "unstated": PageTable(
+        (
+            "choice",
+            "solved [%]",
+            "Table 1",
+            "area, times",
+            "force, times",
+            "R2",
+            "R2 of trees",
+        ),
+        unstated,
+        ("unstated/unstated.csv",),
+    ),
+    "outputs": PageTable(
+        (
+            "`[store]`",
+            "ms per sample",
+            "time with / without",
+            "bytes per sample",
+        ),
+        outputs,
+        ("outputs/outputs.csv",),
+    ),
+    "speed": PageTable(
+        (
+            "at 129 x 129 nodes, one core",
+            "two runs",
+            "",
+        ),
+        as_they_stand("speed/speed.csv"),
+        ("speed/speed.csv",),
+    ),
+    "features": PageTable(
+        (
+            "kernel ridge, paper preset, areas to 16.56 %, 9,094 training rows",
+            "nMSE [%]",
+            "nMAE [%]",
+            "R2 [%]",
+        ),
+        as_they_stand("surrogates/features.csv"),
+        ("surrogates/features.csv",),
+    ),
+    "yielding": PageTable(
+        (
+            "kernel ridge, 2,160 training and 600 test rows, H/E* 0.003 to 0.1",
+            "nMAE [%]",
+            "R2 [%]",
+            "in the 90 % interval [%]",
+        ),
+        as_they_stand("surrogates/yielding.csv"),
+        ("surrogates/yielding.csv",),
+    ),
+}
+"""The tables that a page shows by `{result} NAME`."""
+
+
+def markdown_of(name: str) -> str:
+    """Return a table by its name; `columns` are those of a database.
+
+    Raises
+    ------
+    KeyError
+        If there is no table of this name.
+    """
+    return markdown_table() if name == "columns" else TABLES[name].markdown()

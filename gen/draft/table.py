@@ -1,0 +1,51 @@
+"""Print what was found in the files of maps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rich.table import Table
+
+from gen.draft.survey import Look, remarks
+from gen.runtime.console import wide_console
+
+WIDTH = 132
+"""Width of the table without a terminal [characters]."""
+
+TITLES = (
+    *("map", "nodes", "spacing um", "unit", "holes %", "spikes", "tilt", "rms height um"),
+    *("rms slope", "use"),
+)
+
+
+def print_looks(looks: Sequence[Look]) -> None:
+    """Print a line for each file: what it holds, and whether it is used or why not."""
+    table = Table(box=None, pad_edge=False)
+    for title in TITLES:
+        left = title in {"map", "unit", "use"}
+        table.add_column(title, justify="left" if left else "right", overflow="fold")
+    for look in looks:
+        table.add_row(*_cells(look))
+    wide_console(WIDTH).print(table)
+
+
+def _cells(look: Look) -> list[str]:
+    """Write what is known of a file, a dash where it is not."""
+    use = f"no: {look.fault}" if look.fault else "; ".join(["yes", *remarks(look)])
+    if not look.shape[0]:
+        return [look.path.name, *["-"] * (len(TITLES) - 2), use]
+    dx, dy = (f"{step:.4g}" for step in look.spacing)
+    texture = look.texture
+    return [
+        look.path.name,
+        f"{look.shape[0]} x {look.shape[1]}",
+        dx if dx == dy else f"{dx} x {dy}",
+        look.unit or "um?",
+        f"{100 * look.holes:.2g}",
+        "-" if look.spikes is None else str(look.spikes.number),
+        "-" if math.isnan(look.tilt[0]) else f"{max(map(abs, look.tilt)):.2g}",
+        "-" if texture is None else f"{texture.rms_height:.3g}",
+        "-" if texture is None else f"{texture.rms_slope:.3g}",
+        use,
+    ]

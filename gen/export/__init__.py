@@ -1,0 +1,1 @@
+"""Export of databases to open formats: Parquet, a data card and Croissant's description."""

@@ -1,0 +1,75 @@
+"""A database as a folder of open formats, which anybody can read without this program."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from gen.database import Reader
+from gen.export import card, croissant, files, tables
+from gen.export.about import About
+from gen.runtime.errors import InputError
+from gen.runtime.output import check_folder, make_folder, write
+from gen.runtime.progress import RunProgress
+
+
+class Exported(NamedTuple):
+    """The outcome of an export.
+
+    Attributes
+    ----------
+    rows : int
+        Number of rows that were exported.
+    left_out : int
+        Number of rows that failed or are pending.
+    size_bytes : int
+        Size of all files together [bytes].
+    """
+
+    rows: int
+    left_out: int
+    size_bytes: int
+
+
+def export(reader: Reader, folder: Path, about: About) -> Exported:
+    """Write the done rows of a database as Parquet, with a card and Croissant's description.
+
+    An interrupted export goes on with the same call, and one of a database that has grown since
+    renews the files that have changed.
+
+    Parameters
+    ----------
+    reader : Reader
+        Database.
+    folder : Path
+        Folder to write: new, empty, or an export of the same database.
+    about : About
+        Title, creator, licence and identifier.
+
+    Returns
+    -------
+    Exported
+        Numbers of rows, and size.
+
+    Raises
+    ------
+    InputError
+        If the database has no done rows, the folder holds something else, or the disk is full.
+    """
+    check_folder(folder)
+    files.require_own_folder(folder, reader)
+    done = tables.done_rows(reader)
+    if not done.any():
+        raise InputError(f"{reader.path} has no done rows to export")
+    pieces = files.pieces(reader)
+    make_folder(folder)
+    if tables.fields(reader):
+        make_folder(folder / files.FIELDS)
+    with RunProgress(sum(len(piece.rows) for piece in pieces), "rows") as progress:
+        for piece in pieces:
+            files.write(piece, folder, reader, done, lambda rows: progress.advance(rows, 0))
+    rows = int(done.sum())
+    write(folder / card.SCENE, card.scene_text(reader))
+    write(folder / card.NAME, card.card(reader, about, rows))
+    description = croissant.describe(reader, about, card.words(reader), folder, pieces)
+    write(folder / croissant.NAME, description)
+    size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    return Exported(rows, len(done) - rows, size)

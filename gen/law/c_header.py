@@ -1,0 +1,248 @@
+"""A contact law as one small C header: tables, monotone cubics, consistent tangents.
+
+All names come from the file's name, so that one program can include several laws.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+import zlib
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gen.arrays import Values
+from gen.law.curves import CONDUCTANCE, slopes
+from gen.law.finite_elements import rising
+from gen.law.points import STIFFNESS
+from gen.runtime import output
+from gen.runtime.provenance import git_commit, versions
+
+if TYPE_CHECKING:
+    from gen.law.contact_law import Law
+    from gen.law.curves import Curve, Curves
+
+SHORT = {
+    "area_percent": "area",
+    "force_uN": "force",
+    "mean_gap_um": "mean_gap",
+    "pressure_MPa": "pressure",
+    "delta_um": "delta",
+    "closure_um": "closure",
+    STIFFNESS: "stiffness",
+    CONDUCTANCE: "conductance",
+}
+ARGUMENTS = {"delta_um": ("delta", ""), "pressure_MPa": ("pressure", "_at_pressure")}
+"""Name of the argument, and end of the functions' names, for each table."""
+
+PER_LINE = 5
+WIDTH = 96
+
+FUNCTIONS = """
+/* Place of the interval that holds an argument between the ends of a table. */
+static inline int NAME_place(const double *x, int n, double at)
+{
+    int low = 0, high = n - 1;
+    while (high - low > 1) {
+        int middle = (low + high) / 2;
+        if (x[middle] <= at) low = middle; else high = middle;
+    }
+    return low;
+}
+
+/* Cubic with the values y and the slopes s at x; beyond the ends, the value there. */
+static inline double NAME_interpolate(const double *x, const double *y, const double *s, int n,
+                                      double at)
+{
+    int i;
+    double h, t, u;
+    if (!(at > x[0])) return y[0];
+    if (at >= x[n - 1]) return y[n - 1];
+    i = NAME_place(x, n, at);
+    if (at == x[i]) return y[i];
+    if (isinf(y[i + 1])) return y[i + 1];
+    h = x[i + 1] - x[i];
+    t = (at - x[i]) / h;
+    u = 1.0 - t;
+    return y[i] + t * t * (3.0 - 2.0 * t) * (y[i + 1] - y[i])
+           + h * t * u * (u * s[i] - t * s[i + 1]);
+}
+
+/* Slope of the same cubic: the consistent tangent, continuous; 0 beyond the ends. */
+static inline double NAME_slope(const double *x, const double *y, const double *s, int n, double at)
+{
+    int i;
+    double h, t, u;
+    if (n < 2 || at < x[0] || at > x[n - 1]) return 0.0;
+    i = NAME_place(x, n, at);
+    if (at == x[i]) return s[i];
+    h = x[i + 1] - x[i];
+    t = (at - x[i]) / h;
+    u = 1.0 - t;
+    return 6.0 * t * u * (y[i + 1] - y[i]) / h + u * (1.0 - 3.0 * t) * s[i]
+           + t * (3.0 * t - 2.0) * s[i + 1];
+}
+"""
+
+
+def write(path: Path, law: Law) -> None:
+    """Write the header, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written.
+    """
+    output.write(path, "\n".join(_lines(law, _name(path))) + "\n")
+
+
+def _name(path: Path) -> str:
+    """Return the beginning of all names: asperity_steel_2 for steel-2.h."""
+    own = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_")
+    return f"asperity_{own or 'law'}"
+
+
+def _lines(law: Law, name: str) -> Iterator[str]:
+    """Yield the whole header; a second law of the same name in a program is made an error."""
+    body = list(_body(law, name))
+    checksum = f"0x{zlib.crc32(chr(10).join(body).encode()):08x}u"
+    guard = f"{name.upper()}_H"
+    yield "/*"
+    for paragraph in _description(law, name):
+        yield from textwrap.wrap(
+            _comment(paragraph),
+            WIDTH,
+            initial_indent=" * ",
+            subsequent_indent=" *   ",
+            break_on_hyphens=False,
+        )
+    yield " */"
+    yield f"#ifdef {guard}"
+    yield f"#if {guard} != {checksum}"
+    yield f'#error "two laws are named {name}: give one of the headers another file name"'
+    yield "#endif"
+    yield "#else"
+    yield f"#define {guard} {checksum}"
+    yield from body
+    yield "#endif"
+
+
+def _description(law: Law, name: str) -> Iterator[str]:
+    """Yield the paragraphs of the comment at the top."""
+    version = versions(["asperity"]).get("asperity", "")
+    commit = git_commit()[:12]
+    yield f"Contact law of rough surfaces, E* = {law.bodies.e_star:.17g} MPa."
+    if law.bodies.hardness is not None:
+        yield f"Bodies that yield, without hardening: hardness {law.bodies.hardness:.17g} MPa."
+    yield f"Surface: {'; '.join(law.origins)}"
+    if law.order.command:
+        yield f"Command: {law.order.command}"
+    yield f"Made: {datetime.now(UTC).isoformat(timespec='seconds')}, asperity {version} {commit}"
+    for note in law.notes:
+        yield f"How: {note}"
+    if law.over_delta.banded or law.over_pressure.banded:
+        yield f"Band (the functions _low and _high): {law.band}. NAN where no band holds."
+    else:
+        yield f"No functions _low and _high. Band: {law.band}."
+    yield (
+        "Delta, closure and mean gap in um, nominal pressure in MPa, area in %, force in uN,"
+        " stiffness in MPa/um, conductance in W/(mm2 K)."
+    )
+    yield (
+        "Closure is what the interface alone gives way from first touch on:"
+        f" {name}_pressure_at_closure(closure) and its tangent are the law of a contact element."
+    )
+    yield (
+        f"{name}_area(delta), {name}_delta_at_pressure(pressure) and the like are monotone cubics;"
+        " _tangent is their slope. Beyond the ends of the tables, values are constant, those"
+        " at the end, and tangents 0: below 0 as at first touch, and up to"
+        f" {law.over_delta.at[-1]:.6g} um and {law.over_pressure.at[-1]:.6g} MPa."
+    )
+
+
+def _body(law: Law, name: str) -> Iterator[str]:
+    """Yield tables and functions."""
+    yield "#include <math.h>"
+    yield FUNCTIONS.replace("NAME", name)
+    for curves in (law.over_delta, law.over_pressure):
+        argument, suffix = ARGUMENTS[curves.against]
+        at, columns = _columns(curves, suffix, law.over_delta.curves["mean_gap_um"])
+        yield from _tables(name, argument, at, columns)
+    pressures, closures, _ = rising(law)
+    if closures.size > 1:
+        yield from _tables(name, "closure", closures, {"pressure_at_closure": pressures})
+
+
+def _tables(name: str, argument: str, at: Values, columns: dict[str, Values]) -> Iterator[str]:
+    """Yield the tables of some columns over one argument, and their functions."""
+    size, over = f"{name.upper()}_{argument.upper()}S", f"{name}_{argument}s_table"
+    yield f"#define {size} {at.size}"
+    yield from _array(over, size, at)
+    for column, values in columns.items():
+        own = f"{name}_{column}"
+        yield from _array(f"{own}_table", size, values)
+        yield from _array(f"{own}_slopes", size, slopes(at, values, float(values[0])))
+        tangent = not column.endswith(("_low", "_high"))
+        yield from _functions(name, own, over, size, argument, tangent=tangent)
+
+
+def _columns(curves: Curves, suffix: str, gap: Curve) -> tuple[Values, dict[str, Values]]:
+    """Return arguments and columns of a table from first touch on, by names of functions.
+
+    Parameters
+    ----------
+    curves : Curves
+        The table.
+    suffix : str
+        End of the functions' names, behind the quantity.
+    gap : Curve
+        The mean gap against Delta, which begins at first touch [um].
+    """
+    missing = curves.at[:1] > 0  # first touch, where pressures were given
+    columns = {}
+    for name in curves.names:
+        curve = curves.curves[name]
+        parts = {"": (curve.value, gap.value)}
+        if curves.banded:
+            parts |= {"_low": (curve.low, gap.low), "_high": (curve.high, gap.high)}
+        for end, (values, gaps) in parts.items():
+            first = gaps[:1] if name == "mean_gap_um" else np.zeros(1)
+            columns[f"{SHORT[name]}{suffix}{end}"] = np.concatenate([first[missing], values])
+    return np.concatenate([np.zeros(1)[missing], curves.at]), columns
+
+
+def _array(name: str, size: str, values: Values) -> Iterator[str]:
+    yield f"static const double {name}[{size}] = {{"
+    texts = [_number(value) for value in values.tolist()]
+    for start in range(0, len(texts), PER_LINE):
+        yield "    " + ", ".join(texts[start : start + PER_LINE]) + ","
+    yield "};"
+
+
+def _number(value: float) -> str:
+    """Return a constant of C99."""
+    if np.isnan(value):
+        return "NAN"
+    return f"{value:.17g}" if np.isfinite(value) else "HUGE_VAL"
+
+
+def _functions(
+    name: str, own: str, over: str, size: str, argument: str, *, tangent: bool
+) -> Iterator[str]:
+    tables = f"{over}, {own}_table, {own}_slopes, {size}, {argument}"
+    for suffix, function in (("", "interpolate"), ("_tangent", "slope"))[: 1 + tangent]:
+        yield f"static inline double {own}{suffix}(double {argument})"
+        yield f"{{ return {name}_{function}({tables}); }}"
+
+
+def _comment(text: str) -> str:
+    """Replace characters that end a comment, splice lines or make a compiler warn.
+
+    Names of files and folders may hold any character: backslashes, question marks (of trigraphs),
+    asterisks beside a slash and everything but printable ASCII become underscores.
+    """
+    return re.sub(r"[^ -~]|[\\?]|\*(?=/)|(?<=/)\*", "_", text)

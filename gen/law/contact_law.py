@@ -1,0 +1,240 @@
+"""Contact laws: closure, area, mean gap and conductance against Delta and nominal pressure.
+
+A law is that of one surface, or the mean and quantiles over the surfaces of a population, at given
+Delta and at given pressure. The patch is a piece of a larger interface, so that it is continued by
+its mirror images unless it is told otherwise: what a free patch gives way as a whole belongs to the
+mesh of a finite-element model, not to its interface.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bem.spacing import Boundary
+from gen.arrays import Values
+from gen.law import solved
+from gen.law.curves import Curves, with_conductance
+from gen.law.loads import deltas_from, pressures_from
+from gen.law.subjects import Subjects, read_subjects
+from gen.material import Bodies
+from gen.measured.source import Opposite
+from gen.option_groups import Reading
+from gen.runtime.errors import InputError
+
+STEPS = 40
+"""Number of displacements over the range of a scene or a training, where no load is given."""
+
+Tables = tuple[Curves, Curves, list[str]]
+"""Tables against Delta and against pressure, and remarks about them."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """A request for a law.
+
+    Attributes
+    ----------
+    inputs : tuple of str
+        Surfaces, folders of them, databases or scenes.
+    delta : str
+        Far-field displacements as text; "" for those at the pressures, or for the usual range if no
+        pressures are given either.
+    pressure : str
+        Nominal pressures as text; "" for those at the displacements.
+    surfaces : int
+        Number of surfaces of a database's or scene's population.
+    level : float
+        Coverage of the band.
+    e_star : float, optional
+        E*; by default that of the scene, else 1 MPa [MPa].
+    hardness : float, optional
+        Hardness of the softer body; by default the only one of the scene [MPa].
+    boundary : {"free", "periodic", "mirror"}, optional
+        Boundary of the patches; None for the usual one.
+    conductivities : tuple of float, optional
+        Conductivities of both bodies, which ask for the conductance [W/(m K)].
+    stiffness : bool
+        Whether the stiffness is asked for; a conductance brings it along.
+    reading : Reading
+        Options that say how files are read.
+    opposite : Opposite, optional
+        Second rough body that surfaces from files are pressed against.
+    command : str
+        Command line, for the record.
+    """
+
+    inputs: tuple[str, ...]
+    delta: str = ""
+    pressure: str = ""
+    surfaces: int = 50
+    level: float = 0.9
+    e_star: float | None = None
+    hardness: float | None = None
+    boundary: Boundary | None = None
+    conductivities: tuple[float, float] | None = None
+    stiffness: bool = False
+    reading: Reading = field(default_factory=Reading)
+    opposite: Opposite | None = None
+    command: str = ""
+
+    def loads(self) -> tuple[Values | None, Values | None]:
+        """Return ascending displacements [um] and pressures [MPa], each None if not given."""
+        deltas = np.unique(deltas_from(self.delta)) if self.delta else None
+        pressures = np.unique(pressures_from(self.pressure)) if self.pressure else None
+        return deltas, pressures
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """Tables of a contact law.
+
+    Attributes
+    ----------
+    order : Order
+        The request.
+    over_delta : Curves
+        Table against the far-field displacement, which begins at 0 [um].
+    over_pressure : Curves
+        Table against the nominal pressure, with Delta among its curves [MPa].
+    bodies : Bodies
+        E* and hardness.
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of the patches.
+    band : str
+        Description of the band.
+    origins : tuple of str
+        Surfaces of the law, one line for each input.
+    notes : tuple of str
+        Remarks about the making of the law, one line each.
+    """
+
+    order: Order
+    over_delta: Curves
+    over_pressure: Curves
+    bodies: Bodies
+    boundary: Boundary
+    band: str
+    origins: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def by_solver(order: Order, say: Callable[[str], None]) -> Law:
+    """Make a law with the solver, at the loads asked for.
+
+    Parameters
+    ----------
+    order : Order
+        The request.
+    say : callable
+        Called with a line for the user about each file.
+
+    Raises
+    ------
+    InputError
+        For input that cannot be used, or a load without a solution.
+    """
+    deltas, pressures = order.loads()
+    boundary = order.boundary or "mirror"
+    subjects = read_subjects(
+        order.inputs,
+        order.surfaces,
+        order.reading,
+        boundary,
+        say,
+        only_boundary=False,
+        opposite=order.opposite,
+    )
+    e_star = order.e_star or subjects.modulus() or 1.0
+    hardness, ratio = order.hardness, None
+    if hardness is None and (ratio := subjects.hardness_ratio()) is not None:
+        hardness = ratio * e_star
+    bodies = Bodies(e_star, hardness, known=order.e_star is not None)
+    if deltas is None and pressures is None:
+        deltas, pressures = usual_loads(subjects, e_star)
+    return solved_law(order, subjects, bodies, (deltas, pressures))
+
+
+def solved_law(
+    order: Order, subjects: Subjects, bodies: Bodies, loads: tuple[Values | None, Values | None]
+) -> Law:
+    """Solve the contacts of a law.
+
+    Parameters
+    ----------
+    order : Order
+        The request.
+    subjects : Subjects
+        Surfaces.
+    bodies : Bodies
+        E* and hardness.
+    loads : tuple of ndarray or None
+        Ascending displacements [um] and pressures [MPa]; one of both may be None.
+    """
+    stiffness = order.stiffness or order.conductivities is not None
+    tables = solved.tables(subjects.surfaces, *loads, order.level, bodies, stiffness=stiffness)
+    one = "none, one surface was solved"
+    return law_of(order, subjects, bodies, tables, ("solved contact by contact", one))
+
+
+def law_of(
+    order: Order, subjects: Subjects, bodies: Bodies, tables: Tables, said: tuple[str, str]
+) -> Law:
+    """Put tables and what is to be said about them into a law.
+
+    Parameters
+    ----------
+    order : Order
+        The request.
+    subjects : Subjects
+        Surfaces.
+    bodies : Bodies
+        E* and hardness.
+    tables : Tables
+        Tables and remarks.
+    said : tuple of str
+        How the law was made, and what its band is if it has one surface.
+    """
+    from bem.contact import mean_conductivity
+
+    over_delta, over_pressure, remarks = tables
+    if order.conductivities is not None:
+        factor = mean_conductivity(*order.conductivities) / bodies.e_star
+        over_delta = with_conductance(over_delta, factor)
+        over_pressure = with_conductance(over_pressure, factor)
+    how, band = said
+    boundary = subjects.surfaces[0].boundary
+    if boundary != "free":
+        how += f", patches without edges: {boundary} boundary"
+    if len(subjects.surfaces) > 1:
+        share = f"{100 * order.level:g} %"
+        band = f"quantiles of {len(subjects.surfaces)} surfaces, {share} between them"
+    doubts = [each for each in subjects.origins if ": " in each]
+    return Law(
+        order=order,
+        over_delta=over_delta,
+        over_pressure=over_pressure,
+        bodies=bodies,
+        boundary=boundary,
+        band=band,
+        origins=tuple(subjects.origins),
+        notes=(how, *doubts, *remarks),
+    )
+
+
+def usual_loads(subjects: Subjects, e_star: float) -> tuple[Values | None, Values | None]:
+    """Return displacements [um] and pressures [MPa] over the scenes' range; one of both is None.
+
+    Raises
+    ------
+    InputError
+        If a surface comes from a file, the scenes give different loads, or they press nothing.
+    """
+    usual = subjects.loads(STEPS, e_star)
+    if usual is None:
+        raise InputError("give --delta or --pressure: a surface from a file has no range of loads")
+    kind, loads = usual
+    loads = np.unique(loads[loads > 0])
+    if not loads.size:
+        raise InputError("give --delta or --pressure: the scene presses nothing")
+    return (loads, None) if kind == "delta" else (None, loads)

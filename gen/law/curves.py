@@ -1,0 +1,259 @@
+"""Curves of a contact law: monotone values with a band and slopes, over Delta or over pressure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.arrays import Values
+from gen.law.points import STIFFNESS, Points
+from gen.runtime.errors import InputError
+
+QUANTITIES = ("area_percent", "force_uN", "mean_gap_um", "pressure_MPa", "closure_um")
+CONDUCTANCE = "conductance_W_per_mm2_K"
+COLUMNS = {
+    "delta_um": (*QUANTITIES, STIFFNESS, CONDUCTANCE),
+    "pressure_MPa": (
+        *("delta_um", "closure_um", "area_percent", "mean_gap_um", STIFFNESS, CONDUCTANCE),
+    ),
+}
+"""Quantities of a table by what they are tabulated against; the last two only where asked for."""
+
+ENDLESS = {STIFFNESS, CONDUCTANCE}
+"""Quantities that full contact makes infinite."""
+
+OUTSIDE_WEIGHT = 1e-9
+"""Weight of a point outside the training, over one inside, where curves are made monotone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One quantity against an argument.
+
+    Attributes
+    ----------
+    value, low, high, slope : ndarray, shape (k,)
+        Values in the unit of the quantity; the slope is per unit of the argument. `low` and `high`
+        are NaN where there is no band.
+    """
+
+    value: Values
+    low: Values
+    high: Values
+    slope: Values
+
+    @property
+    def banded(self) -> NDArray[np.bool_]:
+        """True where there is a band, (k,)."""
+        return ~(np.isnan(self.low) | np.isnan(self.high))
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """One table of a law.
+
+    Attributes
+    ----------
+    against : str
+        "delta_um" or "pressure_MPa".
+    at : ndarray, shape (k,)
+        Ascending arguments [um or MPa].
+    curves : dict of str to Curve
+        Curves by the name of the quantity.
+    outside : ndarray, shape (k,)
+        Share of the surfaces that lie outside the surrogate's training at each argument.
+    reasons : tuple of str
+        For each argument, what lies outside the training, or why there is no band; "" if neither.
+    gap_at_rest : float
+        Mean gap at first touch, which every curve of the mean gap begins at [um].
+    """
+
+    against: str
+    at: Values
+    curves: dict[str, Curve]
+    outside: Values
+    reasons: tuple[str, ...]
+    gap_at_rest: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the curves that this table has, in the order of tables."""
+        return tuple(name for name in COLUMNS[self.against] if name in self.curves)
+
+    @property
+    def banded(self) -> bool:
+        """True if any value has a band."""
+        return any(bool(curve.banded.any()) for curve in self.curves.values())
+
+    def withheld(self, place: int) -> bool:
+        """Return True if there is no band at an argument because it lies outside the training."""
+        known = any(bool(curve.banded[place]) for curve in self.curves.values())
+        return bool(self.reasons[place]) and not known
+
+
+def tabulated(
+    against: str, at: Values, parts: Sequence[Points], level: float, gap_at_rest: float
+) -> Curves:
+    """Put the points of one surface or many into one table.
+
+    The values and intervals of one surface are those of its points. Those of a population are mean
+    and quantiles over the surfaces at the same argument. There is no band outside the surrogate's
+    training: for one surface at points with a reason, for a population where more surfaces are
+    outside than the band leaves out on each side, (1 - level) / 2 of them.
+
+    Parameters
+    ----------
+    against : str
+        "delta_um" or "pressure_MPa".
+    at : ndarray, shape (k,)
+        Ascending arguments, the same for all surfaces [um or MPa].
+    parts : sequence of Points
+        Points of each surface at these arguments.
+    level : float
+        Coverage of the band.
+    gap_at_rest : float
+        Mean gap at first touch, a mean over the surfaces [um].
+
+    Raises
+    ------
+    InputError
+        If a value is not finite, as that of a forged surrogate may be.
+    """
+    unknown = np.array([[bool(reason) for reason in part.reasons] for part in parts])
+    outside = unknown.mean(axis=0)
+    reasons = [_summary([part.reasons[place] for part in parts]) for place in range(at.size)]
+    withheld = outside > (1 - level) / 2
+    if len(parts) == 1 and parts[0].endless:
+        reasons = [one or other for one, other in zip(reasons, parts[0].endless, strict=True)]
+        withheld |= np.array([bool(reason) for reason in reasons])
+    curves = {}
+    known = [name for name in COLUMNS[against] if all(name in part.values for part in parts)]
+    for name in known:
+        value, low, high = _band(name, parts, level)
+        if name not in ENDLESS and not np.isfinite(value).all():
+            raise InputError(f"{name} of the law has values that are not finite: no law holds here")
+        slope = slopes(at, value, gap_at_rest if name == "mean_gap_um" else 0.0)
+        low, high = np.minimum(low, value), np.maximum(high, value)
+        low[withheld], high[withheld] = np.nan, np.nan
+        curves[name] = Curve(value, low, high, slope)
+    return Curves(against, at, curves, outside, tuple(reasons), gap_at_rest)
+
+
+def _band(name: str, parts: Sequence[Points], level: float) -> tuple[Values, Values, Values]:
+    """Return value, low and high of one quantity, each (k,); NaN where there is no interval."""
+    if len(parts) > 1:
+        whole = np.stack([part.values[name] for part in parts])
+        with np.errstate(invalid="ignore"):  # of infinite stiffnesses, which leave no band
+            low, high = np.quantile(whole, [(1 - level) / 2, (1 + level) / 2], axis=0)
+        return whole.mean(axis=0), low, high
+    (part,) = parts
+    unknown = np.full_like(part.values[name], np.nan)
+    low, high = (np.array(each.get(name, unknown)) for each in (part.low, part.high))
+    return part.values[name], low, high
+
+
+def _summary(reasons: Sequence[str]) -> str:
+    """Summarise why surfaces are outside: how many are, and the reason of the first."""
+    given = [reason for reason in reasons if reason]
+    if not given or len(reasons) == 1:
+        return "; ".join(given)
+    first, _, _ = given[0].partition("; ")
+    return f"{len(given)} of {len(reasons)} surfaces, the first: {first}"
+
+
+def monotone(points: Points) -> tuple[Points, Points]:
+    """Make the curves of one surface monotone, by least squares; return the corrections too.
+
+    The mean gap falls with Delta, and all other quantities rise. Points outside the training
+    follow those inside, which they hardly move. The corrections are the changes of the values.
+    """
+    from scipy.optimize import isotonic_regression
+
+    weights = np.array([OUTSIDE_WEIGHT if reason else 1.0 for reason in points.reasons])
+
+    def smooth(part: dict[str, Values]) -> dict[str, Values]:
+        made = {}
+        for name, values in part.items():
+            finite = np.isfinite(values).all()
+            rising = name != "mean_gap_um"
+            made[name] = values
+            if finite and name != "delta_um":
+                fit = isotonic_regression(values, weights=weights, increasing=rising)
+                made[name] = np.asarray(fit.x)
+        return made
+
+    values, low, high = smooth(points.values), smooth(points.low), smooth(points.high)
+    for name in low:
+        low[name] = np.minimum(low[name], values[name])
+        high[name] = np.maximum(high[name], values[name])
+    changes = {name: values[name] - points.values[name] for name in values}
+    return Points(values, low, high, points.reasons), Points(changes)
+
+
+def held(points: Points) -> Points:
+    """Replace values that turn back by the extreme value before them.
+
+    Solved contacts turn back only within the tolerance of the solver.
+    """
+    return replace(points, values=_held(points.values))
+
+
+def continued(points: Points, further: Points) -> Points:
+    """Append points at larger Delta, without turning back."""
+    joined = points.joined(further)
+    low, high = _held(joined.low), _held(joined.high)
+    return replace(joined, values=_held(joined.values), low=low, high=high)
+
+
+def _held(part: dict[str, Values]) -> dict[str, Values]:
+    """Return running maxima, and the running minimum of the mean gap."""
+    return {
+        name: (np.minimum if name == "mean_gap_um" else np.maximum).accumulate(values)
+        for name, values in part.items()
+    }
+
+
+def slopes(at: Values, values: Values, rest: float) -> Values:
+    """Return the slopes of the monotone cubic through the values, which begins at first touch.
+
+    Parameters
+    ----------
+    at : ndarray, shape (k,)
+        Ascending arguments.
+    values : ndarray, shape (k,)
+        Values; those that are not finite have no slope, and the cubic begins anew behind them.
+    rest : float
+        Value at the argument 0, where the curve begins if it is not among the arguments.
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    before = int(at[0] > 0)
+    whole, heights = (
+        np.concatenate([[start] * before, part]) for start, part in ((0.0, at), (rest, values))
+    )
+    found = np.full(whole.size, np.nan)
+    edges = np.flatnonzero(np.diff(np.isfinite(heights), prepend=False, append=False))
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        found[first:end] = 0.0
+        if end - first > 1:
+            part = PchipInterpolator(whole[first:end], heights[first:end])
+            found[first:end] = part.derivative()(whole[first:end])
+    return found[before:]
+
+
+def with_conductance(curves: Curves, per_stiffness: float) -> Curves:
+    """Add the conductance to a table that has the stiffness, to which it is proportional.
+
+    Parameters
+    ----------
+    curves : Curves
+        The table.
+    per_stiffness : float
+        Conductivity over E* [W / (m K MPa)].
+    """
+    if STIFFNESS not in curves.curves:
+        return curves
+    own = curves.curves[STIFFNESS]
+    parts = (per_stiffness * part for part in (own.value, own.low, own.high, own.slope))
+    return replace(curves, curves={**curves.curves, CONDUCTANCE: Curve(*parts)})

@@ -1,0 +1,170 @@
+"""Groups of options that several commands share: reading a surface, the files of a law."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import typer
+
+from gen import options
+from gen.runtime.errors import InputError
+from gen.runtime.output import Output
+
+Units = Literal["mm", "si"]
+
+
+class Reading(NamedTuple):
+    """How the file of a surface is read and prepared.
+
+    Attributes
+    ----------
+    side : str
+        Scan length, or two with a comma, for a file without lengths [um].
+    unit : str
+        Unit of a file that names none.
+    channel : str
+        Name or index of the channel, for a file with several.
+    override_scale : bool
+        True to let `side` and `unit` overrule the file.
+    fill : bool
+        True to fill missing points.
+    fill_most : bool
+        True to fill them even where more than half of the points are missing.
+    level : str
+        "mean", "plane" or "quadratic": the fit that is subtracted; "" for none.
+    crop : str
+        Part to keep, "x0:x1,y0:y1"; "" for the whole map [um].
+    invert : bool
+        True to turn the surface upside down.
+    mask : str
+        Heights to take for holes, "below:above"; "" for none [um].
+    despike : float, optional
+        Threshold above which nodes are spikes; None to leave them [1].
+    form : int, optional
+        Degree of the polynomial that is subtracted; None for none.
+    filter_ : str
+        Cut-offs of the Gaussian filters, "S:L"; "" for none [um].
+    downsample : int, optional
+        Number of nodes a side whose mean becomes a node; None for 1.
+    """
+
+    side: options.Side = ""
+    unit: options.Unit = ""
+    channel: options.Channel = ""
+    override_scale: options.OverrideScale = False
+    fill: options.Fill = False
+    fill_most: options.FillMost = False
+    level: options.Level = ""
+    crop: options.Crop = ""
+    invert: options.Invert = False
+    mask: options.Mask = ""
+    despike: options.Despike = None
+    form: options.Form = None
+    filter_: options.Filter = ""
+    downsample: options.Downsample = None
+
+
+class Against(NamedTuple):
+    """A second rough body that surfaces are pressed against.
+
+    Attributes
+    ----------
+    against : Path or None
+        File of the second body; None for a flat one.
+    against_options : str or None
+        Options that it alone is read and prepared by; None for those of the first body.
+    turned, shift : str
+        How it is laid on the first body, see `gen.measured.composite.Placement`.
+    """
+
+    against: options.Against = None
+    against_options: options.AgainstOptions = None
+    turned: options.Turned = ""
+    shift: options.Shift = ""
+
+
+class Files(NamedTuple):
+    """Files to write a law to, each None if it is not asked for.
+
+    Attributes
+    ----------
+    table, json, header, calculix, abaqus, picture : Path or None
+        Table (CSV), JSON, C header, surface interactions for CalculiX and for Abaqus, picture.
+    units : {"mm", "si"}
+        System of units of the surface interactions.
+    """
+
+    table: Annotated[
+        Path | None, typer.Option("--csv", metavar="FILE", help="Write the table.")
+    ] = None
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the tables as JSON.")] = (
+        None
+    )
+    header: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write a C header: monotone cubics and their tangents."),
+    ] = None
+    calculix: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write CalculiX's surface interaction.")
+    ] = None
+    abaqus: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write Abaqus' surface interaction.")
+    ] = None
+    picture: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Draw the law with its band."),
+    ] = None
+    units: Annotated[
+        Units, typer.Option(help="Units for CalculiX and Abaqus: mm (mm, N, s, MPa) or si.")
+    ] = "mm"
+
+    @property
+    def outputs(self) -> list[Output]:
+        """The outputs, for `gen.runtime.output.check_outputs`."""
+        return [
+            Output(self.table, "--csv"),
+            Output(self.json, "--json"),
+            Output(self.header, "--header"),
+            Output(self.calculix, "--calculix"),
+            Output(self.abaqus, "--abaqus"),
+            Output(self.picture, "--plot", "picture"),
+        ]
+
+    def filled(self, stem: Path | None) -> Files:
+        """Return the files with those that are not asked for named after a stem, but no picture.
+
+        Raises
+        ------
+        InputError
+            If the stem is empty or a folder's `.` or `..`.
+        """
+        if stem is None:
+            return self
+        if stem.name in {"", ".."}:
+            raise InputError(
+                f"--output {stem}: give what the names of the files begin with, as law"
+            )
+        place, name = stem.parent, stem.name
+        return self._replace(
+            table=self.table or place / f"{name}.csv",
+            json=self.json or place / f"{name}.json",
+            header=self.header or place / f"{name}.h",
+            calculix=self.calculix or place / f"{name}-calculix.inp",
+            abaqus=self.abaqus or place / f"{name}-abaqus.inp",
+        )
+
+    def empty_figure(self) -> Any:
+        """Return the figure to draw into, or None; refuse a picture that cannot be drawn.
+
+        Raises
+        ------
+        InputError
+            If the suffix is of no picture, or matplotlib is missing.
+        """
+        if self.picture is None:
+            return None
+        from gen.runtime.figure import new_figure, require_picture_name
+
+        require_picture_name(self.picture)
+        return new_figure(12.0, 7.0, dpi=110)

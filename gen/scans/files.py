@@ -1,0 +1,162 @@
+"""Files of measured maps: found by names, folders and patterns, known by their content."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from gen.runtime.errors import InputError
+
+OTHERS = {
+    *(".toml", ".md", ".rst", ".pdf", ".html", ".json", ".yaml", ".yml", ".log", ".lock"),
+    *(".png", ".jpg", ".jpeg", ".svg", ".py", ".xlsx", ".docx", ".surrogate", ".maps"),
+}
+"""Suffixes of files that stand in folders of maps and hold none."""
+
+WILD = re.compile(r"[*?\[]")
+"""Wildcards of a pattern."""
+
+MOST = 100_000
+"""Largest number of files of a scene."""
+
+
+def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
+    """Find the files that a scene names.
+
+    Parameters
+    ----------
+    patterns : sequence of str
+        Files, folders, or names with the wildcards *, ?, [] and **; of a folder every file is
+        taken that is neither hidden nor, by its suffix, a document or a picture.
+    folder : Path
+        Folder that relative names start from.
+
+    Returns
+    -------
+    list of Path
+        Absolute paths without repetition: in the order of the patterns, and by name within each.
+
+    Raises
+    ------
+    InputError
+        If a pattern leads to no file, or to too many.
+    """
+    found: dict[Path, None] = {}
+    for pattern in patterns:
+        here = _matching(pattern, folder)
+        if not here:
+            raise InputError(f"files {pattern!r}: {_absence(pattern, folder)}")
+        found |= dict.fromkeys(path.resolve() for path in here)
+    if len(found) > MOST:
+        raise InputError(f"files: {len(found)} files, {MOST} at most are allowed; name fewer")
+    return list(found)
+
+
+def _matching(pattern: str, folder: Path) -> list[Path]:
+    """Return the files that one name, folder or pattern leads to, sorted by their paths."""
+    try:
+        path = folder / Path(pattern).expanduser()
+        if path.is_file():
+            return [path]
+        if path.is_dir():
+            return sorted(each for each in path.iterdir() if each.is_file() and _may_hold_map(each))
+        if not WILD.search(pattern):
+            return []
+        own = Path(pattern).expanduser()
+        start, rest = (
+            (Path(own.anchor), own.relative_to(own.anchor)) if own.anchor else (folder, own)
+        )
+        return sorted(each for each in start.glob(str(rest)) if each.is_file())
+    except (OSError, ValueError, RuntimeError, NotImplementedError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"files {pattern!r}: {reason}") from None
+
+
+def _may_hold_map(path: Path) -> bool:
+    """Tell whether a file of a folder is taken for a map by its name."""
+    return not path.name.startswith(".") and path.suffix.lower() not in OTHERS
+
+
+def _absence(pattern: str, folder: Path) -> str:
+    """Say why a pattern leads to no file."""
+    path = folder / Path(pattern).expanduser()
+    if path.is_dir():
+        return f"the folder {path} holds no map"
+    if WILD.search(pattern):
+        return f"no file in {folder} is called so; give a file, a folder or a pattern as 'a/*.x3p'"
+    return f"there is no file or folder {str(path)!r}"
+
+
+def digest(path: Path) -> str:
+    """Compute the SHA-256 of a file's content, in hexadecimal digits.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+
+
+def digests(paths: Iterable[Path]) -> list[str]:
+    """Compute the SHA-256 of files, and refuse two of one content: their tiles would share nodes.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or repeats another one.
+    """
+    found: dict[str, Path] = {}
+    for path in paths:
+        sha256 = digest(path)
+        if sha256 in found:
+            raise InputError(
+                f"{path} and {found[sha256]} are the same map: leave one out, tests would otherwise"
+                " see what was trained on"
+            )
+        found[sha256] = path
+    return list(found)
+
+
+def located(recorded: Path, sha256: str, beside: Path | None) -> Path:
+    """Find a map of a database again: where it was, or in the folder of the database.
+
+    Parameters
+    ----------
+    recorded : Path
+        Place of the file when the database was made.
+    sha256 : str
+        SHA-256 of its content.
+    beside : Path, optional
+        Folder of the database.
+
+    Returns
+    -------
+    Path
+        A file with this content.
+
+    Raises
+    ------
+    InputError
+        If neither file is there, or both have another content.
+    """
+    places = [recorded, *([] if beside is None else [beside / recorded.name])]
+    present = [path for path in places if path.is_file()]
+    for path in present:
+        if digest(path) == sha256:
+            return path
+    if present:
+        raise InputError(
+            f"{present[0]}: is not the map that the database was made of: its SHA-256 was"
+            f" {sha256[:12]}...; a changed map is another scene"
+        )
+    raise InputError(
+        f"{recorded}: the map is gone that the database was made of; put it back there or beside"
+        f" the database (SHA-256 {sha256[:12]}...)"
+    )

@@ -1,0 +1,361 @@
+"""Scenes as a whole: the tables of a TOML file that describe a database."""
+
+import hashlib
+import json
+import math
+import tomllib
+from collections.abc import Iterator
+from typing import Annotated, Any, Self
+
+from pydantic import (
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from gen.runtime.errors import InputError
+from gen.scene.contact import Contact
+from gen.scene.distribution import Distribution, limits
+from gen.scene.faults import first_fault
+from gen.scene.load import UNITS, Delta, Load, Piece, Quantity
+from gen.scene.store import Store
+from gen.scene.surface import DisplacedSurface, ScanSurface, Surface, tag_of
+from gen.scene.table import Table
+from gen.scene.toml import require_simple
+from gen.scene.words import Location, dotted, one_line, shown
+
+INERT = {"samples", "title", "creator", "licence"}
+"""Keys of a scene that change no row."""
+
+
+class Scene(Table):
+    """Description of a database. Every key but `samples` has the paper's value as its default.
+
+    The keys of `INERT` change no result: row i is the same in every database that is large enough
+    to have it.
+    """
+
+    title: str = Field(default="", description="text in quotes")
+    creator: str | None = Field(default=None, description="text in quotes")
+    licence: str | None = Field(default=None, description="text in quotes")
+    # Surface indices stay below 2^32, one word of a seed sequence's key: see `gen.generation.plan`.
+    samples: Annotated[int, Field(ge=1, le=10**9)] = Field(
+        description="the number of rows, a whole number from 1 to 1000000000"
+    )
+    samples_per_surface: Annotated[int, Field(ge=1, le=10_000)] = Field(
+        default=1, description="a whole number from 1 to 10000"
+    )
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(
+        default=2025, description="a whole number from 0 to 2^63 - 1"
+    )
+    surface: Surface = Field(default=DisplacedSurface(), description="a table [surface]")
+    # One of the two is None, which is never written: the other one has the loads.
+    delta: Delta | None = Field(default=None, description="a table [delta]")
+    load: Load | None = Field(default=None, description="a table [load]")
+    contact: Contact = Field(default=Contact(), description="a table [contact]")
+    store: Store = Field(default=Store(), description="a table [store]")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _complete(cls, content: Any) -> Any:
+        """Give a scene without loads the paper's displacements, and windows of maps no edges."""
+        if not isinstance(content, dict):
+            return content
+        content = _with_mirrored_windows(content)
+        if _has_windows(content):
+            return content
+        if content.keys().isdisjoint({"delta", "load"}):
+            return {**content, "delta": Delta()}
+        return content
+
+    @model_validator(mode="after")
+    def _require_one_table_of_loads(self) -> Self:
+        """Refuse two tables of loads, none, and loads that the contact cannot have."""
+        if self.delta is None and self.load is None:
+            raise PydanticCustomError(
+                "conflict",
+                "surfaces of scans need loads: give [load], as quantity = 'pressure/(E* slope_rms)'"
+                " and range = { log_uniform = [0.003, 0.1] }",
+            )
+        if (self.delta is None) == (self.load is None):
+            raise PydanticCustomError(
+                "conflict", "[delta] and [load] both say what the loads are: give one of them"
+            )
+        if self.contact.far_field == "compliant" and not self.quantity.startswith("delta"):
+            raise PydanticCustomError(
+                "conflict",
+                f"load.quantity = '{self.quantity}' needs contact.far_field = 'rigid', not"
+                " 'compliant'",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _require_surfaces_and_solutions(self) -> Self:
+        """Refuse surfaces that cannot be made, and loads of which the hardness bears none."""
+        if not self.surface.has_sides():  # known when its maps have been looked for
+            return self
+        if fault := self.surface.fault_on(self.spacing, self.contact.boundary):
+            raise PydanticCustomError("conflict", f"surface: {fault}")
+        hardness = self.contact.hardness_limits
+        if hardness is None or self.quantity not in {"pressure", "force"}:
+            return self
+        patch = math.prod(self.shape) * math.prod(self.spacing) if self.quantity == "force" else 1.0
+        least = min(limits(piece.range)[0] for piece in self.pieces)
+        if least >= hardness[1] * patch:
+            raise PydanticCustomError(
+                "conflict",
+                f"load: every {self.quantity} is {least:g} {self.load_unit} or more; the patch with"
+                f" a hardness of up to {hardness[1]:g} MPa carries less than"
+                f" {hardness[1] * patch:g} {self.load_unit}",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _require_square_cells(self) -> Self:
+        """Refuse corrected areas of oblong cells, those of maps once a run has found them."""
+        if self.store.corrected_area_percent and self.surface.has_sides():
+            along, across = self.spacing
+            if not math.isclose(along, across, rel_tol=1e-9):
+                raise PydanticCustomError(
+                    "conflict",
+                    f"store.corrected_area_percent needs square cells, not {along:g} x {across:g}"
+                    " um",
+                )
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_absent_loads(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out the table of loads that the scene does not have."""
+        content: dict[str, Any] = handler(self)
+        if isinstance(self.surface, ScanSurface):  # their boundary is not free by default
+            content["contact"]["boundary"] = self.contact.boundary
+        return {name: value for name, value in content.items() if value is not None}
+
+    @property
+    def quantity(self) -> Quantity:
+        """The quantity that the loads are given in."""
+        return "delta" if self.load is None else self.load.quantity
+
+    @property
+    def load_unit(self) -> str:
+        """Unit of the loads."""
+        return UNITS[self.quantity]
+
+    @property
+    def pieces(self) -> tuple[Piece, ...]:
+        """The pieces of the distribution of loads."""
+        loads = self.delta if self.load is None else self.load
+        assert loads is not None  # refused above
+        return loads.pieces
+
+    @property
+    def edgeless(self) -> bool:
+        """Whether the patch is periodic or surrounded by its mirror images."""
+        return self.contact.boundary != "free"
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Nodes along x and y."""
+        return self.surface.shape(edgeless=self.edgeless)
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Lengths of the patch along x and y [um]."""
+        cells = self.edgeless or self.contact.spacing == "side/n"
+        return self.surface.sides(cells=cells)
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """Distances between neighbouring nodes along x and y [um].
+
+        They follow from the boundary, apart from free patches with MIRCO's side/n.
+        """
+        (nx, ny), (x, y) = self.shape, self.sides
+        return x / self.contact.intervals(nx), y / self.contact.intervals(ny)
+
+    @property
+    def drawn_parameters(self) -> dict[str, Distribution]:
+        """Distributions of the surface's parameters by their names, which are columns."""
+        return self.surface.drawn()
+
+    @property
+    def surfaces(self) -> int:
+        """Number of surfaces that the samples need; the last one may have fewer samples."""
+        return -(-self.samples // self.samples_per_surface)
+
+    @property
+    def optional_columns(self) -> frozenset[str]:
+        """Names of the optional columns that this scene asks for."""
+        names = {name for name, wanted in self.store if wanted is True}
+        names |= self.drawn_parameters.keys() | self.surface.places()
+        if self.quantity != "delta":
+            names.add("load")
+        if self.contact.draws_hardness:
+            names.add("hardness")
+        if self.contact.hardness_limits is not None:
+            names.add("yielded_percent")
+        return frozenset(names)
+
+    @classmethod
+    def parse(cls, text: str, source: str) -> Self:
+        """Read a scene from TOML.
+
+        Parameters
+        ----------
+        text : str
+            Content of the file.
+        source : str
+            Name of the scene in error messages, usually that of the file.
+
+        Returns
+        -------
+        Scene
+            The scene that the text describes.
+
+        Raises
+        ------
+        InputError
+            If the text is not TOML, is empty or nested too deeply, or has a key or a value that is
+            not allowed.
+        """
+        require_simple(text, source)
+        try:
+            content = tomllib.loads(text)
+        except (ValueError, RecursionError) as error:  # whole numbers of over 4,300 digits too
+            raise InputError(one_line(f"{source}: not TOML: {error}")) from None
+        if not content:
+            raise InputError(one_line(f"{source}: is empty; a scene says at least samples = ..."))
+        return cls._validated(content, source)
+
+    @classmethod
+    def from_text(cls, text: str, source: str = "the scene's text") -> Self:
+        """Read a scene from the canonical text that the method `text` writes.
+
+        Parameters
+        ----------
+        text : str
+            The scene as JSON.
+        source : str
+            Name of the scene in error messages, usually that of the database.
+
+        Returns
+        -------
+        Scene
+            The scene that the text describes.
+
+        Raises
+        ------
+        InputError
+            If the text is not JSON, or has a key or a value that is not allowed.
+        """
+        try:
+            content = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise InputError(one_line(f"{source}: not a scene's text: {error}")) from None
+        return cls._validated(content, source)
+
+    @classmethod
+    def _validated(cls, content: object, source: str) -> Self:
+        """Make a scene of nested tables, and name the first fault if that is impossible."""
+        try:
+            return cls.model_validate(content)
+        except ValidationError as error:
+            raise InputError(one_line(f"{source}: {first_fault(error, cls)}")) from None
+
+    def text(self) -> str:
+        """Write the canonical text: JSON in one line, keys with values in alphabetical order.
+
+        Keys without a value, which are keys without a default that the scene does not set, are left
+        out.
+
+        Returns
+        -------
+        str
+            The scene as JSON, which `from_text` reads.
+        """
+        return json.dumps(self.model_dump(exclude_none=True), sort_keys=True)
+
+    def fingerprint(self) -> str:
+        """Compute the SHA-256 of all keys that change results: every key but those of `INERT`.
+
+        The keys of [store] count although they change no number: a database gets its columns when
+        it is created, so a scene that stores more cannot continue it. Default values count as if
+        they were written in the file: with a changed default it is another scene. Keys without a
+        default that the scene does not set are left out: a new key of this kind changes no other
+        scene.
+
+        Returns
+        -------
+        str
+            The hash in hexadecimal digits.
+        """
+        return hashlib.sha256(json.dumps(self._relevant(), sort_keys=True).encode()).hexdigest()
+
+    def _relevant(self) -> dict[str, Any]:
+        """Return the keys that change results, with their values."""
+        content = self.model_dump(exclude=INERT, exclude_none=True)
+        return {**content, "surface": self.surface.relevant(content["surface"])}
+
+
+def differences(in_file: Scene, asked_for: Scene) -> list[str]:
+    """List the keys that change results and differ between two scenes, with both values.
+
+    Parameters
+    ----------
+    in_file : Scene
+        The scene that a database was made with.
+    asked_for : Scene
+        The scene that the database is to be continued with.
+
+    Returns
+    -------
+    list of str
+        One text for each key, for example "contact.rtol: 2e-07 in the file, 1e-08 asked for";
+        empty if the fingerprints agree.
+    """
+    old = dict(_leaves(in_file._relevant()))
+    new = dict(_leaves(asked_for._relevant()))
+    return [
+        _difference(key, old.get(key), new.get(key))
+        for key in old | new
+        if old.get(key) != new.get(key)
+    ]
+
+
+def _difference(key: Location, old: object, new: object) -> str:
+    """Return a key of two scenes with both values; the hash of a source says nothing by itself."""
+    if key in {("surface", "source"), ("store", "source")} and None not in {old, new}:
+        return f"{dotted(key)}: the source of the function's module has changed"
+    return f"{dotted(key)}: {shown(old)} in the file, {shown(new)} asked for"
+
+
+def _has_windows(content: dict[str, Any]) -> bool:
+    """Tell whether the surfaces of a scene are windows of maps."""
+    return tag_of(content.get("surface")) == "<scans>"
+
+
+def _with_mirrored_windows(content: dict[str, Any]) -> dict[str, Any]:
+    """Continue windows of maps by their mirror images unless the scene gives a boundary.
+
+    A window is a piece of a larger surface: a free patch would have edges where the surface has
+    none.
+    """
+    contact = content.get("contact", {})
+    if not _has_windows(content) or not isinstance(contact, dict):
+        return content
+    return {**content, "contact": {"boundary": "mirror", **contact}}
+
+
+def _leaves(value: object, location: Location = ()) -> Iterator[tuple[Location, object]]:
+    """Yield every single value of nested tables and arrays with its location."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _leaves(inner, (*location, name))
+    elif isinstance(value, tuple):
+        for index, inner in enumerate(value):
+            yield from _leaves(inner, (*location, index))
+    else:
+        yield location, value

@@ -1,0 +1,224 @@
+"""`learn grow`: generate rows and fit until a surrogate is as accurate as asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from gen import options
+from gen.runtime import farm
+from gen.runtime.errors import InputError
+from gen.runtime.option_groups import grouped, typed
+from gen.runtime.output import Output, check_outputs
+from gen.runtime.terminal import echo
+from learn.commands.fit import targets_in
+from learn.commands.options import SEEDS, note
+
+if TYPE_CHECKING:
+    from learn.executor import Executor
+    from learn.grow.population import Population
+    from learn.grow.rounds import Order
+
+SceneOrMaps = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENE", help="A shipped scene, a TOML file, or a folder of measured maps."
+    ),
+]
+SurrogateFile = Annotated[
+    Path,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="The surrogate to write; database, scene of maps and picture stand beside it.",
+    ),
+]
+
+
+class Goal(NamedTuple):
+    """What the surrogate is to be, and what it may cost.
+
+    Attributes
+    ----------
+    nmae : float
+        Largest nMAE of every target [%].
+    budget : str
+        Wall-clock time, "" for no limit.
+    rows : int
+        Largest number of rows of the database.
+    target, features, model : str
+        Targets, feature set and model, as for `learn fit`.
+    blocks : int, optional
+        Blocks per side of the coarse solve of hybrid features.
+    seed : int
+        Seed of the model and of its calibration.
+    """
+
+    nmae: Annotated[
+        float,
+        typer.Option(
+            "--nmae", metavar="PERCENT", help="Largest mean error over the mean, of every target."
+        ),
+    ] = 2.0
+    budget: Annotated[
+        str,
+        typer.Option(metavar="TIME", help="Wall-clock time of this call, as 10min or 2h; no limit"),
+    ] = ""
+    rows: Annotated[int, typer.Option(min=10, metavar="N", help="Most rows of the database.")] = (
+        20_000
+    )
+    target: Annotated[str, typer.Option(metavar="NAME", help="Targets, as for learn fit.")] = "both"
+    features: Annotated[str, typer.Option(metavar="SET", help="Features, as for learn fit.")] = (
+        "hybrid"
+    )
+    blocks: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Blocks of hybrid features, 33 or 65, as for learn fit."),
+    ] = None
+    model: Annotated[str, typer.Option(metavar="NAME", help="One of the nine models.")] = (
+        "kernel-ridge"
+    )
+    seed: Annotated[int, typer.Option(min=0, max=SEEDS, help="Seed of the model.")] = 0
+
+
+class OfMaps(NamedTuple):
+    """Material and reading for a folder of maps, as `gen scene` takes them.
+
+    Attributes
+    ----------
+    young, poisson : list of float, optional
+        Young's moduli [MPa] and Poisson's ratios [1].
+    e_star, hardness : float, optional
+        E* and hardness [MPa].
+    side, unit, channel : str
+        Scan length, unit and channel for files that do not say them.
+    """
+
+    young: options.Young = None
+    poisson: options.Poisson = None
+    e_star: options.EStar = None
+    hardness: options.Hardness = None
+    side: options.Side = ""
+    unit: options.Unit = ""
+    channel: options.Channel = ""
+
+
+@grouped
+def grow(
+    context: typer.Context,
+    scene: SceneOrMaps,
+    output: SurrogateFile,
+    *,
+    goal: Goal,
+    maps: OfMaps,
+) -> int:
+    """Generate rows of a scene and fit to them until a surrogate is as accurate as asked for.
+
+    A fifth of the surfaces (of maps: of their tiles) is kept apart for tests. Each round says how
+    many rows the learning curve asks for. Interrupted or killed, the same command goes on. Started
+    as `mpiexec -n 9 python -m mpi4py -m learn grow ...`, the workers compute the rows. Beside the
+    surrogate stand an ordinary database (.h5) and a picture of the learning curve, the predictions
+    and their coverage (.png).
+    """
+    from learn.executor import lead
+
+    command = typed(context, "learn")
+
+    def job(executor: Executor) -> int:
+        return _grow(scene, output, goal, maps, command, executor)
+
+    return lead(job, farm.this_world())
+
+
+def _grow(
+    scene: str, output: Path, goal: Goal, maps: OfMaps, command: str, executor: Executor
+) -> int:
+    """Grow on the master; return the exit code."""
+    from gen.runtime.figure import new_figure, save
+    from gen.runtime.interruption import Interruption
+    from learn.comparison.search.budget import seconds
+    from learn.grow import picture, rounds, summary
+    from learn.grow.pace import Pace
+    from learn.grow.population import scene_of
+
+    pace = Pace(seconds(goal.budget) if goal.budget else None, executor.workers)
+    order, drawing = _order(output, goal), _beside(output, ".png")
+    population = _population(scene, maps, command)
+    population.check(output)
+    check_outputs(
+        [Output(output, "--output", "surrogate"), Output(drawing, "--output", "picture")],
+        [] if population.is_folder or not Path(scene).is_file() else [scene],
+    )
+    figure = new_figure(picture.WIDTH, picture.HEIGHT, dpi=110)
+    with Interruption(listening=True) as interruption:
+        whole = scene_of(population, _beside(output, ".toml"), note)
+        grown = rounds.grow(order, whole, executor, pace, note, interruption.requested)
+    if grown.ending == "interrupted" or grown.last is None:
+        note(f"stopped; {order.request.database} is kept, the same command goes on")
+        return 128 + interruption.signal
+    summary.show(order.request, grown, grown.last, order.most)
+    picture.draw(figure, grown.last, grown.curve)
+    echo(f"wrote {output}, {order.request.database} and {save(figure, drawing)}")
+    return 0
+
+
+def _order(output: Path, goal: Goal) -> Order:
+    """Return what is to be grown, after a check of the options."""
+    from learn.features import chosen
+    from learn.features.pressed import BLOCKS
+    from learn.grow.rounds import Order
+    from learn.models import models_named
+    from learn.request import Request
+
+    if not 0 < goal.nmae < float("inf"):
+        raise InputError(f"--nmae {goal.nmae:g}: give an error above 0 %, as 2")
+    models_named([goal.model])
+    if goal.blocks is not None and goal.features != "hybrid":
+        raise InputError(f"--blocks {goal.blocks}: only hybrid features have blocks")
+    blocks = BLOCKS if goal.blocks is None else goal.blocks
+    features = chosen(goal.features, roots=True, blocks=blocks)
+    request = Request(
+        database=_beside(output, ".h5"),
+        output=output,
+        targets=targets_in(goal.target),
+        models=(goal.model,),
+        normalisation=features.normalisation,
+        features=features.name,
+        seed=goal.seed,
+        roots=True,
+        blocks=blocks,
+    )
+    return Order(request, goal.nmae, goal.rows)
+
+
+def _beside(output: Path, suffix: str) -> Path:
+    """Return the file of this suffix that stands beside a surrogate.
+
+    Raises
+    ------
+    InputError
+        If the surrogate itself has that name, or none.
+    """
+    if not output.name or output.suffix in {".h5", ".png", ".toml"}:
+        raise InputError(f"--output {output}: give the name of a surrogate, as my.surrogate")
+    return output.with_suffix(suffix)
+
+
+def _population(scene: str, maps: OfMaps, command: str) -> Population:
+    """Return the surfaces and loads that the command names."""
+    from gen.draft.loads import Material
+    from gen.scans.library import Reading
+    from learn.grow.population import Population
+
+    return Population(
+        name=scene,
+        reading=Reading(maps.side, maps.unit, maps.channel),
+        material=Material.of_options(
+            maps.young or [], maps.poisson or [], maps.e_star, maps.hardness
+        ),
+        given=tuple(f"--{name.replace('_', '-')}" for name, each in maps._asdict().items() if each),
+        command=command,
+    )

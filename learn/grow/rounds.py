@@ -1,0 +1,294 @@
+"""The loop of a growth: look, ask the learning curve, generate rows, and look again."""
+
+import math
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from gen import database
+from gen.database import Reader
+from gen.generation.completion import completed
+from gen.runtime.errors import InputError
+from gen.scene import Scene, differences
+from learn.columns import TARGETS, results, short_name
+from learn.executor import Executor
+from learn.grow.appraisal import Appraisal, appraise
+from learn.grow.curve import EXPONENTS, Advice, Curve, advise, learning_curve
+from learn.grow.generation import generate, stock
+from learn.grow.pace import Pace
+from learn.grow.sizes import Sizes
+from learn.request import Request
+
+FURTHEST = 4
+"""Sizes that one round goes on at most: the first curves are uncertain."""
+
+WORTH = 0.05
+"""Rows of a round over those that there are, at least, if the budget is to be spent on them."""
+
+SURE = 0.95
+"""Share of the resampled learning curves that have to miss the mark before a growth gives up."""
+
+EARLIEST = 7
+"""Number of the smallest size at which a growth gives up by its learning curve."""
+
+PATIENT = 4
+"""Number of the smallest size at which rows that are too few for a fit are an error."""
+
+Ending = Literal["met", "budget", "rows", "hopeless", "interrupted"]
+"""Why a growth ends: the mark is met, the budget or the allowed rows are used up, the learning
+curve does not come to the mark, or a signal has come."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is to be grown.
+
+    Attributes
+    ----------
+    request : Request
+        Database, file of the surrogate, targets, features and model.
+    mark : float
+        Largest nMAE of every target [%].
+    most : int
+        Largest number of rows of the database.
+    """
+
+    request: Request
+    mark: float
+    most: int
+
+    def check(self, scene: Scene) -> None:
+        """Refuse targets that the database of a scene will not have.
+
+        Raises
+        ------
+        InputError
+            With the targets that there are.
+        """
+        known = results(scene)
+        for target in self.request.targets:
+            if TARGETS.get(target, target) not in known:
+                names = ", ".join(short_name(column) for column in known)
+                raise InputError(f"--target {target!r}: the scene stores {names}")
+
+
+@dataclass(frozen=True, eq=False)
+class Grown:
+    """The end of a growth.
+
+    Attributes
+    ----------
+    ending : str
+        Why it has ended.
+    last : Appraisal or None
+        The last surrogate and its errors; None if there was none.
+    curve : Curve or None
+        The last learning curve.
+    advice : Advice or None
+        The last advice.
+    fitting : float
+        Time of the last look [s].
+    """
+
+    ending: Ending
+    last: Appraisal | None
+    curve: Curve | None
+    advice: Advice | None
+    fitting: float
+
+
+def grow(
+    order: Order,
+    scene: Scene,
+    executor: Executor,
+    pace: Pace,
+    say: Callable[[str], None],
+    stopping: Callable[[], bool],
+) -> Grown:
+    """Grow a database and its surrogate until the surrogate is as accurate as asked for.
+
+    The state is the database: the same call goes on after a stop or a kill.
+
+    Parameters
+    ----------
+    order : Order
+        What is to be grown.
+    scene : Scene
+        Scene of the database.
+    executor : Executor
+        Computes rows and features.
+    pace : Pace
+        The clock of the budget.
+    say : callable
+        Called with lines for the user.
+    stopping : callable
+        Asked between rows; True ends the growth.
+
+    Raises
+    ------
+    InputError
+        If the input cannot be used, or the budget is too small for a first surrogate.
+    """
+    path = order.request.database
+    with ExitStack() as stack:
+        whole = completed(scene, path.parent)
+        order.check(whole)
+        stack.enter_context(database.lock(path))
+        _require_scene(path, whole)
+        return _Growth(order, whole, executor, pace, say, stopping).run()
+
+
+def _require_scene(path: Path, scene: Scene) -> None:
+    """Refuse a database of another scene, also where it has rows enough."""
+    if path.exists():
+        with Reader(path) as reader:
+            different = differences(reader.scene, scene)
+        if different:
+            raise InputError(
+                f"{path} holds another scene ({'; '.join(different)}); give another --output, or"
+                " the file's own scene"
+            )
+
+
+class _Growth:
+    """A growth under way."""
+
+    def __init__(
+        self,
+        order: Order,
+        scene: Scene,
+        executor: Executor,
+        pace: Pace,
+        say: Callable[[str], None],
+        stopping: Callable[[], bool],
+    ) -> None:
+        self.order, self.scene, self.executor = order, scene, executor
+        self.pace, self.say, self.stopping = pace, say, stopping
+        self.path = order.request.database
+        self.sizes = Sizes(scene.samples_per_surface)
+        self.last: Appraisal | None = None
+        self.curve: Curve | None = None
+        self.advice: Advice | None = None
+        self.fitting = 0.0
+
+    def run(self) -> Grown:
+        """Go on until there is a reason to end."""
+        wanted = max(stock(self.path).length, min(self.sizes.rows(0), self.order.most))
+        ending: Ending | None = None
+        while ending is None:
+            self._generate(wanted)
+            rows = stock(self.path).rows
+            if self.last is not None and rows == self.last.rows:
+                ending = "budget"  # it does not suffice for another row
+            elif not self.stopping():
+                self._look(rows)
+                ending = self._ending(rows)
+            ending = "interrupted" if self.stopping() else ending
+            wanted = self._next(rows)
+        return Grown(ending, self.last, self.curve, self.advice, self.fitting)
+
+    def _generate(self, rows: int) -> None:
+        """Compute the pending rows of a database of some length."""
+        there = stock(self.path)
+        if there.rows and not self.pace.row:
+            self.pace.row = there.seconds / there.rows / self.pace.workers
+        if there.rows < rows:
+            generate(self.path, self.scene, rows, self.executor, self.pace, self.stopping)
+
+    def _look(self, rows: int) -> None:
+        """Fit and judge, unless there are too few rows yet."""
+        before = 0 if self.last is None else self.last.rows
+        began = time.monotonic()
+        found = self._fitted(rows)
+        if found is None:
+            return
+        self.last = found
+        self.curve = learning_curve(self.order.request, found)
+        self.advice = None
+        if self.curve is not None and not found.met:
+            self.advice = advise(found, self.curve, self.sizes, self.order.most)
+        self.say(in_words(found, self.advice))
+        self.fitting = time.monotonic() - began - found.reading
+        self.pace.note_fit(rows, self.fitting)
+        if rows > before:
+            self.pace.features = found.reading / (rows - before)
+
+    def _fitted(self, rows: int) -> Appraisal | None:
+        """Return a look; None after a stop, and where a database has too few rows for one yet."""
+        order, number = self.order, self.sizes.number(rows)
+        try:
+            return appraise(
+                order.request, rows, number, order.mark, self.executor, self.say, self.stopping
+            )
+        except InputError as error:
+            if self.last is not None or number >= PATIENT or rows >= order.most:
+                raise
+            if not self._affords(rows):
+                raise InputError(
+                    f"the budget sufficed for {rows} rows, too few for a surrogate ({error}); the"
+                    " same command goes on"
+                ) from None
+            self.say(f"{rows} rows are too few: {error}")
+            return None
+
+    def _ending(self, rows: int) -> Ending | None:
+        """Return why the growth ends after a look, None if it goes on."""
+        if self.last is not None and self.last.met:
+            return "met"
+        if rows >= self.order.most:
+            return "rows"
+        if self._is_hopeless(rows):
+            return "hopeless"
+        return None if self._affords(rows) else "budget"
+
+    def _is_hopeless(self, rows: int) -> bool:
+        """Tell whether the mark is out of reach for a curve, at first for the steepest one only."""
+        if self.last is None or self.advice is None or self.advice.hopeless < SURE:
+            return False
+        error = self.last.judged[self.last.worst].accuracy.nmae
+        steepest = error * (rows / self.order.most) ** EXPONENTS[1]
+        return steepest > self.order.mark or self.last.number >= EARLIEST
+
+    def _affords(self, rows: int) -> bool:
+        """Tell whether the budget allows another round that is worth its fit."""
+        least = max(self.sizes.samples_per_surface, int(WORTH * rows))
+        return self.pace.left > 0 and self.pace.affordable(rows, least) >= least
+
+    def _next(self, rows: int) -> int:
+        """Return the rows of the next look: as advised, but not far, and within the budget."""
+        number = self.sizes.number(rows + 1)
+        if self.advice is not None and math.isinf(self.advice.rows):
+            number += 1
+        elif self.advice is not None:
+            asked = min(self.advice.rows, self.sizes.rows(number + FURTHEST - 1))
+            number = max(number, self.sizes.number(int(asked)))
+        wanted = min(self.sizes.rows(number), self.order.most)
+        affordable = self.pace.affordable(rows, wanted - rows)
+        return min(wanted, self.sizes.whole(rows + affordable))
+
+
+def in_words(found: Appraisal, advice: Advice | None) -> str:
+    """Say how accurate a surrogate is, and how many rows the mark needs."""
+    errors = ", ".join(
+        f"{name} {each.accuracy.nmae:.2f} +- {each.accuracy.error:.2f} %"
+        f" (at most {found.bound(name):.2f} %)"
+        for name, each in found.judged.items()
+    )
+    said = f"{found.rows} rows: nMAE of {errors}; asked: {found.mark:g} %"
+    if found.met:
+        return f"{said}: met"
+    return said if advice is None else f"{said}; {asked_for(found, advice)}"
+
+
+def asked_for(found: Appraisal, advice: Advice) -> str:
+    """Say how many more rows the learning curve asks for, and how sure that is."""
+    if math.isinf(advice.rows):
+        return f"the learning curve does not come to it ({1 - advice.hopeless:.0%} of its draws do)"
+    high = "no number" if math.isinf(advice.high) else f"{advice.high:.0f}"
+    return (
+        f"the learning curve asks for {advice.rows:.0f} rows, {advice.rows - found.rows:.0f} more"
+        f" (four of five of its draws: {advice.low:.0f} to {high})"
+    )

@@ -1,0 +1,98 @@
+"""When a surrogate pays: what it costs before its first answer, and what it saves with each."""
+
+import math
+import time
+from dataclasses import dataclass
+
+from gen.generation.plan import parameters
+from gen.generation.sample import surface_of
+from gen.runtime.errors import InputError
+from gen.scene import Scene
+from learn.arrays import Indices, Values
+from learn.surrogate.model import Surrogate
+
+SURFACES = 8
+"""Surfaces whose answers are timed, at most."""
+
+
+def break_even(build: float, solver: float, query: float) -> float:
+    """Return the number of queries from which on a surrogate is cheaper, infinity if it never is.
+
+    Parameters
+    ----------
+    build : float
+        Time before the first answer: rows, features, fit [s].
+    solver, query : float
+        Times of an answer by the solver and by the surrogate [s].
+    """
+    return math.inf if query >= solver else math.ceil(build / (solver - query))
+
+
+def time_of(seconds: float) -> str:
+    """Write a time in a unit that suits it."""
+    units = {1e-3: ("us", 1e6), 1.0: ("ms", 1e3), 600.0: ("s", 1.0), 1e6: ("h", 1 / 3600)}
+    unit, number = next((u for most, u in units.items() if seconds < most), ("d", 1 / 86400))
+    return f"{number * seconds:.3g} {unit}"
+
+
+@dataclass(frozen=True)
+class Payback:
+    """Times of a surrogate and of the solver that it stands for.
+
+    Attributes
+    ----------
+    build : float
+        Time before the first answer [s].
+    solver : float
+        Mean time of a solve on a new surface [s].
+    query : float
+        Time of an answer on a new surface, its statistics and features included [s].
+    """
+
+    build: float
+    solver: float
+    query: float
+
+    def in_words(self) -> str:
+        """Say from how many contacts on the surrogate pays."""
+        even = break_even(self.build, self.solver, self.query)
+        who = (
+            f"an answer on a new surface takes {time_of(self.query)}, a solve"
+            f" {time_of(self.solver)}; database and fit took {time_of(self.build)}"
+        )
+        if math.isinf(even):
+            return f"{who}: on new surfaces the surrogate never pays"
+        return f"{who}: it pays from {even:,.0f} new contacts on"
+
+
+def answer_seconds(surrogate: Surrogate, scene: Scene, rows: Indices, deltas: Values) -> float:
+    """Measure the wall-clock time of an answer on surfaces of a scene [s].
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        The surrogate.
+    scene : Scene
+        Scene whose surfaces are asked about.
+    rows : ndarray of int, shape (n,)
+        Rows of the scene, of which `SURFACES` at most are timed; not those that trained.
+    deltas : ndarray, shape (n,)
+        Their displacements [um].
+
+    Returns
+    -------
+    float
+        Mean over the surfaces, statistics and features included; NaN if no surface can be asked.
+    """
+    taken = []
+    for row, delta in zip(rows[: SURFACES + 1].tolist(), deltas.tolist(), strict=False):
+        plan = parameters(scene, row, row + 1)
+        try:
+            heights = surface_of(scene, plan, 0)
+            began = time.perf_counter()
+            surrogate.for_surface(heights, scene.sides).predict(delta, hardness=plan.hardness_of(0))
+            taken.append(time.perf_counter() - began)
+        except InputError:  # statistics that the surface does not define
+            continue
+    warm = taken[1:] or taken
+    return sum(warm) / len(warm) if warm else math.nan

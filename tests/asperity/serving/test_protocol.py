@@ -1,0 +1,274 @@
+"""The server as clients use it: UM-Bridge's own from Python, and curl."""
+
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+import umbridge
+
+from gen import cli
+from gen.database import Reader
+from learn import cli as learning
+
+SCENE = "samples = 60\nsamples_per_surface = 2\n[surface]\nnodes = 17\n"
+TIMEOUT = 60.0
+
+
+class Served:
+    """A server in a process of its own."""
+
+    def __init__(self, folder, *sources):
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        self.folder, self.sources = folder, sources
+        self.address = f"http://127.0.0.1:{self.port}"
+        self.start()
+
+    def start(self):
+        line = ["serve", *self.sources, "--port", str(self.port), "--processes", "2"]
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "asperity", *line], cwd=self.folder, stdout=subprocess.PIPE
+        )
+        assert b"serving" in self.process.stdout.readline()
+
+    def ask(self, route, body, raw=None):
+        data = raw or json.dumps(body).encode()
+        request = urllib.request.Request(f"{self.address}/{route}", data=data)
+        try:
+            with urllib.request.urlopen(request, timeout=TIMEOUT) as answer:
+                return answer.status, json.load(answer)
+        except urllib.error.HTTPError as error:
+            return error.code, json.load(error)
+
+    def end(self, number=signal.SIGTERM):
+        self.process.send_signal(number)
+        code = self.process.wait(TIMEOUT)
+        self.process.stdout.close()
+        return code
+
+
+def children(pid):
+    """Processes that a process has started."""
+    listed = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return [int(each) for each in listed if "spawn_main" in words_of(each)]
+
+
+def words_of(pid):
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
+    except OSError:
+        return ""
+
+
+def gone(pid, limit=TIMEOUT):
+    until = time.monotonic() + limit
+    while time.monotonic() < until:
+        if not words_of(pid):
+            return True
+        time.sleep(0.05)
+    return False
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("served")
+    (folder / "small.toml").write_text(SCENE)
+    (folder / "soft.toml").write_text(f"{SCENE}[contact]\nhardness = [0.01, 0.1]\n")
+    assert cli.main(["run", str(folder / "small.toml"), "-o", str(folder / "small.h5")]) == 0
+    line = ["fit", str(folder / "small.h5"), "-o", str(folder / "learnt.surrogate")]
+    assert learning.main([*line, "--target", "area", "--model", "kernel-ridge"]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def served(folder):
+    served = Served(folder, "small.toml", "soft.toml", "learnt.surrogate")
+    yield served
+    assert served.end() == 0
+
+
+def rows(folder):
+    """Inputs, configuration and outputs of every row of the database."""
+    with Reader(folder / "small.h5") as reader:
+        names = ("hurst", "sigma0", "delta", "surface", "area_percent", "force")
+        columns = [reader.column(name).tolist() for name in names]
+    for hurst, sigma0, delta, surface, area, force in zip(*columns, strict=True):
+        yield [[hurst, sigma0], [delta]], {"surface": surface}, [[area], [force], [delta]]
+
+
+def test_the_solver_answers_with_the_rows_of_the_database(folder, served):
+    model = umbridge.HTTPModel(served.address, "small")
+    assert umbridge.supported_models(served.address) == ["small", "soft", "learnt"]
+    assert model.get_input_sizes() == [2, 1]
+    assert model.get_output_sizes() == [1, 1, 1]
+    for inputs, config, outputs in list(rows(folder))[:20]:
+        assert model(inputs, config) == outputs
+
+
+def test_a_surrogate_answers_with_its_interval(folder, served):
+    from learn import Surrogate
+
+    surrogate = Surrogate.load(folder / "learnt.surrogate")
+    model = umbridge.HTTPModel(served.address, "learnt")
+    assert model.get_output_sizes() == [4]
+    inputs, config, _ = next(rows(folder))
+    ((value, low, high, inside),) = model(inputs, config)
+    with Reader(folder / "small.h5") as reader:
+        from gen.generation.plan import parameters
+        from gen.generation.sample import surface_of
+
+        heights = surface_of(reader.scene, parameters(reader.scene, 0, 1), 0)
+        predicted = surrogate.predict(heights, reader.scene.sides, inputs[1])
+    assert value == predicted.area[0]
+    assert [low, high] == [predicted.low["area"][0], predicted.high["area"][0]]
+    assert inside == predicted.inside[0]
+
+
+def test_the_gradient_is_the_stiffness(served):
+    """Centred differences of the force, where the contact set stands still."""
+    model = umbridge.HTTPModel(served.address, "small")
+    assert model.supports_gradient()
+    assert model.supports_apply_jacobian()
+    assert not model.supports_apply_hessian()
+    inputs, step = [[0.7, 12.0], [10.0]], 1e-4
+    above, below = (model([inputs[0], [10.0 + way * step]])[1][0] for way in (1, -1))
+    (slope,) = model.gradient(1, 1, inputs, [3.0])
+    assert slope == pytest.approx(3.0 * (above - below) / (2 * step), rel=1e-5)
+    assert model.apply_jacobian(1, 1, inputs, [3.0]) == [slope]
+
+
+def test_nodes_and_seed_are_settings(served):
+    model, inputs = umbridge.HTTPModel(served.address, "small"), [[0.7, 12.0], [10.0]]
+    answers = [model(inputs, {**config}) for config in ({}, {"nodes": 33}, {"seed": 5})]
+    assert len({answer[0][0] for answer in answers}) == 3
+    assert model(inputs, {"nodes": 17, "seed": 2025, "surface": 0}) == answers[0]
+
+
+def test_the_hardness_is_an_input_where_the_scene_draws_it(served):
+    model = umbridge.HTTPModel(served.address, "soft")
+    assert model.get_input_sizes() == [2, 1, 1]
+    hard, soft = (model([[0.7, 12.0], [10.0], [value]])[0][0] for value in (10.0, 0.01))
+    assert soft > hard
+    assert not model.supports_gradient()
+
+
+BAD = [
+    ("Evaluate", {"name": "none", "input": [[1.0]]}, "ModelNotFound", "none"),
+    ("Evaluate", {"input": [[1.0]]}, "InvalidInput", "name"),
+    ("Evaluate", {"name": "small", "input": [[0.7], [1.0]]}, "InvalidInput", "[2, 1]"),
+    ("Evaluate", {"name": "small", "input": [[0.7, 12.0], ["x"]]}, "InvalidInput", "input.1.0"),
+    ("Evaluate", {"name": "small", "input": [[7.0, 12.0], [9.0]]}, "InvalidInput", "hurst"),
+    ("Evaluate", {"name": "small", "input": [[0.7, 12.0], [-9.0]]}, "InvalidInput", "delta"),
+    ("Gradient", {"name": "learnt", "input": [[0.7, 12.0], [9.0]]}, "UnsupportedFeature", ""),
+    ("ApplyHessian", {"name": "small"}, "UnsupportedFeature", "second"),
+    ("Nothing", {}, "InvalidInput", "Nothing"),
+]
+
+
+@pytest.mark.parametrize(("route", "body", "kind", "word"), BAD)
+def test_bad_questions_get_the_protocols_error(served, route, body, kind, word):
+    status, answer = served.ask(route, body)
+    assert status in {400, 404}
+    assert answer["error"]["type"] == kind
+    assert word in answer["error"]["message"]
+    assert "\n" not in answer["error"]["message"]
+
+
+@pytest.mark.parametrize("raw", [b"{", b"[]", b"\xff\xfe", b'{"name": "small", "input": [[NaN]]}'])
+def test_bodies_that_are_no_questions_get_the_protocols_error(served, raw):
+    status, answer = served.ask("Evaluate", None, raw)
+    assert (status, answer["error"]["type"]) == (400, "InvalidInput")
+
+
+@pytest.mark.parametrize(
+    "config",
+    [{"nodes": 100}, {"nodez": 1}, {"surface": -1}, {"surface": 1.5}, {"seed": "x"}, {"nodes": []}],
+)
+def test_bad_settings_get_the_protocols_error(served, config):
+    question = {"name": "small", "input": [[0.7, 12.0], [9.0]], "config": config}
+    status, answer = served.ask("Evaluate", question)
+    assert (status, answer["error"]["type"]) == (400, "InvalidInput")
+    assert next(iter(config)) in answer["error"]["message"]
+
+
+@pytest.mark.skipif(shutil.which("curl") is None, reason="no curl")
+def test_a_shell_script_asks_with_curl(served):
+    body = '{"name": "small", "input": [[0.7, 12], [10]], "config": {"surface": 3}}'
+    line = ["curl", "-s", "-X", "POST", f"{served.address}/Evaluate", "-d", body]
+    done = subprocess.run(line, capture_output=True, timeout=TIMEOUT, check=True)
+    model = umbridge.HTTPModel(served.address, "small")
+    assert json.loads(done.stdout)["output"] == model([[0.7, 12.0], [10.0]], {"surface": 3})
+
+
+def test_a_thousand_calls_eight_at_once_while_workers_and_server_are_killed(folder):
+    """No answer is wrong or lost: a client that is refused asks again."""
+    served = Served(folder, "small.toml")
+    known = list(rows(folder))
+    calls = [known[number % len(known)] for number in range(1000)]
+    model = umbridge.HTTPModel(served.address, "small")
+
+    def asked(call):
+        inputs, config, outputs = call
+        until = time.monotonic() + TIMEOUT
+        while time.monotonic() < until:
+            try:
+                return model(inputs, config) == outputs
+            except Exception:  # the server is away: the client's own error, of whichever kind
+                time.sleep(0.1)
+        return False
+
+    with ThreadPoolExecutor(8) as clients:
+        answers = [clients.submit(asked, call) for call in calls]
+        while sum(answer.done() for answer in answers) < 200:
+            time.sleep(0.01)
+        os.kill(children(served.process.pid)[0], signal.SIGKILL)
+        while sum(answer.done() for answer in answers) < 500:
+            time.sleep(0.01)
+        orphans = children(served.process.pid)
+        served.end(signal.SIGKILL)
+        served.start()
+        assert all(answer.result() for answer in answers)
+    assert all(gone(pid) for pid in orphans)
+    assert served.end(signal.SIGINT) in {0, 130}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["nothing"], "nothing"),
+        (["small.toml", "small.toml"], "one name"),
+        (["small.h5"], "small.h5"),
+        (["small.toml", "--port", "0"], "--port"),
+        (["small.toml", "--host", "no.such.host.invalid"], "no.such.host"),
+        ([], "MODEL"),
+    ],
+)
+def test_bad_command_lines_get_one_line(folder, arguments, word):
+    line = [sys.executable, "-m", "asperity", "serve", *arguments]
+    done = subprocess.run(
+        line, cwd=folder, capture_output=True, text=True, timeout=TIMEOUT, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert word in done.stderr
+
+
+def test_a_port_that_is_taken_is_said(folder, served):
+    line = [sys.executable, "-m", "asperity", "serve", "small.toml", "--port", str(served.port)]
+    done = subprocess.run(
+        line, cwd=folder, capture_output=True, text=True, timeout=TIMEOUT, check=False
+    )
+    assert done.returncode == 2
+    assert "address already in use" in done.stderr
+    assert done.stderr.count("\n") == 1

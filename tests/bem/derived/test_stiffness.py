@@ -1,0 +1,218 @@
+"""Stiffness and conductance of contacts, against closed forms and differences of forces."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bem
+from bem.analytic import WavySurface
+from bem.derived.stiffness import PUNCH_RTOL, patch_stiffness, punch_of, without_patch
+from bem.far_field import flat_punch
+from bem.influence import InfluenceMatrix
+from bem.problem import pose
+from bem.spectrum import spectral_filter
+
+E = 1000.0
+SIDE = 100.0
+
+
+def rough(shape, seed=0):
+    """Return a smooth random surface that repeats itself, with an rms height of 1 um."""
+    rng = np.random.default_rng(seed)
+    waves = np.hypot(
+        np.fft.fftfreq(shape[0])[:, np.newaxis] * shape[0], np.fft.rfftfreq(shape[1]) * shape[1]
+    )
+    amplitude = np.where((waves > 0) & (waves < min(shape) / 4), np.maximum(waves, 3) ** -1.8, 0)
+    heights = np.fft.irfft2(amplitude * np.exp(2j * np.pi * rng.random(waves.shape)), s=shape)
+    return heights / heights.std()
+
+
+def paraboloids(nodes, centres, radius):
+    """Return the highest of equal paraboloids at some centres, on SIDE x SIDE."""
+    x = np.linspace(0, SIDE, nodes)
+    parts = [-((x[:, np.newaxis] - cx) ** 2 + (x - cy) ** 2) / (2 * radius) for cx, cy in centres]
+    return np.max(parts, axis=0)
+
+
+def sides_of(shape):
+    """Return sides with square cells, SIDE along the first axis, for every boundary."""
+    return SIDE, SIDE * (shape[1] - 1) / (shape[0] - 1)
+
+
+@pytest.mark.parametrize(("nodes", "accuracy"), [(64, 0.01), (65, 0.01), (129, 1e-3), (257, 1e-3)])
+def test_a_circular_spot_is_that_of_hertz(nodes, accuracy):
+    radius, delta = 500.0, 1.5
+    heights = paraboloids(nodes, [(SIDE / 2, SIDE / 2)], radius)
+    contact = bem.solve(heights, SIDE, delta, modulus=E)
+    a = math.sqrt(radius * delta)
+    assert contact.stiffness == pytest.approx(2 * E * a, rel=accuracy)
+    k = 2 * 20.0 * 60.0 / 80.0
+    assert contact.conductance(20.0, 60.0) == pytest.approx(2 * a * k, rel=accuracy)
+    assert contact.conductance(60.0, 20.0) == contact.conductance(20.0, 60.0)
+    assert contact.conductance(20.0, math.inf) == pytest.approx(2 * 20.0 * 2 * a, rel=accuracy)
+
+
+def test_equal_spots_far_apart_conduct_side_by_side():
+    centres = [(SIDE * i / 4, SIDE * j / 4) for i in (1, 3) for j in (1, 3)]
+    four = bem.solve(paraboloids(257, centres, 20.0), SIDE, 0.3, modulus=E)
+    assert four.spots.number == 4
+    alone = paraboloids(257, [(SIDE / 4, SIDE / 4)], 20.0)
+    one = bem.solve(alone, SIDE, force=four.force / 4, modulus=E)
+    # Each spot lifts the others by the load far away, F / (pi E* r) for a force F = S u:
+    near = sum(1 / r for r in (SIDE / 2, SIDE / 2, SIDE / math.sqrt(2))) / (math.pi * E)
+    assert four.stiffness == pytest.approx(4 / (1 / one.stiffness + near), rel=1e-3)
+    assert four.stiffness == pytest.approx(4 * one.stiffness, rel=0.1)
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
+@pytest.mark.parametrize("shape", [(48, 48), (33, 40)])
+@pytest.mark.parametrize("pressure", [3.0, 30.0])
+def test_stiffness_is_the_slope_of_the_force(boundary, shape, pressure):
+    def solved(**load):
+        return bem.solve(
+            rough(shape), sides_of(shape), boundary=boundary, modulus=E, rtol=1e-12, **load
+        )
+
+    contact = solved(pressure=pressure)
+    step = 1e-7 * contact.delta
+    low, high = (solved(delta=contact.delta + end) for end in (-step, step))
+    for other in (low, high):
+        assert np.array_equal(other.pressure > 0, contact.pressure > 0)
+    slope = (high.force - low.force) / (2 * step)
+    assert contact.stiffness == pytest.approx(slope, rel=1e-5)
+    assert contact.loading_stiffness == contact.stiffness
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
+def test_bodies_that_yield_load_softer_than_they_unload(boundary):
+    heights, settings_ = rough((40, 40)), {"boundary": boundary, "modulus": E, "rtol": 1e-11}
+    contact = bem.solve(heights, SIDE, pressure=20.0, hardness=150.0, **settings_)
+    assert contact.yielded_percent > 1
+    assert contact.loading_stiffness < contact.stiffness
+    step = 1e-6 * contact.delta
+    low, high = (
+        bem.solve(heights, SIDE, contact.delta + end, hardness=150.0, **settings_)
+        for end in (-step, step)
+    )
+    for other in (low, high):
+        assert np.array_equal(other.pressure >= 150, contact.pressure >= 150)
+        assert np.array_equal(other.pressure > 0, contact.pressure > 0)
+    slope = (high.force - low.force) / (2 * step)
+    assert contact.loading_stiffness == pytest.approx(slope, rel=1e-5)
+    # Unloading is elastic, on the surface that yielding has left.
+    lower = float(heights.max() - contact.flattened.max())
+    less = bem.solve(contact.flattened, SIDE, contact.delta - lower - step, **settings_)
+    assert np.array_equal(less.pressure > 0, contact.pressure > 0)
+    assert contact.stiffness == pytest.approx((contact.force - less.force) / step, rel=1e-4)
+
+
+def test_strips_without_edges_are_westergaards():
+    surface = WavySurface(amplitude=1.0, wavelength=SIDE)
+    for nodes, accuracy in ((256, 0.03), (1024, 0.01)):
+        x = (np.arange(nodes) + 0.5) * (SIDE / nodes)
+        heights = np.repeat(surface.heights(x)[:, np.newaxis], 8, axis=1)
+        sides = SIDE, 8 * SIDE / nodes
+        for share in (0.1, 0.5, 0.9):
+            load = share * surface.full_contact_pressure(E)
+            contact = bem.solve(heights, sides, pressure=load, boundary="periodic", modulus=E)
+            per_area = contact.stiffness / (sides[0] * sides[1])
+            assert per_area == pytest.approx(surface.stiffness(load, E), rel=accuracy)
+
+
+def test_a_mirrored_patch_is_a_quarter_of_the_periodic_one():
+    heights = rough((24, 30))
+    whole = np.block([[heights, heights[:, ::-1]], [heights[::-1], heights[::-1, ::-1]]])
+    quarter = bem.solve(heights, (24.0, 30.0), pressure=50.0, boundary="mirror", modulus=E)
+    full = bem.solve(whole, (48.0, 60.0), pressure=50.0, boundary="periodic", modulus=E)
+    assert full.stiffness == pytest.approx(4 * quarter.stiffness, rel=1e-9)
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
+def test_full_contact_without_edges_is_infinitely_stiff(boundary):
+    contact = bem.solve(rough((16, 20)), (16.0, 20.0), pressure=1e6, boundary=boundary, modulus=E)
+    assert contact.area_percent == 100
+    assert contact.stiffness == contact.interface_stiffness == math.inf
+    assert contact.conductance(1.0, 1.0) == math.inf
+
+
+def test_full_contact_of_a_free_patch_leaves_nothing_to_the_interface():
+    heights = 1e-3 * rough((21, 24))
+    contact = bem.solve(heights, sides_of((21, 24)), pressure=1e5, modulus=E)
+    assert contact.area_percent == 100
+    assert contact.stiffness == pytest.approx(patch_stiffness(contact.problem), rel=1e-11)
+    assert contact.interface_stiffness == math.inf
+    # A square punch has F = 1.15 E* side Delta, to the order of the grid.
+    square = bem.solve(np.zeros((65, 65)), SIDE, 1.0, modulus=E)
+    wide = SIDE * 65 / 64
+    assert square.stiffness == pytest.approx(1.1516 * E * wide, rel=0.01)
+
+
+def test_a_compliant_far_field_has_the_stiffness_of_the_interface():
+    heights, step = rough((33, 33)), 1e-6
+    near = [
+        bem.solve(heights, SIDE, 1.0 + end, modulus=E, far_field="compliant", rtol=1e-12)
+        for end in (-step, 0.0, step)
+    ]
+    slope = (near[2].force - near[0].force) / (2 * step)
+    assert near[1].loading_stiffness == near[1].interface_stiffness
+    assert near[1].interface_stiffness == pytest.approx(slope, rel=1e-5)
+
+
+def test_bodies_apart_have_none():
+    contact = bem.solve(rough((9, 9)), SIDE, 0.0)
+    assert contact.stiffness == contact.interface_stiffness == contact.loading_stiffness == 0
+    assert contact.conductance(1.0, 2.0) == 0
+    assert contact.spots.number == 0
+
+
+@pytest.mark.parametrize("conductivities", [(0.0, 1.0), (1.0, -1.0), (math.inf, math.inf)])
+def test_impossible_conductivities_are_refused(conductivities):
+    contact = bem.solve(rough((9, 9)), SIDE, 1.0)
+    with pytest.raises(ValueError, match="conductivities"):
+        contact.conductance(*conductivities)
+
+
+@given(seed=st.integers(0, 1000), share=st.floats(0.01, 0.99), aspect=st.sampled_from([1.0, 2.5]))
+@settings(max_examples=25, deadline=None)
+def test_any_set_has_the_stiffness_of_dense_algebra(seed, share, aspect):
+    shape = 11, 14
+    rng = np.random.default_rng(seed)
+    nodes = np.flatnonzero(rng.random(shape) < share)
+    for boundary in ("free", "periodic", "mirror"):
+        problem = pose(
+            np.zeros(shape), SIDE, None, force=1.0, spacing=(1.5, 1.5 * aspect), modulus=E,
+            boundary=boundary,
+        )  # fmt: skip
+        if boundary == "free":
+            every = np.arange(problem.heights.size)
+            matrix = InfluenceMatrix(shape, problem.kernel, aspect).between(every, every)
+        else:
+            waves = spectral_filter(shape, boundary, aspect)
+            units = np.eye(problem.heights.size).reshape(-1, *shape)
+            matrix = np.stack([waves(unit).reshape(-1) for unit in units])
+        inside = matrix[np.ix_(nodes, nodes)]
+        dense = np.linalg.solve(inside, np.ones(nodes.size)).sum() * E * 1.5 * aspect
+        punch = punch_of(problem, nodes)
+        assert punch.stiffness == pytest.approx(dense, rel=1e-9)
+        assert punch.residual <= PUNCH_RTOL
+
+
+def test_compliances_in_series():
+    assert without_patch(2.0, 4.0) == 4.0
+    assert without_patch(2.0, math.inf) == 2.0
+    assert without_patch(4.0, 4.0) == without_patch(4.0 * (1 + 1e-14), 4.0) == math.inf
+    assert without_patch(0.0, 4.0) == 0
+
+
+def test_the_patch_is_the_flat_punch_of_the_far_field():
+    problem = pose(np.zeros((9, 12)), (8.0, 11.0), 1.0, modulus=E)
+    expected = E * float(flat_punch((9, 12), "uniform-pressure").sum())
+    assert patch_stiffness(problem) == pytest.approx(expected, rel=1e-12)
+
+
+def test_it_costs_nothing_until_it_is_asked_for():
+    contact = bem.solve(rough((33, 33)), SIDE, 1.0)
+    assert not {"punch", "spots", "loading_stiffness"} & contact.__dict__.keys()

@@ -1,0 +1,59 @@
+"""Passes over long vectors, piece by piece, against the plain expressions."""
+
+import numpy as np
+import pytest
+
+from bem import vectors
+from bem.workers import on_threads
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("size", [1, 15, 16, 17, 100])
+def test_passes_in_pieces_are_the_plain_expressions(
+    monkeypatch: pytest.MonkeyPatch, size: int, threads: int
+) -> None:
+    monkeypatch.setattr(vectors, "PIECE", 8)
+    monkeypatch.setattr(vectors, "SHORT", 16)
+    random = np.random.default_rng(size)
+    a, b = random.standard_normal((2, size))
+    field = random.standard_normal(3 * size).astype(np.float32)
+    nodes = np.sort(random.choice(3 * size, size, replace=False))
+    with on_threads(threads):
+        np.testing.assert_array_equal(vectors.take(field, nodes), field[nodes])
+        as_double = vectors.take(field, nodes, np.empty(size))
+        np.testing.assert_array_equal(as_double, field[nodes].astype(float))
+        moved, left = np.empty(size), field.copy()
+        vectors.take_out(left, nodes, moved)
+        np.testing.assert_array_equal(moved, field[nodes])
+        assert not left[nodes].any()
+        vectors.put(moved, nodes, left)
+        np.testing.assert_array_equal(left, field)
+        vectors.clear(left)
+        assert not left.any()
+        target = a.copy()
+        vectors.add_taken(target, field, nodes)
+        np.testing.assert_array_equal(target, a + field[nodes])
+        target = a.copy()
+        vectors.add_scaled(target, 0.3, b)
+        np.testing.assert_array_equal(target, a + 0.3 * b)
+        vectors.scale_and_add(target, 0.7, b)
+        np.testing.assert_array_equal(target, 0.7 * (a + 0.3 * b) + b)
+        np.testing.assert_array_equal(vectors.combined(np.subtract, a, b), a - b)
+        np.testing.assert_array_equal(vectors.subtract_scaled(a, 0.3, b.copy()), a - 0.3 * b)
+        vectors.keep_positive(target)
+        assert target.min() >= 0
+        assert vectors.largest_magnitude(a) == np.abs(a).max()
+        assert vectors.anywhere(lambda piece: a[piece] == a[-1], size)
+        assert not vectors.anywhere(lambda piece: a[piece] > 99, size)
+        np.testing.assert_array_equal(
+            vectors.where(lambda piece: a[piece] > 0, size), np.flatnonzero(a > 0)
+        )
+
+
+def test_a_nan_is_the_largest_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(vectors, "PIECE", 8)
+    monkeypatch.setattr(vectors, "SHORT", 16)
+    for place in (0, 20, 39):
+        values = np.arange(40.0)
+        values[place] = np.nan
+        assert np.isnan(vectors.largest_magnitude(values))

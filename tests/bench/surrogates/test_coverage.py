@@ -1,0 +1,136 @@
+"""The study of coverage: what trains, what judges, and what is counted."""
+
+import numpy as np
+import pytest
+
+from bench import __main__ as bench
+from bench.page.parts import contents_of
+from bench.surrogates import coverage as study
+from bench.surrogates import coverage_cases
+from bench.surrogates.coverage import coverage, pooled, report, verdict
+from bench.surrogates.coverage_cases import FEW, HARDNESS, cases, column, pools
+from gen.runtime.errors import InputError
+
+SMALL = {
+    "paper": "[surface]\nnodes = 17\n",
+    "midpoint": 'seed = 2026\n[surface]\nnodes = 17\ngenerator = "midpoint"\n',
+    "fine-257": "seed = 2026\n[surface]\nnodes = 33\n",
+    "paper-yielding": "[surface]\nnodes = 17\n[contact]\nhardness_ratio = [0.003, 0.1]\n",
+}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder with the study of few small surfaces without the broad scenes, and its rows."""
+    folder = tmp_path_factory.mktemp("coverage")
+
+    def databases(place, rows):
+        return {
+            name: coverage_cases.generated(place, name, f"samples = 300\n{text}")
+            for name, text in SMALL.items()
+        }
+
+    few = (("paper",), ("paper", "midpoint"), ("paper", "fine-257"), ("paper-yielding",))
+    with pytest.MonkeyPatch.context() as small:
+        small.setattr(study, "databases", databases)
+        small.setattr(study, "pools", lambda: few)
+        small.setattr(coverage_cases, "FINE", {257: "fine-257"})
+        return folder, coverage(folder, 300, 2)
+
+
+def test_every_case_is_judged_with_every_seed(made):
+    _, found = made
+    names = [(row["trained_on"], row["tested_on"], row["seed"]) for row in found]
+    assert len(set(names)) == len(names) == 2 * 7
+    for row in found:
+        assert 0 <= row["flagged"] <= 1
+        assert row["unflagged"] == round(row["judged"] * (1 - row["flagged"]))
+    by_case = {row["trained_on"]: row for row in found if row["tested_on"] == "fine-257"}
+    assert by_case["preset"]["flagged"] == 1  # another grid, and the nodes are a feature
+    assert by_case["preset and 20 rows of fine-257"]["flagged"] < 1
+    (hardness, *_) = (row for row in found if row["tested_on"] == "other hardness")
+    assert hardness["flagged"] == 1
+
+
+def test_rows_that_judge_train_nothing(made):
+    folder, _ = made
+    paths = {name: folder / "databases" / f"{name}.h5" for name in SMALL}
+    hybrids = {
+        name: study.hybrid_rows(path, study.Executor(), bool) for name, path in paths.items()
+    }
+    for pool in (("paper",), ("paper", "midpoint"), ("paper-yielding",)):
+        rows = study._read(paths, hybrids, pool)
+        for case in cases(pool, rows, 0):
+            parts = study._parts(case, rows, 200, 0)
+            train, calibration = set(parts.train.keys), set(parts.calibration.keys)
+            judged = parts.test if case.judged is None else rows.at(case.judged)
+            assert not train & calibration
+            assert not (train | calibration) & set(judged.keys)
+            assert parts.train.size == parts.folds.size
+            if case.tested_on == "Hurst exponents above":
+                assert column(parts.train, "hurst").max() <= 0.7 < column(judged, "hurst").min()
+            if case.tested_on == "other hardness":
+                inside = column(parts.train, "hardness")
+                assert HARDNESS[0] <= inside.min() <= inside.max() <= HARDNESS[1]
+
+
+def test_rows_of_a_finer_grid_all_train(made):
+    folder, _ = made
+    paths = {name: folder / "databases" / f"{name}.h5" for name in SMALL}
+    hybrids = {
+        name: study.hybrid_rows(path, study.Executor(), bool) for name, path in paths.items()
+    }
+    pool = ("paper", "fine-257")
+    rows = study._read(paths, hybrids, pool)
+    with pytest.MonkeyPatch.context() as small:
+        small.setattr(coverage_cases, "FINE", {257: "fine-257"})
+        found = {case.trained_on: case for case in cases(pool, rows, 1)}
+    parts = study._parts(found["preset and 20 rows of fine-257"], rows, 200, 1)
+    assert (parts.train.database == 1).sum() == FEW
+    assert not (parts.calibration.database == 1).any()
+
+
+def test_the_table_pools_the_seeds(made):
+    _, found = made
+    table = pooled(found)
+    assert len(table) == 7
+    for row in table:
+        own = [each for each in found if each["trained_on"] == row["trained_on"]]
+        own = [each for each in own if each["tested_on"] == row["tested_on"]]
+        assert row["unflagged"] == sum(each["unflagged"] for each in own)
+        inside = sum(
+            each["unflagged"] * each["covered_unflagged"] for each in own if each["unflagged"]
+        )
+        if row["unflagged"]:
+            assert row["covered_unflagged"] == pytest.approx(inside / row["unflagged"])
+    text = report(found).text
+    assert text.count("\n") == 8
+
+
+def test_verdicts_allow_for_a_standard_error():
+    assert verdict(np.nan, np.nan) == "all flagged"
+    assert verdict(0.88, 0.0) == "met"
+    assert verdict(0.87, 0.02) == "met within its error"
+    assert verdict(0.85, 0.02) == "not met"
+
+
+def test_the_command_writes_what_the_page_shows(made, tmp_path, monkeypatch):
+    _, found = made
+    monkeypatch.setattr(study, "coverage", lambda *_: found)
+    assert bench.main(["coverage", "-o", str(tmp_path)]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "coverage.csv",
+        "coverage-seeds.csv",
+        "coverage.txt",
+    }
+    assert contents_of("surrogates/coverage", tmp_path)
+
+
+def test_pools_hold_every_broad_scene():
+    assert sum(len(names) for names in coverage_cases.KINDS.values()) == len(coverage_cases.BROAD)
+    assert set(pools()[-1]) == set(coverage_cases.BROAD)
+
+
+def test_too_few_rows_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"--rows 10, --seeds 3: give 300 rows and 1 seed or more"):
+        coverage(tmp_path, 10, 3)

@@ -1,0 +1,51 @@
+"""The report on threads: what its rows hold."""
+
+import pytest
+
+from bench import peer_threads
+from bench.threads import measure, report, verdict
+from gen.runtime.errors import InputError
+
+
+def test_rows_compare_threads_with_copies_of_the_transforms() -> None:
+    (row,) = measure((513,), (5.0,), threads=2, rounds=1)
+    assert row["area_percent"] == pytest.approx(5, rel=0.3)
+    assert 30 < row["shared_percent"] <= 100
+    assert 1 < row["reckoned_4"] < row["reckoned_8"] < 8
+    assert row["gain"] == row["seconds_one"] / row["seconds"]
+    assert row["gain_over_copies"] == row["gain"] / row["copies"]
+    assert 0 < row["copies"] < 20  # of a machine that may be busy
+    made = report([row], [])
+    assert "4 threads, estimate" in made.text
+    assert "none installed" in made.text
+    said = verdict([row | {"gain_over_copies": share} for share in (0.89, 0.9, 1.2)])
+    assert "0.89 to 1.20, 0.9 or more (the mark) in 2 of 3 rows" in said
+    assert "estimates, not measured" in said
+
+
+def test_others_are_timed_in_processes_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each with its number of threads; where none is installed, there are no rows."""
+    started: list[int] = []
+
+    def timed(nodes: int, threads: int) -> float:
+        started.append(threads)
+        return 6.0 / threads
+
+    monkeypatch.setattr(peer_threads, "_timed_apart", timed)
+    monkeypatch.setattr(peer_threads, "find_spec", lambda name: None)
+    assert peer_threads.measure((65,), 3, 2) == []
+    monkeypatch.setattr(peer_threads, "find_spec", lambda name: name)
+    (row,) = peer_threads.measure((65,), 3, 2)
+    assert started == [3, 1, 1, 3]
+    assert row["gain"] == 3
+    assert "Tamaas, 3 iterations" in peer_threads.table([row])
+
+
+def test_iterations_of_tamaas_are_timed() -> None:
+    pytest.importorskip("tamaas")
+    assert 0 < peer_threads._timed_apart(65, 2) < 60
+
+
+def test_grids_that_cannot_be_nested_are_refused() -> None:
+    with pytest.raises(InputError, match="nodes 100: give 2"):
+        measure((100,), (5.0,), threads=2, rounds=1)

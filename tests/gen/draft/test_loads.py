@@ -1,0 +1,58 @@
+"""The loads that are proposed bring the areas about that the scene's comments state."""
+
+import numpy as np
+import pytest
+
+import bem
+from gen.draft.loads import FEWEST_NODES, Material, choose_loads
+from gen.runtime.errors import InputError
+from gen.spectral import SelfAffineSpectrum, generate_spectral
+from gen.statistics import rms_slope
+
+STEEL = Material(210e3, 0.3, 2000.0, known=True)
+NODES = 64
+
+
+@pytest.fixture(scope="module")
+def surface():
+    spectrum = SelfAffineSpectrum(0.8, 20.0, 4.0)
+    return generate_spectral(
+        (NODES, NODES), 64.0, spectrum, np.random.default_rng(1), rms_slope=0.15
+    )
+
+
+@pytest.mark.parametrize("material", [STEEL, Material(210e3, 0.3, None, known=True), Material()])
+def test_areas_are_those_of_the_solver_within_a_half(surface, material):
+    slope = rms_slope(surface, (1.0, 1.0))
+    loads = choose_loads(material, [slope], surface.size)
+    unit = 1.0 if loads.quantity == "pressure" else material.e_star * slope
+    for load, expected in zip((loads.low, loads.high), loads.areas, strict=True):
+        contact = bem.solve(
+            surface,
+            side=64.0,
+            pressure=load * unit,
+            modulus=material.young,
+            poisson=material.poisson,
+            hardness=material.hardness,
+            boundary="periodic",
+        )
+        assert 0.5 * expected < contact.area_percent < 1.5 * expected
+    assert loads.areas[0] == pytest.approx(100 * FEWEST_NODES / surface.size, rel=0.05)
+
+
+@pytest.mark.parametrize("hardness", [1.0, 500.0, 2000.0, 1e5, 1e9])
+def test_pressures_stay_below_the_hardness(hardness):
+    loads = choose_loads(Material(210e3, 0.3, hardness, known=True), [0.01, 0.2, 0.5], 128**2)
+    assert loads.quantity == "pressure"
+    assert 0 < loads.low < loads.high <= 0.5 * hardness
+    assert loads.slopes == (0.01, 0.2, 0.5)
+
+
+def test_a_material_from_options():
+    assert Material.of_options([], [], None, None) == Material()
+    assert Material.of_options([210e3], [], None, None) == Material(210e3, 0.0, None, known=True)
+    two = Material.of_options([210e3, 70e3], [0.3, 0.33], None, 900.0)
+    assert two.e_star == pytest.approx(1 / ((1 - 0.09) / 210e3 + (1 - 0.33**2) / 70e3))
+    assert (two.hardness, two.known) == (900.0, True)
+    with pytest.raises(InputError, match="--hardness 900: give the modulus"):
+        Material.of_options([], [], None, 900.0)

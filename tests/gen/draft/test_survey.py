@@ -1,0 +1,92 @@
+"""What is seen in files of maps, and what is wrong with them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from bench.populations.made_maps import MAPS, write
+from gen.draft.survey import remarks, survey, with_texture
+from gen.measured.settings import Preparation
+from gen.scans.library import Reading
+
+pytest.importorskip("SurfaceTopography")
+
+HERE = Reading()
+MADE = {made.name: made for made in MAPS}
+
+
+@pytest.fixture
+def saved(tmp_path):
+    """Save heights as a text file, whose side is given, and look at it."""
+
+    def look(heights, side="10"):
+        path = tmp_path / "scan.txt"
+        np.savetxt(path, heights)
+        return survey([path], Reading(side=side))[0]
+
+    return look
+
+
+@pytest.mark.parametrize("name", ["turned-3", "ground-3", "honed-4"])
+def test_a_made_map_is_seen_as_it_was_made(tmp_path, name):
+    made = MADE[name]
+    [look] = survey([write(made, tmp_path)], HERE)
+    assert (look.fault, look.shape, look.unit != "") == ("", made.shape, True)
+    assert look.spacing == pytest.approx(made.spacing)
+    assert (look.holes > 0) == (made.faults.holes > 0)
+    assert look.spikes is not None
+    assert look.spikes.number == made.faults.spikes
+    assert look.tilt == pytest.approx(made.faults.tilt, abs=3e-3)
+    assert look.form < 0.9
+
+
+def test_texture_is_that_of_the_prepared_map(tmp_path):
+    made = MADE["ground-3"]
+    steps = Preparation(despike=40.0, level="plane", fill=True)
+    [raw] = survey([write(made, tmp_path)], HERE)
+    look = with_texture(raw, HERE, steps, None)
+    assert look.texture is not None
+    assert look.texture.rms_height == pytest.approx(made.rms, rel=0.05)
+    coarse = with_texture(raw, HERE, steps, (2.0, 2.0))
+    assert coarse.texture is not None
+    assert coarse.texture.shape == (191, 191)
+    assert coarse.texture.rms_slope < look.texture.rms_slope
+    assert "missing" in with_texture(raw, HERE, Preparation(), None).fault
+
+
+def test_files_that_are_no_use_say_why(tmp_path):
+    (tmp_path / "notes.txt").write_text("once upon a time")
+    (tmp_path / "noise.x3p").write_bytes(b"PK no map")
+    np.savetxt(tmp_path / "a.txt", np.random.default_rng(1).normal(size=(20, 20)))
+    np.savetxt(tmp_path / "b.txt", np.random.default_rng(1).normal(size=(20, 20)))
+    names = ["notes.txt", "noise.x3p", "a.txt", "b.txt", "none.txt"]
+    looks = survey([tmp_path / name for name in names], Reading(side="10"))
+    faults = [look.fault for look in looks]
+    assert "number" in faults[0]
+    assert faults[1]
+    assert faults[2:4] == ["", "the same map as a.txt"]
+    assert "No such file" in faults[4]
+    assert not any(str(tmp_path) in fault for fault in faults)
+
+
+def test_lengths_of_files_are_not_overruled(tmp_path):
+    [look] = survey([write(MADE["ground-3"], tmp_path)], Reading(side="5"))
+    assert look.fault.endswith("--side says 5; leave that out")
+
+
+def test_maps_without_heights_are_left_out(saved):
+    rough = np.random.default_rng(2).normal(size=(20, 20))
+    assert "missing" in saved(np.where(rough > -0.5, np.nan, rough)).fault
+    assert saved(np.ones((20, 20))).fault == "all its heights are equal"
+    assert saved(rough[:3, :3]).fault == "3 x 3 nodes are too few"
+    flat = saved(1e-9 * rough)
+    assert "check the unit" in with_texture(flat, Reading(side="10"), Preparation(), None).fault
+
+
+def test_a_bowl_has_a_form_and_a_wave_has_none(saved):
+    x, y = np.mgrid[-1:1:40j, -1:1:40j]
+    rough = np.random.default_rng(3).normal(size=x.shape)
+    assert saved(30 * (x**2 + y**2) + rough).form > 0.95
+    assert saved(30 * np.sin(2 * math.pi * x) + rough).form < 0.9
+    assert remarks(saved(30 * (x**2 + y**2) + rough)) == ["curved form"]

@@ -1,0 +1,185 @@
+"""Laws by the solver, on the command line: closure, conductance, populations, refusals."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import bem
+from bem.contact import mean_conductivity
+from bem.derived.stiffness import patch_stiffness
+from gen import cli
+
+E_STAR = 210e3 / (1 - 0.3**2)
+CONDUCTING = ["--conductivity", "50", "--conductivity", "20"]
+
+
+def table(name, against="pressure_MPa"):
+    rows = pd.read_csv(name)
+    return rows[rows.against == against].reset_index(drop=True)
+
+
+def contacts_of(name, boundary, **load):
+    heights = np.load(name)
+    return list(bem.ladder(heights, 100.0, modulus=210e3, poisson=0.3, boundary=boundary, **load))
+
+
+def test_a_law_is_that_of_a_piece_between_its_mirror_images(surfaces, run):
+    run("many/s0.npy", "--pressure", "1:100:5:log", *CONDUCTING, "--csv", "law.csv")
+    found = table("law.csv")
+    contacts = contacts_of("many/s0.npy", "mirror", pressures=np.geomspace(1, 100, 5))
+    assert set(found.boundary) == {"mirror"}
+    np.testing.assert_allclose(found.delta_um, [each.delta for each in contacts], rtol=1e-6)
+    np.testing.assert_allclose(found.closure_um, found.delta_um)
+    stiffness = [each.stiffness / 100**2 for each in contacts]
+    np.testing.assert_allclose(found.stiffness_MPa_per_um, stiffness, rtol=1e-9)
+    conductance = [1e-6 * each.conductance(50, 20) / (100e-3) ** 2 for each in contacts]
+    np.testing.assert_allclose(found.conductance_W_per_mm2_K, conductance, rtol=1e-9)
+    # With zero mean displacement the mean gap falls by the closure.
+    heights = np.load("many/s0.npy")
+    np.testing.assert_allclose(np.ptp(heights) + heights.min() - heights.mean(),
+                               found.mean_gap_um + found.closure_um, rtol=1e-6)  # fmt: skip
+
+
+def test_the_law_of_two_rough_bodies_is_that_of_their_sum(surfaces, run, capsys):
+    first, second = np.load("many/s0.npy"), np.load("many/s1.npy")
+    loads = ["--pressure", "1,10"]
+    run("many/s0.npy", *loads, "--against", "many/s1.npy", "--csv", "pair.csv")
+    said = capsys.readouterr()
+    assert "body 2 (many/s1.npy), turned over (its x runs backwards)" in said.err
+    np.save("sum.npy", first + second[::-1])
+    run("sum.npy", *loads, "--csv", "sum.csv")
+    pair, one = table("pair.csv"), table("sum.csv")
+    for name in ("closure_um", "area_percent", "mean_gap_um", "stiffness_MPa_per_um"):
+        np.testing.assert_allclose(pair[name], one[name], rtol=1e-6)
+    run("many", *loads, "--against", "many/s1.npy", "--turned", "none", "--csv", "folder.csv")
+    assert cli.main(["law", "quick", "--against", "many/s1.npy", "--side", "100"]) == 2
+    assert "surface.against" in capsys.readouterr().err
+
+
+def test_the_closure_of_bodies_that_yield_is_delta_too(surfaces, run):
+    run("many/s0.npy", "--pressure", "10,100", "--hardness", "1000", "--csv", "law.csv")
+    found = table("law.csv")
+    heights = np.load("many/s0.npy")
+    contacts = list(
+        bem.ladder(
+            heights, 100.0, pressures=[10.0, 100.0], modulus=E_STAR, hardness=1000.0,
+            boundary="mirror",
+        )
+    )  # fmt: skip
+    rest = heights.max() - heights.mean()
+    for contact, closure in zip(contacts, found.closure_um, strict=True):
+        assert contact.yielded_percent > 0
+        elastic_gap = (contact.gap - contact.yielded_depth).mean()
+        assert elastic_gap == pytest.approx(rest - closure, rel=1e-5)
+
+
+def test_a_free_patch_leaves_its_own_compliance_to_the_mesh(surfaces, run):
+    run("many/s0.npy", "--boundary", "free", "--pressure", "1:30:4", "--csv", "law.csv")
+    found = table("law.csv")
+    contacts = contacts_of("many/s0.npy", "free", pressures=np.linspace(1, 30, 4))
+    patch = patch_stiffness(contacts[0].problem)
+    alone = [each.delta - each.force / patch for each in contacts]
+    np.testing.assert_allclose(found.closure_um, alone, rtol=1e-6)
+    assert (found.closure_um < 0.99 * found.delta_um).all()
+    nominal = (20 / 19 * 100) ** 2
+    stiffness = [each.interface_stiffness / nominal for each in contacts]
+    np.testing.assert_allclose(found.stiffness_MPa_per_um, stiffness, rtol=1e-8)
+    # The slope of the pressure over the closure is that stiffness.
+    run("many/s0.npy", "--boundary", "free", "--pressure", "29.99,30,30.01", "--csv", "near.csv")
+    near = table("near.csv")
+    slope = np.diff(near.pressure_MPa)[[0, -1]] / np.diff(near.closure_um)[[0, -1]]
+    assert near.stiffness_MPa_per_um[1] == pytest.approx(slope.mean(), rel=1e-2)
+
+
+def test_a_population_has_means_and_quantiles(surfaces, run, capsys):
+    run("many", "--pressure", "5,50", *CONDUCTING, "--band", "0.8", "--csv", "law.csv")
+    assert "quantiles of 3 surfaces, 80 % between them" in " ".join(capsys.readouterr().out.split())
+    found = table("law.csv")
+    each = [contacts_of(f"many/s{seed}.npy", "mirror", pressures=[5.0, 50.0]) for seed in range(3)]
+    k = mean_conductivity(50, 20)
+    for name, value in (
+        ("closure_um", lambda contact: contact.delta),
+        ("area_percent", lambda contact: contact.area_percent),
+        ("conductance_W_per_mm2_K", lambda contact: k * contact.stiffness / 100**2 / E_STAR),
+    ):
+        whole = np.array([[value(contact) for contact in contacts] for contacts in each])
+        np.testing.assert_allclose(found[name], whole.mean(axis=0), rtol=1e-6)
+        for end, share in (("low", 0.1), ("high", 0.9)):
+            quantile = np.quantile(whole, share, axis=0)
+            np.testing.assert_allclose(found[f"{name}_{end}"], quantile, rtol=1e-6)
+
+
+SCENE = """
+samples = 6
+samples_per_surface = 2
+[surface]
+nodes = 17
+[contact]
+modulus = 100.0
+hardness = 5.0
+"""
+
+
+def test_a_scene_is_solved_without_edges_unless_told_otherwise(surfaces, capsys):
+    Path("scene.toml").write_text(SCENE)
+    ask = ["law", "scene.toml", "--surfaces", "2", "--pressure", "0.1,1", "--csv"]
+    assert cli.main([*ask, "mirror.csv"]) == 0
+    assert "E* = 100 MPa, hardness = 5 MPa" in capsys.readouterr().out
+    assert cli.main([*ask, "free.csv", "--boundary", "free"]) == 0
+    assert set(table("mirror.csv").boundary) == {"mirror"}
+    assert "boundary" not in table("free.csv")
+    assert (table("free.csv").closure_um < table("free.csv").delta_um).all()
+    assert cli.main(["law", "scene.toml", "--surfaces", "2", "--csv", "all.csv"]) == 0
+    assert len(table("all.csv", "delta_um")) == 41, "over the scene's range of Delta"
+    assert table("all.csv").pressure_MPa.max() < 5
+
+
+def test_displacements_at_which_all_nodes_of_a_population_yield_are_refused(surfaces, run, capsys):
+    run("many", "--delta", "1e4", "--hardness", "1", ends=2)
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert "every node yields: the pressure is the hardness, 1 MPa, at all displacements" in said
+
+
+def test_one_command_writes_everything(surfaces, run, capsys):
+    run("many/s0.npy", "--pressure", "1:100:5:log", *CONDUCTING, "-o", "steel")
+    wrote = [line.split()[1] for line in capsys.readouterr().out.splitlines() if "wrote" in line]
+    files = ["steel.csv", "steel.json", "steel.h", "steel-calculix.inp", "steel-abaqus.inp"]
+    assert wrote == files
+    assert all(Path(name).stat().st_size for name in files)
+    command = json.loads(Path("steel.json").read_text())["command"]
+    assert re.match(r"python -m gen law many/s0.npy --pressure 1:100:5:log", command)
+
+
+def test_a_map_of_an_input_folder_is_not_replaced(surfaces, run, capsys):
+    Path("many/s9.csv").write_text("0,1,0\n1,0,1\n0,1,0\n")
+    before = {path.name: path.read_bytes() for path in Path("many").iterdir()}
+    run("many", "--pressure", "1", "-o", "many/s9", ends=2)
+    assert "many/s9.csv: is an input" in capsys.readouterr().err.splitlines()[-1]
+    assert {path.name: path.read_bytes() for path in Path("many").iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["none.npy", "--pressure", "1"], "none.npy: is neither a file nor a folder"),
+        (["many/s0.npy"], "give --delta or --pressure"),
+        (["many/s0.npy", "--pressure", "0"], "give pressures of 0 MPa or more"),
+        (["many/s0.npy", "--pressure", "1", "--band", "1"], "--band 1: give a share"),
+        (["many/s0.npy", "--pressure", "9", "--hardness", "5"], "must stay below the hardness"),
+        (["many/s0.npy", "--pressure", "1", "--conductivity", "0"], "--conductivity 0"),
+        (["many/s0.npy", "--pressure", "1", "--plot", "law.txt"], "law.txt: give the name of a"),
+        (["many/s0.npy", "--pressure", "1", "--csv", "many/s0.npy"], "many/s0.npy"),
+        (["many/s0.npy", "--pressure", "1", "--units", "inch"], "'inch' is not one of"),
+        (["many/s0.npy", "--pressure", "1", "-o", ""], "give what the names of the files begin"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(surfaces, run, capsys, arguments, word):
+    before = Path("many/s0.npy").read_bytes()
+    run(*arguments, ends=2)
+    assert word in capsys.readouterr().err.splitlines()[-1]
+    assert Path("many/s0.npy").read_bytes() == before
+    assert not Path("law.csv").exists()

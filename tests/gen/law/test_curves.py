@@ -1,0 +1,74 @@
+"""Tables of a contact law."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.interpolate import PchipInterpolator
+
+from gen.law.curves import CONDUCTANCE, QUANTITIES, monotone, slopes, tabulated, with_conductance
+from gen.law.points import STIFFNESS, Points
+from gen.runtime.errors import InputError
+
+
+def test_a_law_that_is_not_finite_is_refused():
+    """Found by the fuzzer, with weights of 1e308 in a surrogate."""
+    at = np.array([0.0, 1.0, 2.0])
+    values = dict.fromkeys((*QUANTITIES, "delta_um"), at) | {"force_uN": np.array([0, 1, np.inf])}
+    with pytest.raises(InputError, match="force_uN of the law has values that are not finite"):
+        tabulated("delta_um", at, [Points(values, reasons=("", "", ""))], 0.9, 4.0)
+
+
+def test_full_contact_may_be_infinitely_stiff():
+    at = np.array([0.0, 1.0, 2.0, 3.0])
+    values = dict.fromkeys((*QUANTITIES, "delta_um"), at)
+    values[STIFFNESS] = np.array([0.0, 1.0, 4.0, np.inf])
+    curves = tabulated("delta_um", at, [Points(values, reasons=("",) * 4)], 0.9, 4.0)
+    curve = curves.curves[STIFFNESS]
+    assert curve.value[-1] == np.inf
+    assert np.isnan(curve.slope).tolist() == [False, False, False, True]
+    conducting = with_conductance(curves, 0.5).curves[CONDUCTANCE]
+    np.testing.assert_allclose(conducting.value[:3], [0, 0.5, 2])
+    many = tabulated("delta_um", at, [Points(values, reasons=("",) * 4)] * 2, 0.9, 4.0)
+    assert many.curves[STIFFNESS].value[-1] == np.inf
+    bare = tabulated(
+        "delta_um", at, [Points(dict.fromkeys(QUANTITIES, at), reasons=("",) * 4)], 0.9, 4.0
+    )
+    assert STIFFNESS not in bare.curves
+    assert with_conductance(bare, 0.5) is bare
+
+
+def test_slopes_are_those_of_the_cubic_from_first_touch_on():
+    at = np.array([1.0, 2.0, 4.0])
+    expected = PchipInterpolator([0, 1, 2, 4], [3, 2, 1.5, 1]).derivative()(at)
+    np.testing.assert_allclose(slopes(at, np.array([2, 1.5, 1]), 3.0), expected)
+    assert np.isnan(slopes(at, np.array([np.nan, 1, 2]), 0.0)).tolist() == [True, False, False]
+    assert slopes(np.array([0.0]), np.array([1.0]), 0.0).tolist() == [0.0]
+
+
+def test_points_outside_the_training_do_not_move_those_inside():
+    """A surrogate may predict anything out there, less than at the loads that it knows."""
+    rising = np.array([0.0, 1.0, 3.0, 8.0, 2.0, 1.0])
+    values = dict.fromkeys(QUANTITIES, rising) | {"mean_gap_um": -rising}
+    points = Points(values, values, values, ("", "", "", "", "delta is large", "delta is large"))
+    smooth, correction = monotone(points)
+    for name in QUANTITIES:
+        np.testing.assert_allclose(smooth.values[name][:4], values[name][:4], rtol=1e-7)
+        assert (np.diff(np.abs(smooth.values[name])) >= 0).all()
+        assert correction.values[name][4] != 0
+
+
+@given(arrays(np.float64, (3, 12), elements=st.floats(0, 100)), st.integers(0, 2**12 - 1))
+@settings(max_examples=60, deadline=None)
+def test_laws_are_monotone_whatever_is_predicted(predicted, outside):
+    """Values and both ends of the intervals; the values stay between the ends."""
+    parts = [dict.fromkeys(QUANTITIES, each) for each in predicted]
+    reasons = tuple("far" if outside >> place & 1 else "" for place in range(12))
+    smooth, _ = monotone(Points(*parts, reasons))
+    for name in QUANTITIES:
+        sign = -1 if name == "mean_gap_um" else 1
+        curves = [part[name] for part in (smooth.low, smooth.values, smooth.high)]
+        for curve in curves:
+            assert (sign * np.diff(curve) >= -1e-9).all()
+        assert (np.diff(curves, axis=0) >= 0).all()

@@ -1,0 +1,27 @@
+"""Laws as JSON."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+
+def test_tables_are_those_of_the_csv_and_nothing_is_infinite(surfaces, run):
+    run("many", "--pressure", "1,10,1e6", "--json", "law.json", "--csv", "law.csv")
+    content = json.loads(Path("law.json").read_text(), parse_constant=lambda _: 1 / 0)
+    assert content["format"] == "asperity contact law"
+    assert content["version"] == 1
+    assert content["e_star_MPa"] == 210e3 / (1 - 0.3**2)
+    assert content["boundary"] == "mirror"
+    over = content["tables"][1]
+    rows = pd.read_csv("law.csv")
+    rows = rows[rows.against == "pressure_MPa"]
+    np.testing.assert_allclose(over["at"], rows.pressure_MPa)
+    for name, curve in over["curves"].items():
+        for part, end in (("value", ""), ("low", "_low"), ("high", "_high"), ("slope", "_slope")):
+            values = np.array(curve[part], dtype=float)
+            expected = rows[f"{name}{end}"].to_numpy(dtype=float)
+            expected = np.where(np.isfinite(expected), expected, np.nan)
+            np.testing.assert_array_equal(values, expected)
+    assert over["curves"]["stiffness_MPa_per_um"]["value"][-1] is None, "full contact"

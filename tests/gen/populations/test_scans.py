@@ -1,0 +1,389 @@
+"""Tests of windows of maps as a scene's surfaces, from the files to the rows of a database."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.populations.made_maps import Faults, MadeMap, write_all
+from gen import cli
+from gen.database import Reader
+from gen.generation.plan import parameters, surface_random
+from gen.generation.sample import compute_rows, surface_of
+from gen.measured.preparation import prepare
+from gen.measured.settings import Preparation
+from gen.measured.topography import read
+from gen.populations import make_ready, places, remarks, resolved, scans
+from gen.runtime.errors import InputError, SourceError
+from gen.scans.tiles import Tiling
+from gen.scans.windows import drawn, turned
+from gen.scene import load
+from gen.schema import Reason
+
+MAPS = (
+    MadeMap("honed", 0, (60, 41), 0.5, 15.0, faults=Faults(spikes=2, holes=2)),
+    MadeMap("turned", 0, (36, 64), 1.0, 20.0, format="nc", faults=Faults(tilt=(0.02, 0.0))),
+    MadeMap("fractal", 0, (40, 40), 0.5, 15.0, format="gwy"),
+)
+SCENE = """samples = {samples}
+samples_per_surface = 2
+[surface]
+generator = "scans"
+files = "maps"
+nodes = {nodes}
+{keys}
+[surface.preparation]
+despike = 7
+level = "plane"
+fill = true
+[load]
+quantity = "pressure/(E* slope_rms)"
+range = [0.005, 0.05]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with a scene, its maps in another one, and prepared maps of no other test."""
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    monkeypatch.setattr(scans, "_OPEN", {})
+    write_all(tmp_path / "maps", MAPS)
+    write_scene(tmp_path)
+    return tmp_path
+
+
+def write_scene(folder, samples=30, nodes="16", keys="", name="s.toml"):
+    (folder / name).write_text(SCENE.format(samples=samples, nodes=nodes, keys=keys))
+
+
+def scene_of(folder, name="s.toml"):
+    return resolved(load(str(folder / name)), folder)
+
+
+def run(folder, *arguments):
+    return cli.main([str(each) for each in arguments])
+
+
+@pytest.mark.parametrize(("nodes", "symmetries"), [("16", 8), ("[16, 12]", 4)])
+def test_a_surface_is_a_window_of_a_prepared_map(folder, nodes, symmetries):
+    write_scene(folder, nodes=nodes, samples=120)
+    scene = scene_of(folder)
+    plan = parameters(scene, 0, scene.samples)
+    asked = Preparation(despike=7.0, level="plane", fill=True)
+    files = sorted((folder / "maps").iterdir())
+    maps = [prepare(read(path), asked).heights for path in files]
+    assert scene.spacing == pytest.approx((1.0, 1.0), rel=1e-12)
+    tiling = Tiling(tuple(each.shape for each in maps), scene.shape)
+    seen = set()
+    for row in range(0, scene.samples, 2):
+        window = drawn(surface_random(scene, row // 2), tiling, square=symmetries == 8)
+        assert (plan.places["map"][row], plan.places["tile"][row]) == (window.map, window.tile)
+        (x, y), (nx, ny) = window.corner, scene.shape
+        own = turned(maps[window.map][x : x + nx, y : y + ny], window.symmetry)
+        assert np.array_equal(surface_of(scene, plan, row), own - own.min())
+        seen.add(window.symmetry)
+    assert seen == set(range(symmetries))
+
+
+def test_oblong_cells_have_four_symmetries(folder):
+    shutil.rmtree(folder / "maps")
+    write_all(folder / "maps", [MadeMap("fractal", 0, (60, 60), 0.5, 15.0, (0.5, 0.8))])
+    scene = scene_of(folder)
+    assert scene.spacing == pytest.approx((0.5, 0.8))
+    windows = parameters(scene, 0, 20)
+    assert surface_of(scene, windows, 0).shape == (16, 16)
+    randoms = [surface_random(scene, surface) for surface in range(200)]
+    tiling = Tiling(((60, 60),), (16, 16))
+    assert {drawn(each, tiling, square=False).symmetry for each in randoms} == set(range(4))
+
+
+def with_tables(folder, tables):
+    """Write the scene with other tables of loads, of the contact and of columns."""
+    text = SCENE.format(samples=8, nodes="16", keys="").partition("[load]")[0]
+    (folder / "s.toml").write_text(text + tables)
+
+
+CORRECTED = "[load]\nquantity = 'pressure'\nrange = 0.01\n[store]\ncorrected_area_percent = true\n"
+
+
+def test_corrected_areas_of_windows_are_those_of_square_cells(folder):
+    with_tables(folder, CORRECTED)
+    rows = compute_rows(scene_of(folder), 0, 2)
+    assert (rows["corrected_area_percent"] < rows["area_percent"]).all()
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        (CORRECTED, "needs square cells, not 0.5 x 0.8 um"),
+        (
+            "[load]\nquantity = 'force'\nrange = 1e9\n[contact]\nhardness = 1.0\n",
+            "load: every force is 1e\\+09 uN or more",
+        ),
+    ],
+)
+def test_rules_that_need_the_spacing_hold_before_there_is_a_database(
+    folder, capsys, tables, message
+):
+    shutil.rmtree(folder / "maps")
+    write_all(folder / "maps", [MadeMap("fractal", 0, (60, 60), 0.5, 15.0, (0.5, 0.8))])
+    with_tables(folder, tables)
+    with pytest.raises(InputError, match=message):
+        scene_of(folder)
+    assert run(folder, "run", folder / "s.toml", "-o", folder / "a.h5") == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (folder / "a.h5").exists()
+
+
+def test_rows_know_their_maps_and_tiles_without_the_files(folder):
+    scene = scene_of(folder)
+    before = places(scene, (surface_random(scene, n) for n in range(50)))
+    shutil.rmtree(folder / "maps")
+    scans._OPEN.clear()
+    after = places(scene, (surface_random(scene, n) for n in range(50)))
+    for name in ("map", "tile"):
+        assert np.array_equal(before[name], after[name])
+    assert set(before["map"]) == {0, 1, 2}
+
+
+def test_an_extended_scene_keeps_its_rows(folder):
+    write_scene(folder, samples=500, name="more.toml")
+    few, many = scene_of(folder), scene_of(folder, "more.toml")
+    assert few.fingerprint() == many.fingerprint()
+    one, other = compute_rows(few, 4, 8), compute_rows(many, 4, 8)
+    for name in ("map", "tile", "area_percent", "delta", "height_rms"):
+        assert one[name].tobytes() == other[name].tobytes()
+    assert (one["reason"] != Reason.ARITHMETIC).all()
+
+
+def test_a_run_is_checked_extended_and_resumed(folder, capsys):
+    assert run(folder, "run", folder / "s.toml", "-o", folder / "a.h5") == 0
+    said = capsys.readouterr()
+    assert "3 maps with a node every 1 um, 12 tiles; they are kept prepared in" in said.err
+    assert run(folder, "check", folder / "a.h5", "--recompute", 6) == 0
+    write_scene(folder, samples=44)
+    assert run(folder, "run", folder / "s.toml", "-o", folder / "a.h5") == 0
+    assert len(list(folder.glob("*.maps"))) == 1
+    assert run(folder, "check", folder / "a.h5", "--recompute", 44) == 0
+    with Reader(folder / "a.h5") as reader:
+        assert reader.counts().done == 44
+        assert reader.scene.contact.boundary == "mirror"
+    assert run(folder, "info", folder / "a.h5") == 0
+    assert "map 2: 36 x 64 nodes, SHA-256" in capsys.readouterr().out
+
+
+def test_a_check_needs_the_maps_themselves(folder, capsys):
+    run(folder, "run", folder / "s.toml", "-o", folder / "a.h5")
+    path = folder / "maps" / "turned-0.nc"
+    content = path.read_bytes()
+    path.unlink()
+    capsys.readouterr()
+    assert run(folder, "check", folder / "a.h5", "--recompute", 3) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{path}: the map is gone that the database was made of" in line
+    path.write_bytes(content + b"\0")
+    assert run(folder, "check", folder / "a.h5", "--recompute", 3) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "is not the map that the database was made of" in line
+    path.unlink()
+    (folder / "turned-0.nc").write_bytes(content)  # beside the database
+    assert run(folder, "check", folder / "a.h5", "--recompute", 3) == 0
+    assert run(folder, "check", folder / "a.h5") == 0
+
+
+def test_a_changed_or_added_map_is_another_scene(folder, capsys):
+    run(folder, "run", folder / "s.toml", "-o", folder / "a.h5")
+    before = (folder / "a.h5").read_bytes()
+    capsys.readouterr()
+    write_all(folder / "maps", [MadeMap("fractal", 9, (40, 40), 0.5, 15.0)])
+    assert run(folder, "run", folder / "s.toml", "-o", folder / "a.h5") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "another scene (surface.found.number: 3 in the file, 4 asked for" in line
+    assert (folder / "a.h5").read_bytes() == before
+
+
+def test_moved_maps_go_on_with_a_database(folder):
+    run(folder, "run", folder / "s.toml", "-o", folder / "a.h5")
+    (folder / "maps").rename(folder / "moved")
+    text = SCENE.format(samples=40, nodes=16, keys="").replace('"maps"', '"moved"')
+    (folder / "s.toml").write_text(text)
+    assert run(folder, "run", folder / "s.toml", "-o", folder / "a.h5") == 0
+    with Reader(folder / "a.h5") as reader:
+        assert reader.counts().done == 40
+
+
+def test_prepared_maps_are_enough_for_a_process_that_goes_on(folder):
+    scene = scene_of(folder)
+    expected = surface_of(scene, parameters(scene, 0, 2), 0)
+    shutil.rmtree(folder / "maps")
+    scans._OPEN.clear()
+    make_ready(scene, folder)
+    assert np.array_equal(surface_of(scene, parameters(scene, 0, 2), 0), expected)
+    with pytest.raises(SourceError, match="the map is gone"):
+        make_ready(scene, folder, sources=True)
+    for path in folder.glob("*.maps"):
+        path.unlink()
+    scans._OPEN.clear()
+    with pytest.raises(SourceError, match="the map is gone"):
+        surface_of(scene, parameters(scene, 0, 2), 0)
+
+
+def test_damaged_prepared_maps_are_made_anew_by_whoever_opens_them_first(folder):
+    scene = scene_of(folder)
+    expected = surface_of(scene, parameters(scene, 0, 2), 0)
+    (kept,) = folder.glob("*.maps")
+    content = bytearray(kept.read_bytes())
+    for place in range(4096, len(content) - 4000, 64):
+        content[place + 6] ^= 0xFF
+    kept.write_bytes(content)
+    scans._OPEN.clear()
+    make_ready(scene, folder)
+    assert np.array_equal(surface_of(scene, parameters(scene, 0, 2), 0), expected)
+
+
+def test_a_database_of_a_surface_that_is_read_otherwise_is_refused(folder):
+    scene = scene_of(folder)
+    found = scene.surface.found.model_copy(update={"spacing": (2.0, 2.0)})
+    other = scene.model_copy(update={"surface": scene.surface.model_copy(update={"found": found})})
+    with pytest.raises(SourceError, match="with other nodes or another spacing than when"):
+        make_ready(other, folder)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("spacing = 9.0", "needs 4|less than the window"),
+        ("nodes = 41", ""),
+    ],
+)
+def test_maps_that_do_not_fit_are_refused(folder, keys, message):
+    nodes = keys.removeprefix("nodes = ") if keys.startswith("nodes") else "16"
+    write_scene(folder, nodes=nodes, keys="" if keys.startswith("nodes") else keys)
+    with pytest.raises(InputError, match=message or "36 x 64 nodes .* window of 41 x 41|40 x 40"):
+        scene_of(folder)
+
+
+def test_steps_that_make_no_sense_are_refused(folder):
+    text = (folder / "s.toml").read_text()
+    (folder / "s.toml").write_text(text.replace("fill = true", 'mask = "3:1"'))
+    with pytest.raises(InputError, match=r"surface.preparation: mask '3:1': the first number is"):
+        scene_of(folder)
+
+
+def test_a_dry_run_writes_nothing_beside_the_scene(folder, capsys):
+    before = {path.name for path in folder.iterdir()}
+    command = ["run", folder / "s.toml", "-o", folder / "a.h5", "--dry-run"]
+    assert run(folder, *command) == 0
+    assert {path.name for path in folder.iterdir()} == before
+
+
+def test_warnings_of_the_maps_are_said(folder):
+    write_all(folder / "maps", [MadeMap("honed", 5, (40, 30), 0.5, 10.0, faults=Faults(holes=6))])
+    lines = remarks(scene_of(folder))
+    assert lines[0].startswith("4 maps")
+    assert any("honed-5.x3p" in line and "were missing" in line for line in lines)
+
+
+SECOND = (
+    MadeMap("ground", 3, (50, 50), 0.5, 15.0),
+    MadeMap("sandblasted", 4, (70, 34), 0.5, 15.0, format="gwy"),
+)
+"""Maps of a second body: 4 + 4 tiles of 16 x 16 nodes or more; those of the first have 12."""
+
+
+@pytest.fixture
+def second(folder):
+    write_all(folder / "second", SECOND)
+    return folder
+
+
+def nodes_of(window, shape):
+    """The nodes (map, x, y) of a window."""
+    (x, y), (nx, ny) = window.corner, shape
+    return {(window.map, i, j) for i in range(x, x + nx) for j in range(y, y + ny)}
+
+
+@pytest.mark.parametrize("against", ['"another"', '"second"', '["second/*.x3p", "second/*.gwy"]'])
+def test_a_second_body_is_a_window_of_its_group_of_tiles(second, monkeypatch, against):
+    write_scene(second, samples=400, keys=f"against = {against}")
+    scene = scene_of(second)
+    first = scene.model_copy(update={"surface": scene.surface.alone()})
+    windows = []
+    cut_out = scans._cut
+
+    def watched(made, window):
+        windows.append(window)
+        return cut_out(made, window)
+
+    monkeypatch.setattr(scans, "_cut", watched)
+    plan = parameters(scene, 0, scene.samples)
+    groups: dict[tuple, int] = {}
+    for row in range(0, scene.samples, 2):
+        windows.clear()
+        whole = surface_of(scene, plan, row)
+        assert whole.shape == (16, 16)
+        assert whole.min() == 0
+        one, other = windows
+        assert plan.places["map"][row] == one.map
+        bodies = (0, 0) if "another" in against else (0, 1)
+        for body, window in zip(bodies, (one, other), strict=True):
+            for node in nodes_of(window, (16, 16)):
+                group = groups.setdefault((body, *node), plan.places["tile"][row])
+                assert group == plan.places["tile"][row], "parts of a split share a node"
+        alone = surface_of(first, parameters(first, row, row + 1), 0)
+        opposite = cut_out(scans.opposite(scene), other)
+        np.testing.assert_allclose(whole, alone + opposite - (alone + opposite).min(), atol=1e-12)
+    tiles = 12 if "another" in against else min(12, scans._tiling(scene.surface.opposite()).total)
+    assert set(plan.places["tile"]) == set(range(tiles))
+
+
+def test_a_run_with_two_sets_of_maps_is_checked_and_told(second, capsys):
+    write_scene(second, keys='against = "second"')
+    assert run(second, "run", second / "s.toml", "-o", second / "a.h5") == 0
+    said = capsys.readouterr().err
+    assert "body 1: 3 maps with a node every 1 um, 12 tiles" in said
+    assert "body 2: 2 maps with a node every 1 um" in said
+    assert len(list(second.glob("*.maps"))) == 2
+    assert run(second, "check", second / "a.h5", "--recompute", 30) == 0
+    assert run(second, "info", second / "a.h5") == 0
+    assert "the second body's map 1: 70 x 34 nodes, SHA-256" in capsys.readouterr().out
+    scans._OPEN.clear()
+    (second / "second").rename(second / "moved")
+    write_scene(second, samples=40, keys='against = "moved"')
+    assert run(second, "run", second / "s.toml", "-o", second / "a.h5") == 0
+    with Reader(second / "a.h5") as reader:
+        assert reader.counts().done == 40
+    write_scene(second, samples=40)
+    capsys.readouterr()
+    assert run(second, "run", second / "s.toml", "-o", second / "a.h5") == 2
+    assert "surface.against" in capsys.readouterr().err
+    (second / "moved" / "ground-3.x3p").unlink()
+    assert run(second, "check", second / "a.h5", "--recompute", 3) == 2
+    assert "ground-3.x3p: the map is gone" in capsys.readouterr().err
+
+
+def test_maps_of_two_bodies_that_do_not_go_together_are_refused(second):
+    write_scene(second, keys='against = ["second", "maps/turned-0.nc"]')
+    with pytest.raises(InputError, match="is one of files and of against"):
+        scene_of(second)
+    write_all(second / "coarse", [MadeMap("honed", 7, (40, 40), 0.5, 15.0, (2.0, 2.0))])
+    write_scene(second, keys='against = "coarse"')
+    with pytest.raises(InputError, match="every 1 x 1 and 2 x 2 um: give"):
+        scene_of(second)
+    write_scene(second, keys='against = "coarse"\nspacing = 1.5')
+    assert scene_of(second).surface.against_found.spacing == (1.5, 1.5)
+    write_scene(second, keys='against = "none"')
+    with pytest.raises(InputError, match="none"):
+        scene_of(second)
+
+
+def test_other_scenes_have_nothing_to_open(tmp_path):
+    scene = load("quick")
+    assert resolved(scene, tmp_path) is scene
+    make_ready(scene, Path("none"))
+    assert remarks(scene) == []
+    assert places(scene, []) == {}
+    assert parameters(scene, 0, 3).places == {}

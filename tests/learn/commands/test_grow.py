@@ -1,0 +1,162 @@
+"""`learn grow`: as a user starts it, alone, on three ranks, and killed in its midst."""
+
+import signal
+import subprocess
+import time
+
+import numpy as np
+import pytest
+from databases import deterministic_bytes
+from launch import TIMEOUT, command, environment, launch, mpiexec
+
+from gen import cli as gen
+from learn import Surrogate, cli
+from learn.surrogate.packing import packed
+
+SCENE = "samples = 10\n[surface]\nnodes = 9\n"
+GROW = ["grow", "scene.toml", "-o", "my.surrogate", "--features", "dimensionless"]
+GROW += ["--target", "area", "--nmae", "35", "--model", "decision-tree"]
+
+
+def run(*arguments):
+    return cli.main([str(argument) for argument in arguments])
+
+
+def numbers(path):
+    found = Surrogate.load(path)
+    with np.printoptions(threshold=10**6, precision=17):
+        return repr(packed(found.card, found.learnt, found.low, found.high))
+
+
+@pytest.fixture(scope="module")
+def grown(tmp_path_factory):
+    """A folder in which one process has grown a surrogate."""
+    folder = tmp_path_factory.mktemp("grown")
+    (folder / "scene.toml").write_text(SCENE)
+    done = launch(0, *GROW, folder=folder, module="learn")
+    assert done.returncode == 0, done.stderr
+    return folder, done
+
+
+def test_a_growth_ends_in_one_screen(grown):
+    folder, done = grown
+    lines = done.stdout.splitlines()
+    assert len(lines) <= 20
+    assert "The mark is met" in done.stdout
+    assert "learning curve of area" in done.stdout
+    assert "an answer on a new surface takes" in done.stdout
+    assert lines[-1] == "wrote my.surrogate, my.h5 and my.png"
+    assert "rows kept apart" not in done.stderr
+    assert (folder / "my.png").read_bytes().startswith(b"\x89PNG")
+    assert (folder / "my.png").stat().st_size > 30_000
+
+
+def test_files_are_those_of_other_commands(grown, monkeypatch, capsys):
+    folder, _ = grown
+    monkeypatch.chdir(folder)
+    assert gen.main(["check", "my.h5"]) == 0
+    assert run("card", "my.surrogate") == 0
+    assert "grown     to an nMAE of 35 %: met" in capsys.readouterr().out
+    there = deterministic_bytes(folder / "my.h5")
+    (folder / "more.toml").write_text(SCENE.replace("10", "400"))
+    (folder / "copy.h5").write_bytes((folder / "my.h5").read_bytes())
+    assert gen.main(["run", "more.toml", "-o", "copy.h5"]) == 0
+    more = deterministic_bytes(folder / "copy.h5")
+    for name, content in there.items():
+        assert more[name].startswith(content)
+    assert run("fit", "copy.h5", "-o", "fitted.surrogate", "--target", "area") == 0
+
+
+@pytest.mark.mpi
+@pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
+def test_three_ranks_grow_what_one_process_grows(grown, tmp_path):
+    folder, _ = grown
+    (tmp_path / "scene.toml").write_text(SCENE)
+    done = launch(3, *GROW, folder=tmp_path, module="learn")
+    assert done.returncode == 0, done.stderr
+    assert deterministic_bytes(tmp_path / "my.h5") == deterministic_bytes(folder / "my.h5")
+    assert numbers(tmp_path / "my.surrogate") == numbers(folder / "my.surrogate")
+
+
+FAILING = """
+import sys
+from mpi4py import MPI
+from learn import cli
+from learn.grow import generation
+def broken(*arguments, **keys):
+    raise ZeroDivisionError("a bug")
+if MPI.COMM_WORLD.rank == 2:
+    generation.compute_rows = broken
+sys.exit(cli.main({arguments}))
+"""
+
+
+@pytest.mark.mpi
+@pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
+def test_a_bug_on_one_rank_ends_all_and_the_growth_goes_on(grown, tmp_path, monkeypatch):
+    folder, _ = grown
+    (tmp_path / "scene.toml").write_text(SCENE)
+    (tmp_path / "failing.py").write_text(FAILING.format(arguments=GROW))
+    done = launch(3, folder=tmp_path, module="failing")
+    assert done.returncode not in {0, 2}
+    assert "ZeroDivisionError: a bug" in done.stderr
+    monkeypatch.chdir(tmp_path)
+    until = time.monotonic() + 60
+    while (code := run(*GROW)) == 2:  # the last rank still holds the file
+        assert time.monotonic() < until
+        time.sleep(0.2)
+    assert code == 0
+    assert deterministic_bytes(tmp_path / "my.h5") == deterministic_bytes(folder / "my.h5")
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_a_signal_in_its_midst_leaves_a_growth_that_goes_on(number, grown, tmp_path, monkeypatch):
+    folder, _ = grown
+    (tmp_path / "scene.toml").write_text(SCENE)
+    process = subprocess.Popen(
+        command(0, *GROW, module="learn"),
+        cwd=tmp_path,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    limit = time.monotonic() + TIMEOUT
+    while not (tmp_path / "my.h5").exists() and time.monotonic() < limit:
+        time.sleep(0.01)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=TIMEOUT)
+    if number == signal.SIGINT:
+        assert process.returncode == 130
+        assert "the same command goes on" in said
+    assert process.returncode != 0
+    monkeypatch.chdir(tmp_path)
+    assert run(*GROW) == 0
+    assert deterministic_bytes(tmp_path / "my.h5") == deterministic_bytes(folder / "my.h5")
+    assert numbers(tmp_path / "my.surrogate") == numbers(folder / "my.surrogate")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["nothing.toml", "-o", "my.surrogate"], "nothing.toml"),
+        (["quick", "-o", "my.h5"], "--output my.h5"),
+        (["quick", "-o", "missing/my.surrogate"], "missing"),
+        (["quick", "-o", "my.surrogate", "--nmae", "0"], "--nmae 0"),
+        (["quick", "-o", "my.surrogate", "--budget", "soon"], "--budget 'soon'"),
+        (["quick", "-o", "my.surrogate", "--hardness", "3"], "--hardness"),
+        (["empty", "-o", "my.surrogate"], "holds no map"),
+        (["quick", "-o", "my.surrogate", "--target", "mean_gap"], "--target 'mean_gap'"),
+        (["quick", "-o", "my.surrogate", "--features", "best"], "best"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line_before_anything_is_made(
+    arguments, word, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    assert run("grow", *arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("learn: ")
+    assert word in line
+    assert [path.name for path in tmp_path.iterdir()] == ["empty"]

@@ -1,0 +1,88 @@
+"""Learning curves, and the rows that they ask for."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from learn.grow import curve as module
+from learn.grow.accuracy import Accuracy
+from learn.grow.curve import Curve, advise, fitted, values
+from learn.grow.sizes import Sizes
+
+
+@pytest.mark.parametrize("exact", [(0.0, 50.0, 0.5), (1.0, 300.0, 0.9), (0.5, 20.0, 0.3)])
+def test_the_fit_finds_the_curve_that_points_lie_on(exact):
+    rows = np.array([100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0])
+    found = fitted(rows, values(np.array(exact), rows))
+    further = np.array([6400.0, 25_600.0])
+    assert values(found, further) == pytest.approx(values(np.array(exact), further), rel=0.02)
+
+
+def test_rising_errors_level_off():
+    floor, scale, exponent = fitted(np.array([50.0, 100.0, 200.0]), np.array([2.0, 2.1, 2.2]))
+    assert 0 <= floor <= 2.0
+    assert scale > 0
+    assert exponent >= 0.1
+
+
+def appraised(nmae, error, mark, rows=240, *, by_tile=False):
+    """What `advise` looks at."""
+    judged = {"area": SimpleNamespace(accuracy=Accuracy(nmae, error, rows // 5))}
+    sets = [SimpleNamespace(by_tile=by_tile)]
+    number = Sizes(1).number(rows)
+    return SimpleNamespace(rows=rows, number=number, mark=mark, judged=judged, sets=sets)
+
+
+def curve_of(*fits):
+    here = np.array([60.0, 120.0, 240.0])
+    nothing = np.ones(3)
+    every = np.array(fits, dtype=float)
+    return Curve("area", here, nothing, nothing, nothing, every[0], every)
+
+
+def test_an_exact_error_asks_for_the_rows_of_the_curve():
+    """nMAE 4 % at 240 rows, halved by four times the rows: 960 rows, a size, for 2 %."""
+    advice = advise(appraised(4.0, 0.0, 2.001), curve_of((0, 62.0, 0.5)), Sizes(1), 20_000)
+    assert advice.rows == advice.low == advice.high == 960
+    assert advice.hopeless == 0.0
+
+
+def test_a_standard_error_asks_for_more():
+    curve = curve_of((0, 62.0, 0.5))
+    exact, uncertain = (
+        advise(appraised(4.0, error, 2.0), curve, Sizes(1), 20_000).rows for error in (0.0, 0.5)
+    )
+    assert exact < uncertain < math.inf
+    tiles = advise(appraised(4.0, 0.5, 2.0, by_tile=True), curve, Sizes(1), 20_000)
+    assert tiles.rows > uncertain  # more windows, but no more tiles
+
+
+def test_a_floor_above_the_mark_is_hopeless():
+    advice = advise(appraised(4.0, 0.1, 2.0), curve_of((3.0, 15.5, 0.5)), Sizes(1), 20_000)
+    assert math.isinf(advice.rows)
+    assert advice.hopeless == 1.0
+
+
+def test_the_spread_of_the_draws_is_stated():
+    fits = [(0, 62.0, 0.5)] * 5 + [(3.0, 15.5, 0.5)] * 5
+    advice = advise(appraised(4.0, 0.0, 2.001), curve_of(*fits), Sizes(1), 20_000)
+    assert advice.low == 960
+    assert math.isinf(advice.high)
+    assert advice.hopeless == 0.5
+
+
+def test_no_more_rows_than_allowed_are_advised():
+    advice = advise(appraised(4.0, 0.0, 2.0), curve_of((0, 62.0, 0.5)), Sizes(1), 700)
+    assert math.isinf(advice.rows)
+
+
+@pytest.mark.parametrize("rows", [60, 500, 100_000])
+def test_parts_lie_in_the_database_and_do_not_overlap(rows):
+    parts = list(module._parts(rows))
+    for size in {size for size, _ in parts}:
+        starts = [start for each, start in parts if each == size]
+        assert starts == [draw * size for draw in range(len(starts))]
+        assert starts[-1] + size <= rows
+        assert module.FEWEST_ROWS <= size <= module.MOST_ROWS

@@ -1,0 +1,254 @@
+"""Growths from their first row to their end: kills and stops, budgets, marks of all kinds."""
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from databases import deterministic_bytes
+
+from gen import database
+from gen.database import Reader, Writer
+from gen.generation.check import faults
+from gen.runtime.errors import InputError
+from gen.scene import Scene
+from learn import Surrogate
+from learn.executor import Executor
+from learn.grow import appraisal, generation, pace, rounds
+from learn.grow.pace import Pace
+from learn.grow.rounds import Order
+from learn.request import Request
+from learn.surrogate.packing import packed
+
+SCENE = Scene.parse("samples = 10\nsamples_per_surface = 1\n[surface]\nnodes = 9\n", "scene")
+MARK = 25.0
+"""Met at the second look by a decision tree, which is fitted quickly."""
+
+
+class Killed(BaseException):
+    """The end of a process, which nothing catches."""
+
+
+def order(folder: Path, mark: float = MARK, most: int = 2000, **keys) -> Order:
+    request = Request(
+        database=folder / "my.h5",
+        output=folder / "my.surrogate",
+        targets=("area",),
+        models=("decision-tree",),
+        normalisation="standard",
+        features="dimensionless",
+        roots=True,
+    )
+    return Order(request, mark, most, **keys)
+
+
+def grow(wanted: Order, *, limit=None, scene=SCENE, stopping=lambda: False):
+    said: list[str] = []
+    grown = rounds.grow(wanted, scene, Executor(), Pace(limit, 1), said.append, stopping)
+    return grown, said
+
+
+def parts(path: Path):
+    """Models of a surrogate, as numbers, and what its card says of the growth."""
+    found = Surrogate.load(path)
+    numbers = packed(found.card, found.learnt, found.low, found.high)
+    with np.printoptions(threshold=sys.maxsize, precision=17):
+        return repr(numbers), found.card["grown"]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A growth that nothing disturbs."""
+    folder = tmp_path_factory.mktemp("whole")
+    grown, said = grow(order(folder))
+    return folder, grown, said
+
+
+def test_a_growth_ends_with_a_surrogate_that_meets_its_mark(whole):
+    folder, grown, said = whole
+    assert grown.ending == "met"
+    found = grown.last
+    assert found.bound("area") <= MARK < 2 * found.bound("area")
+    looks = [line for line in said if "nMAE of area" in line]
+    assert len(looks) >= 2
+    assert looks[-1].endswith("met")
+    with Reader(folder / "my.h5") as reader:
+        assert reader.counts().done == found.rows == reader.scene.samples
+    assert not list(faults(folder / "my.h5", 3))
+    _, record = parts(folder / "my.surrogate")
+    assert record["met"] is True
+    assert record["rows"] == found.rows
+    assert record["bounds"]["area"] == found.bound("area")
+
+
+def test_the_truth_on_fresh_rows_is_below_the_bound(whole):
+    """400 rows of the same scene that nothing has seen."""
+    _, grown, _ = whole
+    from gen.generation.sample import compute_rows
+    from learn.features.sets import STATISTICS, patch_length
+
+    solved = compute_rows(SCENE, 5000, 5400)
+    statistics = np.stack([solved[name] for name in STATISTICS], axis=1)
+    usable = np.isfinite(statistics).all(axis=1) & (solved["reason"] == 0)
+    delta, truth = solved["delta"][usable], solved["area_percent"][usable]
+    surrogate = grown.last.surrogate
+    asked = surrogate.of_statistics(statistics[usable], delta, patch_length(SCENE.sides))
+    predicted = surrogate.predict_rows(asked).values["area"]
+    nmae = 100 * np.abs(predicted - truth).mean() / truth.mean()
+    assert usable.sum() > 350
+    assert nmae <= grown.last.bound("area") <= MARK
+
+
+def test_the_rows_kept_apart_never_train(whole):
+    _, grown, _ = whole
+    found = grown.last
+    apart = set(found.sets[0].rows[found.parts.test])
+    assert not apart & set(found.sets[0].rows[found.parts.train])
+    rows = found.surrogate.card["rows"]
+    assert rows["train"] + rows["calibration"] == found.parts.train.size
+    assert rows["test"] == found.parts.test.size
+
+
+STAGES = {
+    "in the first rows": (Writer, "write_block", 1),
+    "in later rows": (Writer, "write_block", 4),
+    "before rows of a longer database": (generation, "make_ready", 2),
+    "before a fit": (rounds, "appraise", 2),
+    "before a surrogate is written": (Surrogate, "save", 1),
+    "after a surrogate is written": (rounds, "learning_curve", 1),
+    "between two databases": (database.creation, "lay_out", 2),
+}
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_growth_that_is_killed_goes_on_to_the_same_end(stage, whole, tmp_path, monkeypatch):
+    folder, grown, _ = whole
+    home, name, number = STAGES[stage]
+    original, calls = getattr(home, name), []
+
+    def dying(*arguments, **keys):
+        calls.append(name)
+        if len(calls) == number:
+            raise Killed
+        return original(*arguments, **keys)
+
+    monkeypatch.setattr(home, name, dying)
+    with pytest.raises(Killed):
+        grow(order(tmp_path))
+    monkeypatch.undo()
+    again, _ = grow(order(tmp_path))
+    assert again.ending == grown.ending
+    assert deterministic_bytes(tmp_path / "my.h5") == deterministic_bytes(folder / "my.h5")
+    assert parts(tmp_path / "my.surrogate") == parts(folder / "my.surrogate")
+
+
+def test_a_stop_ends_between_rows_and_the_growth_goes_on(whole, tmp_path):
+    folder, _, _ = whole
+    asked = []
+
+    def stopping():
+        asked.append(1)
+        return len(asked) > 1
+
+    stopped, _ = grow(order(tmp_path), stopping=stopping)
+    assert stopped.ending == "interrupted"
+    assert stopped.last is None
+    with Reader(tmp_path / "my.h5") as reader:
+        assert 0 < reader.counts().done < reader.counts().pending + reader.counts().done
+    again, _ = grow(order(tmp_path))
+    assert again.ending == "met"
+    assert deterministic_bytes(tmp_path / "my.h5") == deterministic_bytes(folder / "my.h5")
+    assert parts(tmp_path / "my.surrogate") == parts(folder / "my.surrogate")
+
+
+def test_a_mark_that_is_met_already_ends_at_once(whole, monkeypatch):
+    folder, grown, _ = whole
+    monkeypatch.setattr(rounds, "generate", None)  # nothing is to be generated
+    before = deterministic_bytes(folder / "my.h5")
+    again, said = grow(order(folder))
+    assert again.ending == "met"
+    assert again.last.rows == grown.last.rows
+    assert len([line for line in said if "nMAE of area" in line]) == 1
+    assert deterministic_bytes(folder / "my.h5") == before
+
+
+def test_a_mark_out_of_reach_is_said_to_be(tmp_path):
+    grown, said = grow(order(tmp_path, mark=1e-4))
+    assert grown.ending == "hopeless"
+    assert not grown.last.met
+    assert grown.advice.hopeless >= rounds.SURE
+    assert "does not come to it" in said[-1]
+    assert grown.last.rows < 500  # it takes few rows to see that
+    assert parts(tmp_path / "my.surrogate")[1]["met"] is False
+
+
+def test_no_more_rows_are_made_than_are_allowed(tmp_path):
+    grown, _ = grow(order(tmp_path, mark=0.9, most=70))
+    assert grown.ending in {"rows", "hopeless"}
+    assert grown.last.rows <= 70
+
+
+@pytest.mark.parametrize("limit", [0.05, 1.0])
+def test_a_budget_ends_a_growth_by_the_clock_of_its_rows(limit, tmp_path, monkeypatch):
+    """Each row takes a hundredth of a second of a clock that nothing else moves."""
+
+    class Clock:
+        now = 0.0
+
+        def monotonic(self):
+            return self.now
+
+    clock, write = Clock(), Writer.write_block
+
+    def written(self, start, stop, columns):
+        clock.now += 0.01 * (stop - start)
+        write(self, start, stop, columns)
+
+    for module in (pace, generation, rounds, appraisal):
+        monkeypatch.setattr(module, "time", clock)
+    monkeypatch.setattr(Writer, "write_block", written)
+    if limit < 0.6:  # fewer rows than a first look needs
+        with pytest.raises(InputError, match="the budget sufficed for"):
+            grow(order(tmp_path, mark=12.0), limit=limit)
+    else:
+        grown, _ = grow(order(tmp_path, mark=12.0), limit=limit)
+        assert grown.ending == "budget"
+        assert 0.9 * limit <= clock.now <= limit + 0.0101
+    with Reader(tmp_path / "my.h5") as reader:
+        assert reader.counts().done <= 100 * limit + 1
+    monkeypatch.undo()
+    again, _ = grow(order(tmp_path, mark=90.0))
+    assert again.ending == "met"
+
+
+def test_another_scene_is_refused_and_nothing_changes(whole):
+    folder, _, _ = whole
+    before = (folder / "my.h5").read_bytes()
+    other = Scene.parse("samples = 10\nseed = 1\n[surface]\nnodes = 9\n", "scene")
+    with pytest.raises(InputError, match="holds another scene"):
+        grow(order(folder), scene=other)
+    assert (folder / "my.h5").read_bytes() == before
+
+
+def test_targets_that_are_not_stored_are_refused_before_any_row(tmp_path):
+    wanted = order(tmp_path)
+    request = Request(**{**vars(wanted.request), "targets": ("mean_gap",)})
+    with pytest.raises(InputError, match="the scene stores area, force"):
+        grow(Order(request, 2.0, 100))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_database_of_a_run_is_taken_as_it_is(tmp_path):
+    from gen import cli
+
+    (tmp_path / "scene.toml").write_text("samples = 150\n[surface]\nnodes = 9\n")
+    scene = str(tmp_path / "scene.toml")
+    assert cli.main(["run", scene, "-o", str(tmp_path / "my.h5")]) == 0
+    grown, _ = grow(order(tmp_path, mark=90.0))
+    assert (grown.ending, grown.last.rows) == ("met", 150)
+    assert math.isfinite(grown.last.bound("area"))
+    (tmp_path / "scene.toml").write_text("samples = 160\n[surface]\nnodes = 9\n")
+    assert cli.main(["run", scene, "-o", str(tmp_path / "my.h5")]) == 0
+    again, _ = grow(order(tmp_path, mark=90.0))
+    assert again.last.rows == 160

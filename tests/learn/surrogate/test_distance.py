@@ -1,0 +1,60 @@
+"""Rows that no feature's range flags, and that are unusual all the same."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from learn.surrogate.distance import INSIDE, RIDGE, from_rows
+
+
+def correlated(rows, seed, size=3):
+    """Rows of features of which the last is nearly the sum of the others."""
+    random = np.random.default_rng(seed)
+    free = random.normal(size=(rows, size - 1)) * 10.0 ** np.arange(size - 1)
+    return np.column_stack([free, free.sum(axis=1) + 0.1 * random.normal(size=rows)])
+
+
+def test_rows_against_the_correlation_are_outside_though_in_every_range():
+    inputs = correlated(2000, 0)
+    distance = from_rows(inputs)
+    odd = np.array([[1.0, 5.0, -6.0]])
+    assert ((inputs.min(axis=0) < odd) & (odd < inputs.max(axis=0))).all()
+    assert distance.of(odd)[0] > 2 * distance.limit
+    fresh = distance.of(correlated(4000, 1)) <= distance.limit
+    assert fresh.mean() == pytest.approx(INSIDE, abs=0.01)
+
+
+@settings(deadline=None)
+@given(st.integers(8, 40), st.integers(0, 99))
+def test_the_limit_is_a_distance_of_each_row_from_the_others(rows, seed):
+    inputs = correlated(rows, seed)
+    centre, deviation = inputs.mean(axis=0), inputs.std(axis=0)
+    scaled = (inputs - centre) / deviation
+    found = []
+    for row in range(rows):
+        # The other rows about the mean of all: the closed form leaves out the shift of the mean.
+        others = np.delete(scaled, row, axis=0)
+        ridge = RIDGE * rows / (rows - 1)
+        covariance = others.T @ others / (rows - 1) + ridge * np.eye(inputs.shape[1])
+        found.append(np.sqrt(scaled[row] @ np.linalg.solve(covariance, scaled[row]) / 3))
+    wanted = np.quantile(found, INSIDE, method="higher")
+    assert from_rows(inputs).limit == pytest.approx(wanted, rel=1e-6)
+
+
+@given(st.floats(1e-6, 1e6), st.floats(-1e3, 1e3))
+def test_units_and_zeros_of_features_make_no_difference(factor, shift):
+    inputs, fresh = correlated(100, 2), correlated(50, 3)
+    one, other = from_rows(inputs), from_rows(inputs * factor + shift * factor)
+    assert other.limit == pytest.approx(one.limit, rel=1e-4)
+    np.testing.assert_allclose(
+        other.of(fresh * factor + shift * factor), one.of(fresh), rtol=1e-4, atol=1e-6
+    )
+
+
+def test_features_that_do_not_vary_say_nothing():
+    inputs = np.column_stack([correlated(100, 4), np.full(100, 7.0)])
+    moved = inputs.copy()
+    moved[:, -1] = 8.0
+    distance = from_rows(inputs)
+    np.testing.assert_array_equal(distance.of(moved), distance.of(inputs))
