@@ -17,12 +17,12 @@ BlasThreads = tuple[Any, int]
 
 
 class _Sections:
-    """The threads inside a section, and the numbers of BLAS threads before the first of them."""
+    """The threads inside sections, and the numbers of BLAS threads before the first dense one."""
 
     def __init__(self) -> None:
         self.changed = threading.Condition()
         self.depths: dict[int, int] = {}
-        self.dense = 0
+        self.dense: dict[int, int] = {}
         self.threads_before: list[BlasThreads] = []
 
     def enter(self) -> None:
@@ -45,22 +45,32 @@ class _Sections:
                 self.depths.pop(thread, None)
                 self.changed.notify_all()
 
+    def dense_depth(self) -> int:
+        """Return the number of dense sections that the current thread is inside."""
+        return self.dense.get(threading.get_ident(), 0)
+
     def limit(self) -> None:
-        """Set BLAS to one thread, unless another section has done so already."""
+        """Set BLAS to one thread; the first dense section notes the numbers that it finds."""
         pools = _blas_pools()
         with self.changed:
-            self.dense += 1
-            if self.dense == 1:
-                before = [(pool, pool.get_num_threads()) for pool in pools]
-                self.threads_before = [(pool, threads) for pool, threads in before if threads != 1]
-                _set_threads([(pool, 1) for pool, _ in self.threads_before])
+            more = [(pool, threads) for pool in pools if (threads := pool.get_num_threads()) != 1]
+            if not self.dense:
+                self.threads_before = more
+            thread = threading.get_ident()
+            self.dense[thread] = self.dense.get(thread, 0) + 1
+            _set_threads([(pool, 1) for pool, _ in more])
 
-    def restore(self) -> None:
-        """Restore the numbers of BLAS threads once the last dense section has ended."""
+    def restore(self, depth: int) -> None:
+        """Return the current thread to a depth; after the last, restore the numbers of threads."""
         with self.changed:
-            self.dense -= 1
+            thread = threading.get_ident()
+            if depth:
+                self.dense[thread] = depth
+            else:
+                self.dense.pop(thread, None)
             if not self.dense:
                 _set_threads(self.threads_before)
+                self.threads_before = []
 
     def hold(self) -> None:
         """Wait until no other thread is inside, and let none in before `resume`."""
@@ -101,11 +111,12 @@ def on_one_blas_thread() -> Iterator[None]:
     the meantime runs on one thread too, and a number that they set may be lost.
     """
     with unforked():
-        _SECTIONS.limit()
+        depth = _SECTIONS.dense_depth()
         try:
+            _SECTIONS.limit()
             yield
-        finally:
-            _SECTIONS.restore()
+        finally:  # on Ctrl-C or a row's end of time, before or after `limit` counted, too
+            _SECTIONS.restore(depth)
 
 
 def _set_threads(wanted: list[BlasThreads]) -> None:

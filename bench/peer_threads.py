@@ -69,7 +69,7 @@ def measure(nodes: Sequence[int], threads: int, rounds: int) -> list[Row]:
 def table(rows: Sequence[Row]) -> str:
     """Return the table of the rows, or what to install for it."""
     if not rows:
-        return "Other solvers on threads of their own: none installed (pip install tamaas)."
+        return "Other solvers on threads of their own: none installed: pip install tamaas"
     return f"Other solvers on threads of their own:\n\n{formatted(COLUMNS, rows)}"
 
 

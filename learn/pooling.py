@@ -7,6 +7,7 @@ databases cut a map into other tiles, all windows of that map.
 """
 
 import math
+import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -300,6 +301,7 @@ def linked(*labels: Indices) -> Indices:
 
 def require_different(paths: Sequence[Path]) -> None:
     """Refuse a database that is given twice."""
-    twice = [path for path, times in Counter(path.resolve() for path in paths).items() if times > 1]
+    files = Counter(os.path.realpath(path) for path in paths)  # of a loop of links too
+    twice = [file for file, times in files.items() if times > 1]
     if twice:
         raise InputError(f"{twice[0]}: is given twice: give each database once")

@@ -174,3 +174,28 @@ def test_an_interrupt_on_the_way_into_a_section_leaves_no_thread_inside(
             pass
         assert known.depth() == 1
     assert known.depth() == 0
+
+
+@pytest.mark.parametrize("point", ["before", "after"])
+def test_an_interrupt_on_the_way_into_a_dense_section_limits_nothing_for_good(
+    monkeypatch: pytest.MonkeyPatch, point: str
+) -> None:
+    """Else no later section would have one BLAS thread, and the rest of the process no other."""
+    known = sections._SECTIONS
+    limited = known.limit
+
+    def interrupted() -> None:
+        if point == "after":
+            limited()
+        raise KeyboardInterrupt
+
+    with threadpool_limits(limits=2, user_api="blas"):
+        before = blas_threads()
+        with monkeypatch.context() as patched:
+            patched.setattr(known, "limit", interrupted)
+            with pytest.raises(KeyboardInterrupt), sections.on_one_blas_thread():
+                pass
+        assert blas_threads() == before
+        with sections.on_one_blas_thread(), sections.on_one_blas_thread():
+            assert blas_threads() == {1}
+        assert blas_threads() == before
