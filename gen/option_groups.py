@@ -83,6 +83,10 @@ class Against(NamedTuple):
     turned: options.Turned = ""
     shift: options.Shift = ""
 
+    def with_first(self, *surfaces: Path | str) -> list[Path | str]:
+        """Return the files of the first body and, if there is one, the second body's."""
+        return [*surfaces, *([self.against] if self.against else [])]
+
 
 class Files(NamedTuple):
     """Files to write a law to, each None if it is not asked for.

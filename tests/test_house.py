@@ -71,6 +71,11 @@ ROOMS = {
         *("gen.scene", "gen.schema", "gen.statistics"),
     },
     "gen.export": {"gen.database", "gen.runtime", "gen.schema"},
+    "gen.commands": {
+        *("gen.database", "gen.display", "gen.draft", "gen.export", "gen.generation", "gen.law"),
+        *("gen.material", "gen.measured", "gen.option_groups", "gen.options", "gen.picture"),
+        *("gen.runtime", "gen.scans", "gen.scene", "gen.schema"),
+    },
     "learn.features": {"learn.arrays", "learn.executor"},
     "learn.comparison.search": {
         *("learn.arrays", "learn.comparison.records", "learn.comparison.training_data"),

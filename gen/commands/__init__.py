@@ -1,0 +1,1 @@
+"""The commands of `python -m gen`. Each module imports only what its commands need."""

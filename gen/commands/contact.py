@@ -1,0 +1,147 @@
+"""`gen contact`: solve contact problems of one surface."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gen import options
+from gen.commands.bodies import second_body
+from gen.commands.pictures import empty_figure
+from gen.option_groups import Against, Reading
+from gen.runtime.option_groups import grouped
+from gen.runtime.output import Output, check_outputs
+
+
+class Loads(NamedTuple):
+    """The load, of which one is given.
+
+    Attributes
+    ----------
+    delta, force, pressure : str
+        Values, see `gen.measured.single.chosen_load` [um], [uN], [MPa]; "" if it is not given.
+    """
+
+    delta: options.Delta = ""
+    force: options.NormalForce = ""
+    pressure: options.Pressure = ""
+
+
+class Solving(NamedTuple):
+    """How the problems are solved, see `bem.solve`.
+
+    Attributes
+    ----------
+    kernel, far_field : str
+        Influence of a node, and what holds the body far away.
+    rtol : float
+        Residual to reach, divided by Delta [1].
+    max_iterations : int
+        Bound on the iterations.
+    """
+
+    kernel: options.Kernel = "uniform-pressure"
+    far_field: options.FarField = "rigid"
+    rtol: options.Tolerance = 2e-7
+    max_iterations: options.MaxIterations = 1000
+
+
+class Files(NamedTuple):
+    """Files to write, each None if it is not asked for.
+
+    Attributes
+    ----------
+    table, picture, flattened : Path or None
+        Table (CSV), picture, and the heights that the last load leaves (.npy).
+    """
+
+    table: options.Table = None
+    picture: options.Picture = None
+    flattened: options.Flattened = None
+
+    def empty_figure(self, inputs: Sequence[Path | str]) -> Any:
+        """Return the figure to draw into, or None; refuse outputs before anything is solved.
+
+        Parameters
+        ----------
+        inputs : sequence of Path or str
+            Files that are read, which no output may replace.
+
+        Raises
+        ------
+        InputError
+            If an output cannot be written.
+        """
+        outputs = [
+            Output(self.table, "--csv"),
+            Output(self.picture, "--plot", "picture"),
+            Output(self.flattened, "--flattened", "heights"),
+        ]
+        check_outputs(outputs, inputs)
+        return empty_figure(self.picture, 11, 8.2)
+
+
+@grouped
+def contact(
+    surface: options.SurfaceFile,
+    *,
+    loads: Loads,
+    young: options.Young = None,
+    poisson: options.Poisson = None,
+    e_star: options.EStar = None,
+    hardness: options.Hardness = None,
+    reading: Reading,
+    facing: Against,
+    boundary: options.Boundary = "free",
+    solving: Solving,
+    spots: options.Spots = False,
+    stiffness: options.Stiffness = False,
+    conductivity: options.Conductivity = None,
+    threads: options.Threads = None,
+    files: Files,
+) -> None:
+    """Solve contact problems of one surface: area, force, pressure, gap, yielding, residual.
+
+    With --spots, --stiffness and --conductivity also spots, stiffness and conductance.
+
+    Give one of --delta, --force and --pressure: a number, or for a law start:stop:count, with :log
+    for an even ratio, or several numbers with commas.
+    """
+    from bem.workers import cores, default_threads, on_threads
+    from gen import display
+    from gen.material import combined_modulus, require_hardness
+    from gen.measured import single
+    from gen.measured.outcome import Wanted, require_conductivities
+    from gen.measured.preparation import surface_warnings
+    from gen.measured.source import Source, surface_of
+    from gen.runtime.table import write_csv
+
+    load, values = single.chosen_load(loads._asdict())
+    single.require_yielding(files.flattened, hardness)
+    wanted = Wanted(spots, stiffness, require_conductivities(conductivity or []))
+    figure = files.empty_figure(facing.with_first(surface))
+    material = bool(young or e_star)
+    modulus = combined_modulus(young or [], poisson or [], e_star)
+    softer = require_hardness(hardness, material=material)
+    source = Source.of_options(surface, reading._asdict())
+    topography, _ = surface_of(source, second_body(source, facing), boundary)
+    with on_threads(threads or default_threads(cores())):
+        contacts, warnings = display.follow_contacts(
+            topography,
+            surface_warnings(topography),
+            single.solve_loads(
+                topography, load, values, modulus=modulus, hardness=softer, **solving._asdict()
+            ),
+            len(values),
+            wanted=wanted,
+            material=material,
+        )
+    if files.table is not None:
+        rows = [single.contact_row(topography, each, warnings, wanted) for each in contacts]
+        write_csv(files.table, rows)
+    if files.flattened is not None:
+        single.write_flattened(files.flattened, contacts[-1])
+    if files.picture is not None:
+        from gen.measured.contact_picture import Subject, draw_contacts
+
+        subject = Subject(topography.name, load, material, warnings, spots=spots)
+        draw_contacts(figure, contacts, subject, files.picture)

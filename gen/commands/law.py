@@ -1,0 +1,72 @@
+"""`gen law`: tabulate the law of an interface by the solver."""
+
+from pathlib import Path
+
+import typer
+
+from gen import options
+from gen.commands.bodies import second_body
+from gen.option_groups import Against, Files, Reading
+from gen.runtime.numbers import require_share
+from gen.runtime.option_groups import grouped, typed
+from gen.runtime.output import check_outputs
+from gen.runtime.terminal import echo
+
+
+@grouped
+def law(
+    context: typer.Context,
+    inputs: options.Surfaces,
+    delta: options.Deltas = "",
+    pressure: options.Pressures = "",
+    young: options.Young = None,
+    poisson: options.Poisson = None,
+    e_star: options.EStar = None,
+    hardness: options.Hardness = None,
+    conductivity: options.Conductivity = None,
+    boundary: options.LawBoundary = "mirror",
+    surfaces: options.Population = 50,
+    band: options.Band = 0.9,
+    output: options.LawFiles = None,
+    *,
+    files: Files,
+    reading: Reading,
+    facing: Against,
+) -> None:
+    """Tabulate the law of an interface: closure, area, gap, conductance over nominal pressure.
+
+    The solver presses one surface, or a population, whose means and quantiles the tables then hold.
+    The patch is a piece of a larger interface, continued by its mirror images, so that the closure
+    is the interface's alone: what a mesh adds to the bodies' own deformation.
+    """
+    from gen.law import Order, by_solver
+    from gen.law.table import show
+    from gen.law.writers import write
+    from gen.material import combined_modulus, require_hardness
+    from gen.measured.outcome import require_conductivities
+    from gen.measured.source import Source
+
+    files = files.filled(output)
+    check_outputs(files.outputs, facing.with_first(*inputs))
+    figure = files.empty_figure()
+    material = bool(young) or e_star is not None
+    known = material or bool(poisson)
+    order = Order(
+        inputs=tuple(inputs),
+        delta=delta,
+        pressure=pressure,
+        surfaces=surfaces,
+        level=require_share("--band", band),
+        e_star=combined_modulus(young or [], poisson or [], e_star) if known else None,
+        hardness=require_hardness(hardness, material=material),
+        boundary=boundary,
+        conductivities=require_conductivities(conductivity or []),
+        stiffness=True,
+        reading=reading,
+        opposite=second_body(Source.of_options(Path(), reading._asdict()), facing),
+        command=typed(context, "gen"),
+    )
+    made = by_solver(order, lambda line: echo(line, err=True))
+    show(made)
+    for written in write(made, files, figure):
+        echo(f"wrote {written}")

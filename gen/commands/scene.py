@@ -1,0 +1,33 @@
+"""`gen scene`: draft a scene from measured maps."""
+
+import typer
+
+from gen import options
+from gen.runtime.option_groups import typed
+
+
+def scene(
+    context: typer.Context,
+    inputs: options.Maps = None,
+    *,
+    output: options.NewScene,
+    like: options.Like = None,
+    young: options.Young = None,
+    poisson: options.Poisson = None,
+    e_star: options.EStar = None,
+    hardness: options.Hardness = None,
+    side: options.Side = "",
+    unit: options.Unit = "",
+    channel: options.Channel = "",
+) -> None:
+    """Look at measured maps and write a scene of their windows, or of surfaces like one map.
+
+    Comments in the scene say why it has its values. It runs as it is, and is meant to be edited.
+    """
+    from gen.draft.drafting import Order, draft
+    from gen.draft.loads import Material
+    from gen.scans.library import Reading
+
+    material = Material.of_options(young or [], poisson or [], e_star, hardness)
+    reading = Reading(side, unit, channel)
+    draft(Order(inputs or [], like, output, reading, material, typed(context, "gen")))
