@@ -34,6 +34,7 @@ EXTRAS = {
     "pytest": "bench",
     "sklearn": "learn",
     "SurfaceTopography": "instruments",
+    "tomli_w": "export",
     "xgboost": "learn",
 }
 """Extra that installs a package, for packages that only some commands need."""

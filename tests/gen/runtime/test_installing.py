@@ -1,5 +1,6 @@
 """The command that installs an extra, for every way in which Asperity may have been installed."""
 
+import ast
 import importlib.metadata
 import json
 import re
@@ -7,6 +8,7 @@ import shlex
 import shutil
 import sys
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -85,7 +87,9 @@ def test_another_pip_is_not_taken(advised, monkeypatch):
     assert advised(None, "mpi") == [sys.executable, "-m", "pip", "install", "mpi4py>=4.0"]
 
 
-EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+PACKAGES = ("asperity", "bem", "gen", "learn", "bench")
 
 
 def test_messages_name_extras_that_there_are():
@@ -97,16 +101,37 @@ def test_messages_name_extras_that_there_are():
 
 @pytest.mark.parametrize("module", command_line.EXTRAS)
 def test_the_extra_of_a_module_brings_it(module):
-    names = {"sklearn": "scikit-learn", "xgboost": "xgboost-cpu"}
+    names = {"sklearn": "scikit-learn", "tomli_w": "tomli-w", "xgboost": "xgboost-cpu"}
     wanted = names.get(module, module).lower()
     libraries = EXTRAS[command_line.EXTRAS[module]]
     assert wanted in {re.split(r"[<>=;\s]", each)[0].lower() for each in libraries}
 
 
+def test_every_library_is_always_there_or_of_an_extra():
+    """Without it a command says what to install; mpi4py has words of its own."""
+    needed = [re.split(r"[<>=]", each)[0] for each in PROJECT["dependencies"]]
+    beside = {"PIL", "cycler", "pydantic_core"}  # come with matplotlib and pydantic
+    known = {*needed, *command_line.EXTRAS, *beside, "mpi4py", *PACKAGES}
+    for package in PACKAGES:
+        for path in (ROOT / package).rglob("*.py"):
+            if path.parent.name == "suites":  # run by pytest, with the extra that brings it
+                continue
+            strangers = set(imports(path)) - known - set(sys.stdlib_module_names)
+            assert not strangers, f"{path}: {strangers}"
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Packages that a file imports, also inside its functions."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
+        yield from (name.partition(".")[0] for name in names)
+
+
 def test_no_message_names_a_distribution_that_no_index_has():
     """`pip install` is followed by a path, by an expression, or by a name that is listed here."""
     known = {"tamaas", "ContactMechanics", "aspher,", "them"}
-    for package in ("asperity", "bem", "gen", "learn", "bench"):
+    for package in PACKAGES:
         for path in (ROOT / package).rglob("*.py"):
             text = path.read_text(encoding="utf-8")
             named = set(re.findall(r"pip install[\"' ]+([^\s\"']+)", text))
