@@ -127,6 +127,7 @@ def scans(
     output: Folder,
     rows: int = option(3000, "Rows of each size of the windows.", min=1),
     nodes: str = option("64,128", "Nodes a side of the windows.", metavar="N,..."),
+    seed: int = option(0, "Seed of the fifths of the tiles.", min=0),
 ) -> None:
     """Test surrogates on windows of maps: on parts of maps that they have not seen, and other maps.
 
@@ -137,7 +138,7 @@ def scans(
     from bench.populations.scans import scans as measure
 
     require_place(output, "scans.csv", "scans.txt", "scans.png")
-    tell(output, report(measure(output, rows, numbers("nodes", nodes, int))))
+    tell(output, report(measure(output, rows, numbers("nodes", nodes, int), seed)))
 
 
 def grow(

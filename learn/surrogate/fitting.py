@@ -23,6 +23,7 @@ from learn.request import Request
 from learn.surrogate.conformal import Calibration, calibrate
 from learn.surrogate.groups import apart, calibrate_by_groups, groups_of, left_out
 from learn.surrogate.learnt import Learnt
+from learn.surrogate.moments import Held, held
 from learn.surrogate.settings import Settings, choose
 from learn.target import scaling_of
 
@@ -99,7 +100,7 @@ def fit_target(
     fitted, remarks = _fitted(request, settings, train.inputs, target)
     done = process_time()
     unit = results(Scene.from_text(train.source["scene"]))[train.target_name].unit
-    learnt = Learnt(train.target_name, unit, fitted, scaling, NOT_CALIBRATED)
+    learnt = Learnt(train.target_name, unit, fitted, scaling, NOT_CALIBRATED, _held(train))
     crossed = None
     if calibration is None:
         crossed = _crossed(request, settings, train, target, learnt)
@@ -134,7 +135,8 @@ def _crossed(
     for mine, unseen in parts:
         others = np.setdiff1d(np.arange(train.size), unseen)
         fitted, _ = _fitted(request, settings, train.inputs[others], target[others])
-        found[mine] = replace(learnt, pipeline=fitted).raw(train.inputs[mine])
+        apart_from = replace(learnt, pipeline=fitted, held=_held(train.at(others)))
+        found[mine] = apart_from.raw(train.inputs[mine])
     return found
 
 
@@ -144,6 +146,13 @@ def _calibrated(raw: Values, rows: Dataset, train: Dataset, *, root: bool) -> Ca
     if groups is None:
         return calibrate(raw, rows.target, train.target, root=root)
     return calibrate_by_groups(rows, raw, groups, left_out(rows, groups), root=root)
+
+
+def _held(train: Dataset) -> Held | None:
+    """Hold moments inside their training ranges; None for features with units."""
+    if not chosen(train.features).scaled:
+        return None
+    return held(train.names, train.inputs.min(axis=0), train.inputs.max(axis=0))
 
 
 def _fitted(

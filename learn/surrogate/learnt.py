@@ -12,6 +12,7 @@ from learn import memory
 from learn.arrays import Values
 from learn.models import STEP
 from learn.surrogate.conformal import Calibration
+from learn.surrogate.moments import Held
 from learn.target import Scaling
 
 PART = 2000
@@ -34,6 +35,8 @@ class Learnt:
         Scaling of the target over its scale.
     calibration : Calibration
         Intervals of the target over its scale.
+    held : Held, optional
+        Ranges that the model's inputs do not leave; None for features with units.
     """
 
     column: str
@@ -41,6 +44,7 @@ class Learnt:
     pipeline: Any
     scaling: Scaling
     calibration: Calibration
+    held: Held | None = None
 
     @property
     def root(self) -> bool:
@@ -49,6 +53,8 @@ class Learnt:
 
     def raw(self, inputs: Values) -> Values:
         """Predict the target over its scale."""
+        if self.held is not None:
+            inputs = self.held.of(inputs)
         with np.errstate(over="ignore", invalid="ignore"):  # said by `predict_rows`, row by row
             predicted = [self._predict(part) for part in _parts(inputs)]
             return self.scaling.restored(np.concatenate(predicted))

@@ -1,6 +1,7 @@
 """Conversion of a surrogate to the content of its file and back, with checks on the way back."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from learn.surrogate.distance import Distance
 from learn.surrogate.error_scale import ErrorScale
 from learn.surrogate.estimators import put_together, taken_apart
 from learn.surrogate.learnt import Learnt
+from learn.surrogate.moments import held
 from learn.surrogate.parts import (
     Part,
     count,
@@ -86,6 +88,9 @@ def unpacked(
         raise ValueError("card and models do not belong together")
     learnt = {name: _learnt(card, name, mapping(targets, name), width) for name in targets}
     agreement.check_models(card, learnt, low, high)
+    if features.scaled:
+        ends = held(features.columns, low, high)
+        learnt = {name: replace(each, held=ends) for name, each in learnt.items()}
     return learnt, low, high, _distance(parts, width)
 
 
