@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 
 from learn.arrays import Values
+from learn.features import FeatureSet
 from learn.surrogate import agreement
 from learn.surrogate.conformal import Calibration, Scheme
 from learn.surrogate.distance import Distance
 from learn.surrogate.error_scale import ErrorScale
 from learn.surrogate.estimators import put_together, taken_apart
 from learn.surrogate.learnt import Learnt
-from learn.surrogate.moments import held
+from learn.surrogate.moments import Held, held
 from learn.surrogate.parts import (
     Part,
     count,
@@ -54,6 +55,7 @@ def packed(
                 "mean": each.scaling.mean,
                 "deviation": each.scaling.deviation,
                 "root": int(each.root),
+                "held": int(each.held is not None),
                 "borders": each.calibration.borders,
                 "scores": list(each.calibration.scores),
                 **_usual(each.calibration),
@@ -88,9 +90,8 @@ def unpacked(
         raise ValueError("card and models do not belong together")
     learnt = {name: _learnt(card, name, mapping(targets, name), width) for name in targets}
     agreement.check_models(card, learnt, low, high)
-    if features.scaled:
-        ends = held(features.columns, low, high)
-        learnt = {name: replace(each, held=ends) for name, each in learnt.items()}
+    for name, each in learnt.items():
+        learnt[name] = replace(each, held=_held(features, targets[name], low, high))
     return learnt, low, high, _distance(parts, width)
 
 
@@ -101,6 +102,15 @@ def _distance(parts: Part, width: int) -> Distance | None:
     part = mapping(parts, "distance")
     centre, whitening = numbers(part, "centre", width), numbers(part, "whitening", width, width)
     return Distance(centre, whitening, number(part, "limit", 0.0))
+
+
+def _held(features: FeatureSet, part: Part, low: Values, high: Values) -> Held | None:
+    """Return the ranges that moments do not leave; files of formats up to 5 have none."""
+    if not count({"held": 0, **part}, "held", 0, 1):
+        return None
+    if not features.scaled:
+        raise ValueError("features with units are not held inside their ranges")
+    return held(features.columns, low, high)
 
 
 def _scale(part: Part, width: int) -> tuple[Scheme, ErrorScale | None]:

@@ -80,7 +80,7 @@ def test_scores_are_those_of_the_rows():
 
 def test_the_command_writes_its_files(made, monkeypatch, tmp_path):
     _, found = made
-    monkeypatch.setattr(study, "scans", lambda folder, rows, nodes: found)
+    monkeypatch.setattr(study, "scans", lambda folder, rows, nodes, seed: found)
     assert bench.main(["scans", "-o", str(tmp_path / "out")]) == 0
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         *("scans.csv", "scans.txt", "scans.png")

@@ -286,7 +286,7 @@ class Evil:
         (b"PK", "fit it anew"),
         (b"heights 1 2 3", "is no surrogate"),
         (b"asperity surrogate\nformat 99\nsha256 " + b"0" * 64 + b"\n", "has format 99"),
-        (b"asperity surrogate\nformat 5\nsha256 " + b"0" * 64 + b"\n", "is damaged"),
+        (b"asperity surrogate\nformat 6\nsha256 " + b"0" * 64 + b"\n", "is damaged"),
         (pickle.dumps(Evil()), "is no surrogate"),
     ],
 )
