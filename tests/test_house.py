@@ -70,6 +70,10 @@ ROOMS = {
         *("gen.arrays", "gen.database", "gen.material", "gen.populations", "gen.runtime"),
         *("gen.scene", "gen.schema", "gen.statistics"),
     },
+    "gen.display": {
+        *("gen.arrays", "gen.database", "gen.generation", "gen.measured", "gen.runtime"),
+        *("gen.scene", "gen.schema", "gen.statistics"),
+    },
     "gen.export": {"gen.database", "gen.runtime", "gen.schema"},
     "gen.commands": {
         *("gen.database", "gen.display", "gen.draft", "gen.export", "gen.generation", "gen.law"),

@@ -107,7 +107,7 @@ def contact(
     for an even ratio, or several numbers with commas.
     """
     from bem.workers import cores, default_threads, on_threads
-    from gen import display
+    from gen.display.contacts import follow_contacts
     from gen.material import combined_modulus, require_hardness
     from gen.measured import single
     from gen.measured.outcome import Wanted, require_conductivities
@@ -125,7 +125,7 @@ def contact(
     source = Source.of_options(surface, reading._asdict())
     topography, _ = surface_of(source, second_body(source, facing), boundary)
     with on_threads(threads or default_threads(cores())):
-        contacts, warnings = display.follow_contacts(
+        contacts, warnings = follow_contacts(
             topography,
             surface_warnings(topography),
             single.solve_loads(

@@ -7,11 +7,11 @@ from gen.runtime.terminal import echo
 
 def info(file: options.Database) -> None:
     """Summarise a database: rows, ranges beside the paper's, times, scene, versions."""
-    from gen import display
     from gen.database import Reader
+    from gen.display import databases
 
     with Reader(file) as reader:
-        display.print_database(reader)
+        databases.print_database(reader)
 
 
 def plot(

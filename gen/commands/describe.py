@@ -22,7 +22,7 @@ def describe(
     picture: options.SurfacePicture = None,
 ) -> None:
     """Print the 22 roughness statistics and the parameters of ISO 25178 with their units."""
-    from gen import display
+    from gen.display import surfaces
     from gen.measured import single
     from gen.measured.areal import areal_parameters
     from gen.measured.preparation import surface_warnings, tilt
@@ -35,12 +35,12 @@ def describe(
     source = Source.of_options(surface, reading._asdict())
     topography, measured = surface_of(source, second_body(source, facing), boundary)
     warnings = surface_warnings(topography)
-    display.print_preparation(topography, warnings)
+    surfaces.print_preparation(topography, warnings)
     description = single.describe(topography)
     slopes = None if measured is None else tilt(measured)
-    display.print_statistics(topography.heights, topography.spacing, slopes, description)
+    surfaces.print_statistics(topography.heights, topography.spacing, slopes, description)
     areal = areal_parameters(topography)
-    display.print_areal(areal)
+    surfaces.print_areal(areal)
     if table is not None:
         row = single.statistics_row(topography, description, warnings)
         write_csv(table, [{**row, **areal.values}])
@@ -50,11 +50,11 @@ def describe(
 
 def _draw_description(figure: Any, topography: Any, picture: Path) -> None:
     """Fit the self-affine law to a surface, print it, and draw both."""
-    from gen import display
+    from gen.display import surfaces
     from gen.measured.self_affine import fit_self_affine, radial_spectrum
     from gen.measured.surface_picture import draw_surface
 
     spectrum = radial_spectrum(topography)
     fit = fit_self_affine(topography, spectrum)
-    display.print_self_affine(fit)
+    surfaces.print_self_affine(fit)
     draw_surface(figure, topography, spectrum, fit, picture)

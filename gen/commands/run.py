@@ -31,21 +31,21 @@ def run(
         )
     if dry_run:
         if world.is_master:
-            from gen import display
+            from gen.display import databases
             from gen.generation.completion import completed
             from gen.generation.forecast import plan_of
             from gen.scene import load
 
-            display.print_plan(plan_of(completed(load(scene))), output)
+            databases.print_plan(plan_of(completed(load(scene))), output)
         return 0
     from gen.generation.run import Request, generate_database
 
     request = Request(scene, output, share, retry_failed, force, sample_limit, writer)
     result = generate_database(request, world)
     if world.is_master:
-        from gen import display
+        from gen.display import databases
 
-        display.print_result(output, result)
+        databases.print_result(output, result)
     return 128 + result.signal if result.signal and result.counts.pending else 0
 
 
@@ -54,10 +54,10 @@ def estimate(
     ranks: options.Ranks = 1,
 ) -> None:
     """Measure a few samples and predict time, memory and disk space of a run."""
-    from gen import display
+    from gen.display import databases
     from gen.generation import forecast
     from gen.generation.completion import completed
     from gen.scene import load
 
     loaded = completed(load(scene))
-    display.print_estimate(forecast.plan_of(loaded), forecast.estimate(loaded, ranks))
+    databases.print_estimate(forecast.plan_of(loaded), forecast.estimate(loaded, ranks))

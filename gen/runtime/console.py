@@ -2,6 +2,7 @@
 
 import errno
 import os
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -61,6 +62,12 @@ def console(**settings: Any) -> Console:
     made = _Console(**settings)
     made.push_render_hook(_Censor())
     return made
+
+
+def plain_console() -> Console:
+    """Make a console for plain text; lines that go to a file or a pipe are not broken."""
+    width = None if sys.stdout.isatty() else 1000
+    return console(markup=False, highlight=False, width=width)
 
 
 def wide_console(width: int) -> Console:

@@ -1,0 +1,1 @@
+"""Databases, contacts and surfaces printed as tables for people."""

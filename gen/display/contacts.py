@@ -1,0 +1,176 @@
+"""Print the contacts of one surface."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from gen.display.surfaces import print_preparation
+from gen.measured.outcome import Wanted, answers
+from gen.measured.single import border_remark, contact_warnings
+from gen.runtime.console import plain_console
+from gen.runtime.progress import RunProgress
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from bem import Contact
+    from gen.measured.topography import Topography
+
+
+def follow_contacts(
+    topography: Topography,
+    warnings: list[str],
+    solutions: Iterable[tuple[Contact, float]],
+    count: int,
+    *,
+    wanted: Wanted,
+    material: bool,
+) -> tuple[list[Contact], list[str]]:
+    """Collect the contacts of a surface with a progress bar, then print surface and contacts.
+
+    A single contact is printed in full, several as one table. Nothing is printed before the first
+    contact is solved, since its load may be refused.
+
+    Parameters
+    ----------
+    topography : Topography
+        Surface.
+    warnings : list of str
+        Warnings about the surface.
+    solutions : iterable of (bem.Contact, float)
+        Contacts of the surface and the time of each [s].
+    count : int
+        Number of solutions.
+    wanted : Wanted
+        Answers to compute beside area, force and gap.
+    material : bool
+        Whether the user gave a modulus.
+
+    Returns
+    -------
+    contacts : list of bem.Contact
+        All contacts.
+    warnings : list of str
+        Warnings about the surface and about its contacts.
+    """
+    contacts = []
+    seconds = 0.0
+    if count == 1:
+        [(contact, seconds)] = solutions
+        contacts.append(contact)
+    else:
+        with RunProgress(count, noun="loads") as progress:
+            for contact, _ in solutions:
+                contacts.append(contact)
+                answers(contact, wanted)  # computed under the bar, and kept by the contact
+                progress.advance(1, 0)
+    warnings = warnings + contact_warnings(topography, contacts, material=material)
+    print_preparation(topography, warnings)
+    if count == 1:
+        print_contact(contacts[0], seconds, wanted)
+    else:
+        print_law(contacts, wanted)
+    if remark := border_remark(topography, contacts):
+        plain_console().print(f"{topography.name}: {remark}")
+    return contacts, warnings
+
+
+def print_contact(contact: Contact, seconds: float, wanted: Wanted) -> None:
+    """Print the solution of one contact problem.
+
+    Parameters
+    ----------
+    contact : bem.Contact
+        Solution.
+    seconds : float
+        Time that the solution took [s].
+    wanted : Wanted
+        Answers to print beside area, force and gap.
+    """
+    problem = contact.problem
+    nodes = contact.pressure.shape
+    cell = problem.spacing[0] * problem.spacing[1]
+    # A_e is a share of nodes, so the patch counts as the cells of all its nodes.
+    nominal = contact.pressure.size * cell
+    touching = contact.contact_nodes * cell
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name, value, unit in (
+        ("effective contact area", f"{contact.area_percent:.6g}", "%"),
+        ("contact nodes", f"{contact.contact_nodes}", f"of {nodes[0]} x {nodes[1]}"),
+        ("spacing", f"{problem.spacing[0]:.6g} x {problem.spacing[1]:.6g}", "um"),
+        *_boundary_lines(contact),
+        ("modulus E*", f"{problem.modulus:.6g}", "MPa"),
+        ("force", f"{contact.force:.8g}", "uN"),
+        ("nominal pressure", f"{contact.force / nominal:.6g}", "MPa, force over the whole patch"),
+        (
+            "contact pressure",
+            f"{contact.force / (touching or 1):.6g}",
+            "MPa, mean where in contact",
+        ),
+        ("largest pressure", f"{contact.largest_pressure:.6g}", "MPa"),
+        *_yielding_lines(contact),
+        *((each.label, each.shown, each.unit) for each in answers(contact, wanted)),
+        ("mean gap", f"{contact.mean_gap:.6g}", "um"),
+        ("contact perimeter", f"{contact.perimeter:.6g}", "um"),
+        ("displacement Delta", f"{contact.delta:.10g}", "um"),
+        ("far-field displacement", f"{contact.approach:.10g}", "um, with what the far field gives"),
+        ("residual", f"{contact.residual:.2e}", "of Delta"),
+        ("iterations", f"{contact.iterations}", f"({contact.convolutions} convolutions)"),
+        ("time", f"{1e3 * seconds:.1f}", "ms, the set-up of a first solve included"),
+    ):
+        table.add_row(name, value, unit)
+    plain_console().print(table)
+
+
+def print_law(contacts: Sequence[Contact], wanted: Wanted) -> None:
+    """Print contacts of one surface as a table with a line for each load.
+
+    Parameters
+    ----------
+    contacts : sequence of bem.Contact
+        Contacts of the surface.
+    wanted : Wanted
+        Answers to print beside area, force and gap.
+    """
+    table = Table(box=None, pad_edge=False)
+    titles = ["Delta um", "force uN", "pressure MPa", "area %", "largest MPa", "mean gap um"]
+    yielding = contacts[0].problem.hardness is not None
+    if yielding:
+        titles += ["yielded %", "depth um"]
+    titles += [each.column for each in answers(contacts[0], wanted)]
+    for title in titles:
+        table.add_column(title, justify="right")
+    for contact in contacts:
+        cells = contact.pressure.size * contact.problem.spacing[0] * contact.problem.spacing[1]
+        numbers = [
+            contact.delta,
+            contact.force,
+            contact.force / cells,
+            contact.area_percent,
+            contact.largest_pressure,
+            contact.mean_gap,
+        ]
+        if yielding:
+            numbers += [contact.yielded_percent, float(contact.yielded_depth.max())]
+        more = [each.shown for each in answers(contact, wanted)]
+        table.add_row(*(f"{number:.6g}" for number in numbers), *more)
+    plain_console().print(table)
+
+
+def _boundary_lines(contact: Contact) -> list[tuple[str, str, str]]:
+    """Return the line about a patch without edges: name, value and unit; none for a free one."""
+    boundary = contact.problem.boundary
+    return [] if boundary == "free" else [("boundary", boundary, "")]
+
+
+def _yielding_lines(contact: Contact) -> list[tuple[str, str, str]]:
+    """Return the lines about yielding: name, value and unit; none for elastic bodies."""
+    if contact.problem.hardness is None:
+        return []
+    return [
+        ("hardness", f"{contact.problem.hardness:.6g}", "MPa"),
+        ("yielded nodes", f"{contact.yielded_percent:.6g}", "% of all nodes"),
+        ("largest yielded depth", f"{contact.yielded_depth.max():.6g}", "um"),
+    ]

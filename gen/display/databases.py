@@ -1,0 +1,207 @@
+"""Print databases, and what a run of a scene does or takes."""
+
+from __future__ import annotations
+
+import json
+import signal
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.table import Table
+
+from gen.runtime.console import plain_console
+from gen.runtime.invocation import to_type
+from gen.runtime.memory import size
+from gen.scene.load import UNITS
+from gen.schema import REASONS, RUNTIME, Column, Status, changes_since
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from gen.database import Reader
+    from gen.generation.forecast import Estimate, Plan
+    from gen.generation.run import RunResult
+    from gen.scene import Scene
+
+MAPS = {"found": "map", "against_found": "the second body's map"}
+"""Keys of a scene's surfaces whose maps are shown in lines of their own, and words for a map."""
+
+
+def print_result(path: Path, result: RunResult) -> None:
+    """Say how a run ended, and how to continue it.
+
+    Parameters
+    ----------
+    path : Path
+        Database.
+    result : RunResult
+        Counts of rows and the signal that ended the run, if any.
+    """
+    console = plain_console()
+    pending, done, failed = result.counts
+    console.print(f"{path}: {done} rows done, {failed} failed, {pending} pending")
+    if failed:
+        console.print(f"warning: {failed} rows failed; why: {to_type(f'gen info {path}')}")
+    if result.overdue:
+        console.print(
+            f"warning: {result.overdue} rows took longer than --sample-limit and are pending; the"
+            " same command with a larger one, or without, goes on with them"
+        )
+    if pending and result.signal:
+        name = signal.Signals(result.signal).name
+        console.print(f"stopped by {name}; the same command goes on with the rows that are pending")
+
+
+def print_database(reader: Reader) -> None:
+    """Print a summary of a database: rows, times, scene, versions, ranges of all columns.
+
+    Parameters
+    ----------
+    reader : gen.database.Reader
+        Open database.
+    """
+    console = plain_console()
+    counts = reader.counts()
+    attributes = reader.attributes
+    console.print(f"{reader.path}: {attributes['title']}")
+    part = ""
+    if len(reader.rows) < reader.scene.samples:
+        part = f": {reader.rows.start} to {reader.rows.stop - 1} of {reader.scene.samples}, a part"
+    console.print(f"  size      {size(reader.size_bytes)}, {sum(counts)} rows{part}")
+    console.print(
+        f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending"
+    )
+    for status in (Status.DONE, Status.FAILED):
+        for code, number in reader.reasons(status).items():
+            reason = REASONS.get(code, f"reason {code}")
+            console.print(f"            {number} {status.name.lower()}: {reason}")
+    console.print(f"  times     {_times(reader)}")
+    for line in _scene_lines(json.loads(reader.scene.text())):
+        console.print(f"  scene     {line}")
+    versions = json.loads(str(attributes["versions"]))
+    console.print("  versions  " + ", ".join(f"{name} {value}" for name, value in versions.items()))
+    console.print(
+        f"  made      {attributes['created']}, commit {attributes['git_commit'] or 'unknown'},"
+        f" layout {attributes['schema']}, physics {attributes['physics']}"
+    )
+    for line in _changes_since(int(attributes["physics"]), reader.scene):
+        console.print(f"            {line}")
+    if counts.done:
+        console.print(_ranges_table(reader))
+        console.print(
+            "paper: its Table 1, whose bandwidth is defined otherwise and areas end early"
+        )
+
+
+def print_plan(plan: Plan, path: Path | None = None) -> None:
+    """Print the numbers of samples, surfaces and nodes of a plan, its loads and the file's size.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan of a scene, from `gen.generation.forecast.plan_of`.
+    path : Path, optional
+        Database that would be written.
+    """
+    console = plain_console()
+    low, mean, high = plan.load
+    console.print(
+        f"{plan.samples} samples on {plan.surfaces} surfaces of"
+        f" {plan.shape[0]} x {plan.shape[1]} nodes"
+        f"{'' if plan.boundary == 'free' else f', {plan.boundary} boundary'}"
+        f"{', each against another rough one' if plan.two_rough else ''}"
+    )
+    name = "Delta" if plan.quantity == "delta" else plan.quantity
+    unit = UNITS[plan.quantity]
+    measure = "" if unit == "1" else f" {unit}"
+    console.print(f"  {name:<9} {low:.4g} to {high:.4g}{measure}, {mean:.4g}{measure} on average")
+    if plan.hardness is not None:
+        least, most = plan.hardness
+        drawn = "" if least == most else f" to {most:.4g}"
+        console.print(f"  hardness  {least:.4g}{drawn} MPa")
+    console.print(f"  file      {size(plan.file_bytes)}")
+    if path is not None:
+        state = "exists" if path.exists() else "does not exist yet"
+        console.print(f"  output    {path} {state}; nothing was written")
+
+
+def print_estimate(plan: Plan, estimate: Estimate) -> None:
+    """Print the time and the memory that a run is going to need.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan of a scene, from `gen.generation.forecast.plan_of`.
+    estimate : Estimate
+        Its costs, from `gen.generation.forecast.estimate`.
+    """
+    print_plan(plan)
+    console = plain_console()
+    hours, rest = divmod(round(estimate.seconds), 3600)
+    console.print(
+        f"  time      {hours}:{rest // 60:02}:{rest % 60:02} h on {estimate.workers} workers:"
+        f" {estimate.milliseconds:.2f} ms a sample, mean of {estimate.measured} measured here"
+    )
+    console.print(f"  memory    {size(estimate.memory_bytes)} on all ranks")
+
+
+def _scene_lines(scene: dict[str, Any]) -> list[str]:
+    """Return the lines that show a scene: single keys first, then one line for each table."""
+    tables = {name: value for name, value in scene.items() if isinstance(value, dict)}
+    single = {name: value for name, value in scene.items() if name not in {"title", *tables}}
+    lines = [", ".join(f"{name} = {json.dumps(value)}" for name, value in single.items())]
+    for table, keys in tables.items():
+        found = {name: keys[name] for name in MAPS if name in keys and table == "surface"}
+        shown = {name: value for name, value in keys.items() if name not in found}
+        settings = ", ".join(f"{name} = {json.dumps(value)}" for name, value in shown.items())
+        lines.append(f"[{table}] {settings}")
+        for name, maps in found.items():
+            numbered = enumerate(maps["maps"])
+            lines += [
+                f"  {MAPS[name]} {number}: {_map_in_words(each)}" for number, each in numbered
+            ]
+    return lines
+
+
+def _map_in_words(found: dict[str, Any]) -> str:
+    """Return the line that shows a map of a scene."""
+    nx, ny = found["nodes"]
+    return f"{nx} x {ny} nodes, SHA-256 {found['sha256'][:12]}..., {found['file']}"
+
+
+def _changes_since(physics: int, scene: Scene) -> list[str]:
+    """Say in one line each how today's results differ from those of an earlier physics number."""
+    changes = changes_since(physics, scene)
+    lines = [f"physics {number}: {change}" for number, change in changes.items()]
+    return ["what has changed since then:", *lines] if lines else []
+
+
+def _times(reader: Reader) -> str:
+    """Return the times of the done rows in words."""
+    done = reader.column("status") == Status.DONE
+    if not done.any():
+        return "no row is done"
+    solve = 1e3 * reader.column("solve_seconds")[done]
+    surface = 1e3 * reader.column("surface_seconds")[done]
+    return (
+        f"solve {solve.mean():.2f} ms on average, {np.median(solve):.2f} median,"
+        f" {solve.max():.2f} at most; surface and statistics {surface.mean():.2f} ms"
+    )
+
+
+def _ranges_table(reader: Reader) -> Table:
+    """Tabulate the range of every column over the done rows beside that of the paper."""
+    table = Table(box=None, pad_edge=False)
+    for title in ("column", "unit", "from", "to", "paper from", "paper to"):
+        table.add_column(title, justify="left" if title in {"column", "unit"} else "right")
+    ranges = reader.ranges()
+    for column in reader.columns():
+        if column.name in ranges and column.group != RUNTIME:
+            table.add_row(column.name, column.unit, *_limits(ranges[column.name], column))
+    return table
+
+
+def _limits(limits_here: tuple[float, float], column: Column) -> list[str]:
+    """Return four cells: the range here, then that of the paper, empty if it has none."""
+    limits = [*limits_here, *(column.paper_range or ())]
+    return [f"{limit:.6g}" for limit in limits] + [""] * (4 - len(limits))

@@ -1,0 +1,122 @@
+"""Print a surface: how it was prepared, its statistics, its self-affine law."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from gen.measured.areal import PARAMETERS
+from gen.runtime.console import console as new_console
+from gen.runtime.console import plain_console
+from gen.schema import statistics_columns
+
+if TYPE_CHECKING:  # statistics are printed without the solver
+    from gen.arrays import Heights
+    from gen.measured.self_affine import SelfAffineFit
+    from gen.measured.topography import Topography
+    from gen.statistics import Description
+
+
+def print_preparation(topography: Topography, warnings: list[str]) -> None:
+    """Print the steps from a file to a surface, and the warnings about it on standard error.
+
+    Parameters
+    ----------
+    topography : Topography
+        Surface.
+    warnings : list of str
+        One line for each warning.
+    """
+    console = plain_console()
+    for step in topography.steps:
+        console.print(f"{topography.name}: {step}")
+    for warning in warnings:
+        new_console(stderr=True, markup=False, highlight=False, soft_wrap=True).print(
+            f"warning: {warning}"
+        )
+
+
+def print_statistics(
+    heights: Heights,
+    spacing: tuple[float, float],
+    tilt: tuple[float, float] | None,
+    description: Description,
+) -> None:
+    """Print the 22 roughness statistics of a surface.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights without holes [um].
+    spacing : tuple of float
+        Distance of the nodes along x and y [um].
+    tilt : tuple of float or None
+        Slopes of the least-squares plane of the surface as measured, along x and y [1]; None for a
+        composite surface.
+    description : gen.statistics.Description
+        Statistics of the heights.
+    """
+    console = plain_console()
+    console.print(
+        f"{heights.shape[0]} x {heights.shape[1]} nodes, spacing {spacing[0]:.6g} x"
+        f" {spacing[1]:.6g} um, heights {heights.min():.6g} to {heights.max():.6g} um"
+        + (f", tilt as measured {tilt[0]:.4g} along x, {tilt[1]:.4g} along y" if tilt else "")
+    )
+    table = Table(box=None, pad_edge=False)
+    for title in ("statistic", "value", "unit", "meaning"):
+        table.add_column(title, justify="right" if title == "value" else "left")
+    for column in statistics_columns():
+        value = description.values[column.name]
+        table.add_row(column.name, f"{value:.6g}", column.unit, column.long_name)
+    console.print(table)
+    if description.reason:
+        console.print(f"nan: {description.reason}")
+
+
+def print_areal(parameters: Description) -> None:
+    """Print the areal parameters of a surface.
+
+    Parameters
+    ----------
+    parameters : gen.statistics.Description
+        Values and reason, from `gen.measured.areal.areal_parameters`.
+    """
+    table = Table(box=None, pad_edge=False)
+    for title in ("ISO 25178", "value", "unit", "meaning"):
+        table.add_column(title, justify="right" if title == "value" else "left")
+    for name, unit, meaning in PARAMETERS:
+        table.add_row(name, f"{parameters.values[name]:.6g}", unit, meaning)
+    console = plain_console()
+    console.print(table)
+    if parameters.reason:
+        console.print(f"nan: {parameters.reason}")
+
+
+def print_self_affine(fit: SelfAffineFit | str) -> None:
+    """Print a self-affine law as the generator `spectral` takes it, or why there is none.
+
+    Parameters
+    ----------
+    fit : SelfAffineFit or str
+        Law or reason, from `gen.measured.self_affine.fit_self_affine`.
+    """
+    console = plain_console()
+    if isinstance(fit, str):
+        console.print(f"self-affine law: none, {fit}")
+        return
+    law = fit.spectrum
+    remarks = "".join(f"; {remark}" for remark in fit.remarks)
+    console.print(
+        f"self-affine law from {fit.longest:.4g} to {law.cut_off:.4g} um, the spectrum within a"
+        f" factor of {fit.scatter:.3g}{remarks}; as a start for the generator spectral:"
+    )
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for name, value, unit, meaning in (
+        ("hurst", law.hurst, "1", "Hurst exponent"),
+        ("roll_off", law.roll_off, "um", "longest wavelength of the power law"),
+        ("cut_off", law.cut_off, "um", "shortest wavelength"),
+        ("rms_height", fit.rms_height, "um", "root mean square height"),
+    ):
+        table.add_row(name, f"{value:.6g}", unit, meaning)
+    console.print(table)
