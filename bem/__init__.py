@@ -3,8 +3,9 @@
 Arrays come in and arrays go out: no files, no MPI, nothing printed.
 """
 
-from bem.contact import Contact, NotConverged, solve
+from bem.contact import Contact
 from bem.ladder import ladder
 from bem.problem import NoSolution, OutOfRange, Problem
+from bem.solving import NotConverged, solve
 
 __all__ = ["Contact", "NoSolution", "NotConverged", "OutOfRange", "Problem", "ladder", "solve"]

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bem.contact import Contact, contact_of, equilibrium_of
+from bem.contact import Contact
 from bem.equilibrium import Equilibrium, Start
 from bem.problem import pose
+from bem.solving import contact_of, equilibrium_of
 from bem.workers import checked_threads, on_threads
 
 # A load and its equilibrium.
