@@ -8,8 +8,8 @@ from gen.runtime.errors import InputError
 from learn.arrays import Indices
 from learn.dataset import Dataset
 from learn.surrogate.calibration_text import Calibrated
-from learn.surrogate.distance import Distance, from_others, from_rows, from_training
-from learn.surrogate.groups import Groups, groups_of
+from learn.surrogate.distance import Distance, from_others, from_training
+from learn.surrogate.groups import Groups, groups_of, near
 
 CALIBRATION_SHARE = 0.1
 """Share of the training rows that are used to calibrate the intervals instead."""
@@ -65,7 +65,7 @@ class Plan:
         """Return distances from the training, with the limit of its groups or of its rows."""
         inputs = rows.inputs[self.train]
         if self.groups is None or self.groups.scheme != "others":
-            return from_rows(inputs)
+            return near(rows.at(self.train))
         if self.others is None:
             return from_training(inputs, self.groups.labels)
         return from_others(inputs, self.others[0].inputs, self.groups.labels)

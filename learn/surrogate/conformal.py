@@ -23,16 +23,21 @@ little worse: this is the jackknife, not the jackknife+, which would need all th
 prediction (R. F. Barber et al. (2021), Ann. Stat. 49, 486). `bench scans` measures the coverage.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from gen.runtime.errors import InputError
-from learn.arrays import Values
+from learn.arrays import Indices, Values
 from learn.surrogate.error_scale import ErrorScale
+
+if TYPE_CHECKING:
+    from learn.surrogate.error_growth import Growth
 
 Scheme = Literal["ranges", "each", "others"]
 """What scores are kept by, and what intervals hold for: ranges of the prediction; each of the known
@@ -62,6 +67,8 @@ class Calibration:
         What the scores are kept by.
     usual : ErrorScale, optional
         The usual errors, where scores are kept by group.
+    growth : Growth, optional
+        How errors grow with the distance from the training; the scores are over this growth.
     """
 
     borders: Values
@@ -69,6 +76,7 @@ class Calibration:
     root: bool = False
     scheme: Scheme = "ranges"
     usual: ErrorScale | None = None
+    growth: Growth | None = None
 
     @property
     def largest_level(self) -> float:
@@ -90,7 +98,7 @@ class Calibration:
         level : float
             Wanted coverage, between 0 and 1.
         inputs : ndarray, shape (n, d)
-            Features, needed where scores are kept by group.
+            Features, needed where scores are kept by group, or errors grow with the distance.
         """
         if not self.root:
             half = self.half_width(prediction, level, inputs)
@@ -116,15 +124,22 @@ class Calibration:
         ndarray, shape (n,)
             Half widths, infinite where there are too few calibration rows for the level.
         """
-        if self.usual is not None:
-            if inputs is None:
-                raise ValueError("intervals that are calibrated by group need the features")
-            if self.scheme == "others":
-                return quantile_over_groups(self.scores, level) * self.usual.at(inputs)
+        if self.usual is None:
+            widths = np.array([quantile(scores, level) for scores in self.scores])
+            half = widths[np.searchsorted(self.borders, prediction, side="right")]
+        elif self.scheme == "others":
+            half = quantile_over_groups(self.scores, level) * self.usual.at(_given(inputs))
+        else:
             worst = max(quantile(scores, level) for scores in self.scores)
-            return worst * self.usual.at(inputs)
-        widths = np.array([quantile(scores, level) for scores in self.scores])
-        return np.asarray(widths[np.searchsorted(self.borders, prediction, side="right")])
+            half = worst * self.usual.at(_given(inputs))
+        return np.asarray(half if self.growth is None else half * self.growth.at(_given(inputs)))
+
+
+def _given(inputs: Values | None) -> Values:
+    """Return the features, without which some intervals have no width."""
+    if inputs is None:
+        raise ValueError("intervals that are calibrated by group or distance need the features")
+    return inputs
 
 
 def quantile(scores: Values, level: float) -> float:
@@ -188,7 +203,13 @@ def checked_level(level: float) -> float:
 
 
 def calibrate(
-    predicted: Values, target: Values, training: Values, *, root: bool = False
+    predicted: Values,
+    target: Values,
+    training: Values,
+    *,
+    root: bool = False,
+    growth: Growth | None = None,
+    inputs: Values | None = None,
 ) -> Calibration:
     """Calibrate intervals with predictions of rows that the model was not fitted to.
 
@@ -200,6 +221,10 @@ def calibrate(
         Target of the training rows, whose quantiles are the borders of the ranges.
     root : bool
         True for errors of the square root.
+    growth : Growth, optional
+        How errors grow with the distance from the training.
+    inputs : ndarray, shape (n, d), optional
+        Features of the calibration rows, for the growth.
     """
     from mapie.regression import SplitConformalRegressor
 
@@ -207,14 +232,17 @@ def calibrate(
         predicted, target, training = np.sqrt(predicted), np.sqrt(target), np.sqrt(training)
     borders = _borders(predicted, training)
     number = np.searchsorted(borders, predicted, side="right")
-    unit = float(np.std(training)) or 1.0  # MAPIE compares its numbers with 1e-8
+    sizes = np.ones(predicted.size) if growth is None else growth.at(_given(inputs))
+    deviation = float(np.std(training)) or 1.0  # MAPIE compares its numbers with 1e-8
+    predicted, target = predicted / (deviation * sizes), target / (deviation * sizes)
     scores = []
     for each in range(borders.size + 1):
         rows = number == each
-        conformal = SplitConformalRegressor(_Known(predicted[rows] / unit), prefit=True)
-        conformal.conformalize(predicted[rows, None], target[rows] / unit)
-        scores.append(unit * np.sort(np.asarray(conformal.conformity_scores, dtype=np.float64)))
-    return Calibration(borders, tuple(scores), root)
+        conformal = SplitConformalRegressor(_Known(predicted[rows]), prefit=True)
+        conformal.conformalize(predicted[rows, None], target[rows])
+        found = np.sort(np.asarray(conformal.conformity_scores, dtype=np.float64))
+        scores.append(deviation * found)
+    return Calibration(borders, tuple(scores), root, growth=growth)
 
 
 class _Known:
@@ -224,13 +252,19 @@ class _Known:
         self.predicted_ = predicted
         self.fitted_ = True
 
-    def fit(self, inputs: Values, target: Values) -> "_Known":
+    def fit(self, inputs: Values, target: Values) -> _Known:
         """Do nothing, as the model is fitted."""
         return self
 
     def predict(self, inputs: Values) -> Values:
         """Return the known predictions."""
         return self.predicted_
+
+
+def ranges_of(predicted: Values) -> Indices:
+    """Return the fifth of the predictions that each one is in, (n,)."""
+    ends = np.quantile(predicted, np.arange(1, RANGES) / RANGES)
+    return np.asarray(np.searchsorted(ends, predicted, side="right"), dtype=np.int64)
 
 
 def _borders(predicted: Values, training: Values) -> Values:

@@ -5,11 +5,16 @@ the training. The distance is Mahalanobis's, over the root of the number of feat
 the largest distance that intervals vouch for: each group is left out in turn, and a new row of a
 group like these lies beyond the limit with a probability of 10 % at most. Where there are too few
 groups to tell what others are like, it is the distance that 99 % of the training rows keep, each
-measured from the others: features depend on each other, and those of surfaces of another generator
+measured from other rows: features depend on each other, and those of surfaces of another generator
 do so in other ways.
+
+A few databases are a few clouds of features with nothing between them: elastic bodies of one kind
+of surface, bodies that yield of another. Distances are then measured from the nearest of them. Its
+covariance is drawn towards the mean of all, as a database may have fewer rows than features (J. H.
+Friedman (1989), J. Am. Stat. Assoc. 84, 165, regularised discriminant analysis).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,23 +41,26 @@ class Distance:
 
     Attributes
     ----------
-    centre : ndarray, shape (d,)
-        Mean of the training's features.
-    whitening : ndarray, shape (d, d)
-        Matrix after which differences from the mean are uncorrelated.
+    centres : ndarray, shape (k, d)
+        Mean features of the training, or of each of its databases or maps.
+    whitenings : ndarray, shape (k, d, d)
+        For each, the matrix after which differences from the mean are uncorrelated.
     limit : float
         Largest distance that is not flagged.
     """
 
-    centre: Values
-    whitening: Values
+    centres: Values
+    whitenings: Values
     limit: float
 
     def of(self, inputs: Values) -> Values:
-        """Return the distance of each row, (n,), from its features, (n, d)."""
+        """Return the distance of each row, (n,), from the nearest mean, by its features, (n, d)."""
+        nearest = np.full(len(inputs), np.inf)
         with np.errstate(over="ignore", invalid="ignore"):
-            apart = (inputs - self.centre) @ self.whitening
-            return np.asarray(np.sqrt(np.mean(apart**2, axis=1)))
+            for centre, whitening in zip(self.centres, self.whitenings, strict=True):
+                apart = (inputs - centre) @ whitening
+                nearest = np.minimum(nearest, np.sqrt(np.mean(apart**2, axis=1)))
+        return nearest
 
     def noted(self, inputs: Values, notes: tuple[str, ...]) -> tuple[str, ...]:
         """Add to notes how far rows lie outside the limit.
@@ -125,23 +133,76 @@ def from_rows(inputs: Values) -> Distance:
     squares = np.minimum(features * np.square(whole.of(inputs)), 0.999 * rows)
     others = np.sqrt((rows - 1) * squares / (rows - squares) / features)
     limit = float(np.quantile(others, INSIDE, method="higher"))
-    return Distance(whole.centre, whole.whitening, limit)
+    return replace(whole, limit=limit)
+
+
+def from_groups(inputs: Values, labels: Indices, parts: Indices) -> Distance:
+    """Measure distances from the nearest group of the training rows, or from all if it is one.
+
+    The limit comes from the distances of the rows of each part from the other parts.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n, d)
+        Features of the training rows.
+    labels : ndarray of int, shape (n,)
+        Group of each row.
+    parts : ndarray of int, shape (n,)
+        Part of each row.
+    """
+    found = np.full(len(inputs), np.nan)
+    for part in np.unique(parts):
+        own = parts == part
+        known = own & np.isin(labels, labels[~own])  # from groups that lie in several parts
+        found[known] = _unlimited(inputs[~own], labels[~own]).of(inputs[known])
+    if np.unique(labels).size < 2 or np.isnan(found).all():
+        return from_rows(inputs)
+    limit = float(np.nanquantile(found, INSIDE, method="higher"))
+    return replace(_unlimited(inputs, labels), limit=limit)
+
+
+def squares_from(inputs: Values, labels: Indices, unseen: Indices, mine: Indices) -> Values:
+    """Return the squared distances of some rows from training rows that a model has seen.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n, d)
+        Features of the training rows.
+    labels : ndarray of int, shape (n,)
+        Group of each row.
+    unseen, mine : ndarray of int
+        Rows that the model has not seen, and those whose distances are asked for.
+    """
+    seen = _unlimited(np.delete(inputs, unseen, axis=0), np.delete(labels, unseen))
+    return np.square(seen.of(inputs[mine]))
 
 
 def _limited(inputs: Values, found: Values, groups: Indices) -> Distance:
-    whole = _unlimited(inputs)
     _, place = np.unique(groups, return_inverse=True)
     scores = tuple(np.sort(found[place == each]) for each in range(int(place.max()) + 1))
-    return Distance(whole.centre, whole.whitening, quantile_over_groups(scores, SHARE))
+    return replace(_unlimited(inputs), limit=quantile_over_groups(scores, SHARE))
 
 
-def _unlimited(inputs: Values) -> Distance:
-    """Return the distances from some rows without a limit."""
+def _unlimited(inputs: Values, labels: Indices | None = None) -> Distance:
+    """Return the distances from some rows, or from the nearest of their groups, without a limit."""
+    labels = np.zeros(len(inputs), dtype=np.int64) if labels is None else labels
     centre, deviation = inputs.mean(axis=0), inputs.std(axis=0)
-    # A new value of a feature that is constant is flagged by its range.
-    varying = deviation > CONSTANT * np.abs(inputs).max(axis=0)
+    groups = [inputs[labels == label] for label in np.unique(labels)]
+    # A new value of a feature that is constant, in every group, is flagged by its range.
+    least = CONSTANT * np.abs(inputs).max(axis=0)
+    varying = np.any([own.std(axis=0) > least for own in groups], axis=0)
     scale = np.where(varying, deviation, np.inf)
-    unit = (inputs - centre) / scale
-    covariance = unit.T @ unit / len(unit) + RIDGE * np.eye(unit.shape[1])
-    lower = np.linalg.cholesky(np.linalg.inv(covariance))
-    return Distance(centre, lower / scale[:, None], np.inf)
+    means = [own.mean(axis=0) for own in groups]
+    squares = [_products((own - mean) / scale) for own, mean in zip(groups, means, strict=True)]
+    features, shared = centre.size, np.sum(squares, axis=0) / len(inputs)
+    whitenings = []
+    for own, products in zip(groups, squares, strict=True):
+        covariance = (products + features * shared) / (len(own) + features)
+        inverse = np.linalg.inv(covariance + RIDGE * np.eye(features))
+        whitenings.append(np.linalg.cholesky(inverse) / scale[:, None])
+    return Distance(np.array(means), np.array(whitenings), np.inf)
+
+
+def _products(unit: Values) -> Values:
+    """Return the sums of the products of columns, (d, d)."""
+    return np.asarray(unit.T @ unit)

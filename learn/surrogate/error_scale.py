@@ -67,8 +67,7 @@ def fit_scale(inputs: Values, errors: Values, groups: Indices) -> ErrorScale:
     """
     _, place, sizes = np.unique(groups, return_inverse=True, return_counts=True)
     weights = 1.0 / (sizes[place] * sizes.size)
-    least = max(SMALLEST * float(np.median(errors)), np.finfo(float).tiny)
-    logarithms = np.log(np.maximum(errors, least))
+    logarithms = floored_logarithm(errors)
     centre, mean = weights @ inputs, float(weights @ logarithms)
     apart = inputs - centre
     deviation = np.sqrt(weights @ apart**2)
@@ -81,3 +80,9 @@ def fit_scale(inputs: Values, errors: Values, groups: Indices) -> ErrorScale:
     slopes[varying] = found / deviation[varying]
     low, high = np.quantile(mean + unit @ found, ENDS)
     return ErrorScale(slopes, mean - float(centre @ slopes), float(low), float(high))
+
+
+def floored_logarithm(errors: Values) -> Values:
+    """Return the logarithms of absolute errors, none of which counts for less than `SMALLEST`."""
+    least = max(SMALLEST * float(np.median(errors)), np.finfo(float).tiny)
+    return np.asarray(np.log(np.maximum(errors, least)))

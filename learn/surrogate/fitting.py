@@ -1,6 +1,7 @@
 """Fit one target's model: choose its settings, fit it, calibrate its intervals."""
 
 import warnings
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import process_time
@@ -12,7 +13,7 @@ from sklearn.kernel_ridge import KernelRidge
 
 from gen.scene import Scene
 from learn import memory
-from learn.arrays import Values
+from learn.arrays import Indices, Values
 from learn.columns import results
 from learn.comparison.folder import Folder
 from learn.dataset import Dataset
@@ -20,8 +21,18 @@ from learn.features import chosen
 from learn.kernel_ridge import left_out_errors
 from learn.models import MODELS, STEP, pipeline
 from learn.request import Request
-from learn.surrogate.conformal import Calibration, calibrate
-from learn.surrogate.groups import apart, calibrate_by_groups, groups_of, left_out
+from learn.surrogate.conformal import RANGES, Calibration, calibrate, ranges_of
+from learn.surrogate.distance import Distance
+from learn.surrogate.error_growth import Growth, clusters_of, fit_growth
+from learn.surrogate.groups import (
+    apart,
+    calibrate_by_groups,
+    groups_of,
+    left_out,
+    near,
+    near_labels,
+    squares_apart,
+)
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.moments import Held, held
 from learn.surrogate.settings import Settings, choose
@@ -104,10 +115,7 @@ def fit_target(
     crossed = None
     if calibration is None:
         crossed = _crossed(request, settings, train, target, learnt)
-        predicted = crossed, train
-    else:
-        predicted = learnt.raw(calibration.inputs), calibration
-    learnt = replace(learnt, calibration=_calibrated(*predicted, train, root=scaling.root))
+    learnt = replace(learnt, calibration=_calibrated(learnt, train, target, calibration, crossed))
     return Fit(learnt, settings, chose - began, done - chose, remarks, crossed)
 
 
@@ -122,16 +130,10 @@ def _crossed(
     if groups is None:
         raise ValueError("rows of one map or database cannot be calibrated by groups")
     parts = list(apart(train, left_out(train, groups)))
-    found, ridge = np.empty(train.size), learnt.pipeline.named_steps[STEP]
-    if isinstance(ridge, KernelRidge):
-        with (
-            memory.reserved(memory.needed(request.models[0], train.size)),
-            suppress(np.linalg.LinAlgError),  # a singular matrix: further fits deal with it
-        ):
-            errors = left_out_errors(ridge, [unseen for _, unseen in parts])
-            for (mine, unseen), error in zip(parts, errors, strict=True):
-                found[mine] = target[mine] - error[np.isin(unseen, mine)]
-            return learnt.scaling.restored(found)
+    found = _ridge_left_out(learnt, target, parts)
+    if found is not None:
+        return found
+    found = np.empty(train.size)
     for mine, unseen in parts:
         others = np.setdiff1d(np.arange(train.size), unseen)
         fitted, _ = _fitted(request, settings, train.inputs[others], target[others])
@@ -140,12 +142,87 @@ def _crossed(
     return found
 
 
-def _calibrated(raw: Values, rows: Dataset, train: Dataset, *, root: bool) -> Calibration:
-    """Calibrate intervals by predictions of rows, by their groups if there are several."""
-    groups = groups_of(rows)
-    if groups is None:
-        return calibrate(raw, rows.target, train.target, root=root)
-    return calibrate_by_groups(rows, raw, groups, left_out(rows, groups), root=root)
+def _ridge_left_out(
+    learnt: Learnt, target: Values, parts: Sequence[tuple[Indices, Indices]]
+) -> Values | None:
+    """Predict the training rows over their scale without further fits; None if that is impossible.
+
+    Parameters
+    ----------
+    learnt : Learnt
+        The model, fitted to all rows; kernel ridge.
+    target : ndarray, shape (n,)
+        Target of the training rows, as the model learnt it.
+    parts : sequence of pairs of ndarray of int
+        From `apart`.
+    """
+    found, ridge = np.empty(target.size), learnt.pipeline.named_steps[STEP]
+    if isinstance(ridge, KernelRidge):
+        with (
+            memory.reserved(memory.needed("kernel-ridge", target.size)),
+            suppress(np.linalg.LinAlgError),  # a singular matrix: further fits deal with it
+        ):
+            errors = left_out_errors(ridge, [unseen for _, unseen in parts])
+            for (mine, unseen), error in zip(parts, errors, strict=True):
+                found[mine] = target[mine] - error[np.isin(unseen, mine)]
+            return learnt.scaling.restored(found)
+    return None
+
+
+def _calibrated(
+    learnt: Learnt,
+    train: Dataset,
+    target: Values,
+    calibration: Dataset | None,
+    crossed: Values | None,
+) -> Calibration:
+    """Calibrate intervals by rows that calibrate, or by the training rows and `crossed`."""
+    if calibration is None or crossed is not None:
+        rows, raw = train, crossed
+    else:
+        rows, raw = calibration, learnt.raw(calibration.inputs)
+    assert raw is not None  # `fit_target` crosses the training rows where no others calibrate
+    groups, root = groups_of(rows), learnt.root
+    parts = None if groups is None else left_out(rows, groups)
+    if groups is not None and parts is not None and groups.scheme == "others":
+        return calibrate_by_groups(rows, raw, groups, parts, root=root)
+    distance = near(train)
+    if crossed is None or parts is None:
+        squares = np.square(distance.of(rows.inputs))
+    else:
+        squares = squares_apart(train, list(apart(train, parts)))
+    growth = _growth(learnt, distance, train, target) or fit_growth(
+        distance, squares, *_errors(raw, rows, root=root)
+    )
+    if groups is None or parts is None:
+        return calibrate(
+            raw, rows.target, train.target, root=root, growth=growth, inputs=rows.inputs
+        )
+    return calibrate_by_groups(rows, raw, groups, parts, root=root, growth=growth, squares=squares)
+
+
+def _growth(learnt: Learnt, distance: Distance, train: Dataset, target: Values) -> Growth | None:
+    """Fit the growth of the errors by clusters of the training that are left out in turn.
+
+    None for models other than kernel ridge, which would need a fit for each cluster, and for few
+    surfaces.
+    """
+    clusters = clusters_of(train)
+    if clusters is None:
+        return None
+    parts = list(apart(train, clusters))
+    raw = _ridge_left_out(learnt, target, parts)
+    if raw is None:
+        return None
+    squares = squares_apart(train, parts)
+    return fit_growth(distance, squares, *_errors(raw, train, root=learnt.root))
+
+
+def _errors(raw: Values, rows: Dataset, *, root: bool) -> tuple[Values, Indices]:
+    """Return the errors of predictions, and the kinds of rows that are compared with each other."""
+    change = np.sqrt if root else np.asarray
+    errors = np.abs(change(raw) - change(rows.target))
+    return errors, near_labels(rows) * RANGES + ranges_of(raw)
 
 
 def _held(train: Dataset) -> Held | None:

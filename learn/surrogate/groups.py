@@ -5,7 +5,7 @@ rows of the same maps hold for these maps only. What a new map is like, only who
 model has not seen: each is left out in turn, and its errors are those of a model of the others.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,8 @@ from learn.dataset import Dataset
 from learn.split import FOLDS
 from learn.surrogate.calibration_text import FEWEST
 from learn.surrogate.conformal import Calibration, Scheme
+from learn.surrogate.distance import Distance, from_groups, from_rows, squares_from
+from learn.surrogate.error_growth import Growth
 from learn.surrogate.error_scale import fit_scale
 
 MOST_FITS = 20
@@ -73,6 +75,25 @@ def groups_of(rows: Dataset) -> Groups | None:
     return None
 
 
+def near_labels(rows: Dataset) -> Indices:
+    """Return the groups whose nearest one distances are measured from, (n,); 0 for a single one.
+
+    Where there are enough groups for intervals that hold for others, they are one population.
+    """
+    groups = groups_of(rows)
+    if groups is None or groups.scheme == "others":
+        return np.zeros(rows.size, dtype=np.int64)
+    return groups.labels
+
+
+def near(rows: Dataset) -> Distance:
+    """Measure distances from training rows, with a limit that most of them keep."""
+    groups = groups_of(rows)
+    if groups is None or groups.scheme == "others":
+        return from_rows(rows.inputs)
+    return from_groups(rows.inputs, groups.labels, left_out(rows, groups))
+
+
 def left_out(rows: Dataset, groups: Groups) -> Indices:
     """Number the parts of the rows that are left out together, (n,).
 
@@ -106,8 +127,31 @@ def apart(rows: Dataset, parts: Indices) -> Iterator[tuple[Indices, Indices]]:
         yield mine, np.flatnonzero(np.isin(rows.groups, rows.groups[mine]))
 
 
+def squares_apart(rows: Dataset, parts: Sequence[tuple[Indices, Indices]]) -> Values:
+    """Return the squared distance of each training row from those that its model has seen, (n,).
+
+    Parameters
+    ----------
+    rows : Dataset
+        n training rows.
+    parts : sequence of pairs of ndarray of int
+        From `apart`.
+    """
+    labels, found = near_labels(rows), np.empty(rows.size)
+    for mine, unseen in parts:
+        found[mine] = squares_from(rows.inputs, labels, unseen, mine)
+    return found
+
+
 def calibrate_by_groups(
-    rows: Dataset, predicted: Values, groups: Groups, parts: Indices, *, root: bool
+    rows: Dataset,
+    predicted: Values,
+    groups: Groups,
+    parts: Indices,
+    *,
+    root: bool,
+    growth: Growth | None = None,
+    squares: Values | None = None,
 ) -> Calibration:
     """Calibrate intervals with predictions by models that have not seen these rows.
 
@@ -125,10 +169,16 @@ def calibrate_by_groups(
         From `left_out`.
     root : bool
         True for errors of the square root.
+    growth : Growth, optional
+        Growth of the errors with the distance, where it is known.
+    squares : ndarray, shape (n,), optional
+        Squared distances from the rows that these models were fitted to, for the growth.
     """
     inputs, labels = rows.inputs, groups.labels
     change = np.sqrt if root else np.asarray
     errors = np.abs(change(predicted) - change(rows.target))
+    if growth is not None and squares is not None:
+        errors /= growth.of_squares(squares)
     usual = np.empty(errors.size)
     for part in np.unique(parts):
         own = parts == part
@@ -137,7 +187,7 @@ def calibrate_by_groups(
         labels = _large(labels)
     scores = tuple(np.sort((errors / usual)[labels == each]) for each in np.unique(labels))
     scale = fit_scale(inputs, errors, groups.labels)
-    return Calibration(np.empty(0), scores, root, groups.scheme, scale)
+    return Calibration(np.empty(0), scores, root, groups.scheme, scale, growth)
 
 
 def _large(labels: Indices) -> Indices:
