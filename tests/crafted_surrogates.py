@@ -61,6 +61,7 @@ def whole(model: str, scaling: str = "standard") -> bytes:
     from learn.request import Request
     from learn.surrogate import Surrogate, card
     from learn.surrogate.fitting import fit_target
+    from learn.surrogate.groups import near
     from learn.surrogate.settings import Settings
 
     request = Request(
@@ -76,7 +77,8 @@ def whole(model: str, scaling: str = "standard") -> bytes:
     sizes = {"train": train.size, "calibration": held.size, "test": parts.test.size}
     about = card.make(request, rows, train, sizes, {"area": judged})
     inputs = rows.inputs[train]
-    surrogate = Surrogate(about, {"area": fit.learnt}, inputs.min(axis=0), inputs.max(axis=0))
+    low, high, distance = inputs.min(axis=0), inputs.max(axis=0), near(rows.at(train))
+    surrogate = Surrogate(about, {"area": fit.learnt}, low, high, distance)
     with tempfile.TemporaryDirectory() as folder:
         surrogate.save(Path(folder) / "x.surrogate")
         return (Path(folder) / "x.surrogate").read_bytes()

@@ -11,6 +11,7 @@ from learn.features import FeatureSet
 from learn.surrogate import agreement
 from learn.surrogate.conformal import Calibration, Scheme
 from learn.surrogate.distance import Distance
+from learn.surrogate.error_growth import Growth
 from learn.surrogate.error_scale import ErrorScale
 from learn.surrogate.estimators import put_together, taken_apart
 from learn.surrogate.learnt import Learnt
@@ -59,6 +60,7 @@ def packed(
                 "borders": each.calibration.borders,
                 "scores": list(each.calibration.scores),
                 **_usual(each.calibration),
+                **_growth(each.calibration, distance),
             }
             for name, each in learnt.items()
         },
@@ -70,6 +72,16 @@ def _usual(calibration: Calibration) -> dict[str, Any]:
     if calibration.usual is None:
         return {}
     return {"usual": {"scheme": calibration.scheme, **vars(calibration.usual)}}
+
+
+def _growth(calibration: Calibration, distance: Distance | None) -> dict[str, Any]:
+    """Return the growth of the errors as a part of the file, whose distances stand there once."""
+    growth = calibration.growth
+    if growth is None:
+        return {}
+    if distance is None or not np.array_equal(distance.centres, growth.distance.centres):
+        raise ValueError("errors grow with other distances than those of the surrogate")
+    return {"growth": growth.rate}
 
 
 def unpacked(
@@ -88,11 +100,14 @@ def unpacked(
     targets = mapping(parts, "targets")
     if (low > high).any() or targets.keys() != card["targets"].keys():
         raise ValueError("card and models do not belong together")
-    learnt = {name: _learnt(card, name, mapping(targets, name), width) for name in targets}
+    distance = _distance(parts, width)
+    learnt = {
+        name: _learnt(card, name, mapping(targets, name), width, distance) for name in targets
+    }
     agreement.check_models(card, learnt, low, high)
     for name, each in learnt.items():
         learnt[name] = replace(each, held=_held(features, targets[name], low, high))
-    return learnt, low, high, _distance(parts, width)
+    return learnt, low, high, distance
 
 
 def _distance(parts: Part, width: int) -> Distance | None:
@@ -100,8 +115,25 @@ def _distance(parts: Part, width: int) -> Distance | None:
     if "distance" not in parts:
         return None
     part = mapping(parts, "distance")
-    centre, whitening = numbers(part, "centre", width), numbers(part, "whitening", width, width)
-    return Distance(centre, whitening, number(part, "limit", 0.0))
+    if "centre" in part:  # formats up to 6, which measure from one mean
+        centre, whitening = numbers(part, "centre", width), numbers(part, "whitening", width, width)
+        return Distance(centre[None], whitening[None], number(part, "limit", 0.0))
+    centres = numbers(part, "centres", None, width)
+    if not len(centres):
+        raise ValueError("distances from nothing")
+    whitenings = numbers(part, "whitenings", len(centres), width, width)
+    return Distance(centres, whitenings, number(part, "limit", 0.0))
+
+
+def _rate(part: Part, distance: Distance | None) -> Growth | None:
+    """Return the growth of the errors with the distance."""
+    if "growth" not in part:
+        return None
+    if distance is None:
+        raise ValueError("errors grow with distances that are missing")
+    # Beyond the limit no error grows: the exponential there is a number.
+    most = LARGEST_LOGARITHM / max(distance.limit**2, 1.0)
+    return Growth(distance, number(part, "growth", 0.0, most))
 
 
 def _held(features: FeatureSet, part: Part, low: Values, high: Values) -> Held | None:
@@ -125,10 +157,13 @@ def _scale(part: Part, width: int) -> tuple[Scheme, ErrorScale | None]:
     return scheme, ErrorScale(slopes, number(usual, "offset"), low, high)
 
 
-def _learnt(card: Mapping[str, Any], name: str, part: Part, width: int) -> Learnt:
+def _learnt(
+    card: Mapping[str, Any], name: str, part: Part, width: int, distance: Distance | None
+) -> Learnt:
     """Return the model of one target."""
     about = card["targets"][name]
     borders, (scheme, usual) = numbers(part, "borders", None), _scale(part, width)
+    growth = _rate(part, distance)
     number_of_scores = borders.size + 1 if usual is None else None
     root = bool(count({"root": 0, **part}, "root", 0, 1))  # files of format 3 have none
     scores = [
@@ -145,5 +180,5 @@ def _learnt(card: Mapping[str, Any], name: str, part: Part, width: int) -> Learn
         unit=about["unit"],
         pipeline=put_together(card["model"], card["normalisation"], part, width),
         scaling=Scaling(number(part, "mean"), positive(part, "deviation"), root),
-        calibration=Calibration(borders, tuple(scores), root, scheme, usual),
+        calibration=Calibration(borders, tuple(scores), root, scheme, usual, growth),
     )

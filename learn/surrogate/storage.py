@@ -1,7 +1,7 @@
 """The file of a surrogate: a checksum, one text, and numbers; it names neither code nor types.
 
     asperity surrogate
-    format 6
+    format 7
     sha256 of all that follows, in hexadecimal digits
     length of the text, 8 bytes, little endian
     text: JSON with the card, the parts of the models, type and shape of every array
@@ -27,16 +27,17 @@ from gen.runtime.invocation import to_type
 from gen.runtime.output import SURROGATE, whole
 from gen.runtime.terminal import printable
 
-FORMAT = 6
+FORMAT = 7
 """Number of the layout that is written. A format number is raised whenever an older version would
 misread a file: 4 has a pair of nodes, sides and spacings in the card, 5 features of the coarse
 solve that 4 did not have, and intervals that are calibrated by groups, 6 moments that are held
-inside their ranges."""
+inside their ranges, 7 distances from the nearest database, and intervals that grow with the
+distance."""
 
 PAIRED = 4
 """First format whose cards have pairs; those of format 3 have one number for both axes."""
 
-READ = (3, 4, 5, FORMAT)
+READ = (3, 4, 5, 6, FORMAT)
 """Formats that are read."""
 
 HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")

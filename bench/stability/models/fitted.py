@@ -18,6 +18,7 @@ from learn.models import STEP
 from learn.request import Request
 from learn.surrogate import Surrogate, card
 from learn.surrogate.fitting import Fit, fit_target
+from learn.surrogate.groups import near
 from learn.surrogate.prediction import Rows
 from learn.surrogate.settings import Settings
 
@@ -129,7 +130,7 @@ def fitted(
         "modulus": 1.0,
     }
     low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
-    surrogate = Surrogate(known, {"target": fit.learnt}, low, high)
+    surrogate = Surrogate(known, {"target": fit.learnt}, low, high, near(train))
     return Asked(request, way, fit, surrogate, train, test)
 
 
