@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from learn.surrogate.distance import INSIDE, RIDGE, from_rows
+from learn.surrogate.distance import INSIDE, RIDGE, from_groups, from_rows
 
 
 def correlated(rows, seed, size=3):
@@ -58,3 +58,50 @@ def test_features_that_do_not_vary_say_nothing():
     moved[:, -1] = 8.0
     distance = from_rows(inputs)
     np.testing.assert_array_equal(distance.of(moved), distance.of(inputs))
+
+
+def clouds(rows, seed):
+    """Rows of two kinds with nothing between them, of which the second has few, and their kinds."""
+    random = np.random.default_rng(seed)
+    kinds = (np.arange(rows) % 10 == 0).astype(np.int64)
+    inputs = random.normal(size=(rows, 3)) * np.array([0.1, 1.0, 1.0]) + 5.0 * kinds[:, None]
+    return np.column_stack([inputs, 7.0 + kinds]), kinds
+
+
+def test_rows_between_two_databases_are_far_from_both():
+    inputs, kinds = clouds(1000, 0)
+    between = (inputs[kinds == 0].mean(axis=0) + inputs[kinds == 1].mean(axis=0))[None] / 2
+    parts = np.random.default_rng(1).integers(0, 5, 1000)
+    nearest = from_groups(inputs, kinds, parts)
+    assert nearest.of(between)[0] > 2 * nearest.limit
+    assert from_rows(inputs).of(between)[0] < from_rows(inputs).limit
+    fresh, _ = clouds(4000, 2)
+    assert (nearest.of(fresh) <= nearest.limit).mean() == pytest.approx(INSIDE, abs=0.01)
+
+
+def test_a_feature_that_is_constant_in_each_database_is_left_to_its_range():
+    inputs, kinds = clouds(200, 3)
+    nearest = from_groups(inputs, kinds, np.arange(200) % 5)
+    moved = inputs.copy()
+    moved[:, -1] = 7.5
+    np.testing.assert_array_equal(nearest.of(moved), nearest.of(inputs))
+
+
+def test_a_single_group_is_measured_as_rows_are():
+    inputs = correlated(100, 5)
+    one = from_groups(inputs, np.zeros(100, dtype=np.int64), np.arange(100) % 5)
+    whole = from_rows(inputs)
+    assert one.limit == whole.limit
+    np.testing.assert_array_equal(one.of(inputs), whole.of(inputs))
+    apart = from_groups(inputs, np.arange(100), np.arange(100))
+    assert apart.limit == whole.limit, "no group lies in two parts"
+
+
+def test_a_database_with_fewer_rows_than_features_has_distances():
+    random = np.random.default_rng(6)
+    inputs = random.normal(size=(320, 40))
+    kinds = (np.arange(320) >= 300).astype(np.int64)
+    inputs[kinds == 1] += 3.0
+    nearest = from_groups(inputs, kinds, np.arange(320) % 5)
+    fresh = random.normal(size=(200, 40)) + 3.0
+    assert (nearest.of(fresh) <= nearest.limit).mean() > 0.8
