@@ -73,8 +73,9 @@ def coverage(folder: Path, rows: int, seeds: int) -> list[Row]:
         read = _read(made, hybrids, pool)
         for seed in range(seeds):
             for case in cases(pool, read, seed):
-                found.append(_judged(case, read, rows, seed))
-                remark(_in_words(found[-1]))
+                judged = _judged(case, read, rows, seed)
+                remark(_in_words(judged[0]))
+                found += judged
     return found
 
 
@@ -99,18 +100,27 @@ def _read(
     return rows
 
 
-def _judged(case: Case, rows: Dataset, most: int, seed: int) -> Row:
-    """Fit the surrogate of a case and judge it, as one row of the table."""
+def _judged(case: Case, rows: Dataset, most: int, seed: int) -> list[Row]:
+    """Fit the surrogate of a case and judge it: a row of the table, then one of each scene."""
     parts = _parts(case, rows, most, seed)
     by_groups = groups_of(parts.train) is not None  # as in `learn fit`
     calibration = None if by_groups else parts.calibration
     fitted = fit(_request(Path()), parts.train, calibration, parts.folds)
-    judged = parts.test if case.judged is None else rows.at(case.judged)
-    always = np.zeros(judged.size, dtype=bool)
+    judged, always = parts.test, np.zeros(parts.test.size, dtype=bool)
     if case.judged is not None:
-        always = case.flagged[case.judged]
-    names = {"trained_on": case.trained_on, "tested_on": case.tested_on, "seed": seed}
-    return {**names, "trained": parts.train.size, **_scores(fitted, judged, always)}
+        judged, always = rows.at(case.judged), case.flagged[case.judged]
+    scenes = {case.tested_on: np.arange(judged.size)}
+    numbers = np.unique(judged.database)
+    if case.judged is not None and numbers.size > 1:
+        scenes |= {
+            f"{case.tested_on}: {case.pool[number]}": np.flatnonzero(judged.database == number)
+            for number in numbers
+        }
+    names = {"trained_on": case.trained_on, "seed": seed, "trained": parts.train.size}
+    return [
+        {**names, "tested_on": scene, **_scores(fitted, judged.at(own), always[own])}
+        for scene, own in scenes.items()
+    ]
 
 
 def _parts(case: Case, rows: Dataset, most: int, seed: int) -> Parts:

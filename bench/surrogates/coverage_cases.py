@@ -32,7 +32,7 @@ OTHERS = {
 }
 """Scenes that differ from the paper preset: none of them has one of its surfaces."""
 
-SHARES = {FINE[257]: 6, FINE[513]: 15, MIDPOINT: 4, "broad-fine": 6}
+SHARES = {FINE[257]: 6, FINE[513]: 15, "broad-fine": 6}
 """The rows of the preset over those of a database, where these are fewer."""
 
 BROAD = tuple(name for name in preset_names() if name.startswith("broad-"))

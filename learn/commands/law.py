@@ -63,8 +63,8 @@ def law(
     from gen.measured.outcome import require_conductivities
     from learn.surrogate import Surrogate
     from learn.surrogate.calibration_text import require_level
-    from learn.surrogate.conformal import checked_level
     from learn.surrogate.law import Order, make
+    from learn.surrogate.quantiles import checked_level
 
     files = files.filled(output)
     check_outputs(files.outputs, inputs)

@@ -34,7 +34,7 @@ def predict(
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, show
     from learn.surrogate.calibration_text import require_level
-    from learn.surrogate.conformal import checked_level
+    from learn.surrogate.quantiles import checked_level
 
     check_outputs([Output(output, "--output")], [file, *inputs])
     surrogate = Surrogate.load(file)

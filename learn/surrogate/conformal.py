@@ -23,21 +23,16 @@ little worse: this is the jackknife, not the jackknife+, which would need all th
 prediction (R. F. Barber et al. (2021), Ann. Stat. 49, 486). `bench scans` measures the coverage.
 """
 
-from __future__ import annotations
-
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
-from gen.runtime.errors import InputError
 from learn.arrays import Indices, Values
+from learn.surrogate.error_growth import Growth
 from learn.surrogate.error_scale import ErrorScale
-
-if TYPE_CHECKING:
-    from learn.surrogate.error_growth import Growth
+from learn.surrogate.quantiles import quantile, quantile_over_groups
 
 Scheme = Literal["ranges", "each", "others"]
 """What scores are kept by, and what intervals hold for: ranges of the prediction; each of the known
@@ -142,66 +137,6 @@ def _given(inputs: Values | None) -> Values:
     return inputs
 
 
-def quantile(scores: Values, level: float) -> float:
-    """Return the score that a new row does not exceed with a probability of `level` or more.
-
-    Parameters
-    ----------
-    scores : ndarray, shape (n,)
-        Ascending scores.
-    level : float
-        Probability between 0 and 1.
-
-    Returns
-    -------
-    float
-        The k-th score, k = ceil((n + 1) level), infinity where k > n.
-
-    Source: A. N. Angelopoulos, S. Bates (2021), arXiv:2107.07511, section 1.
-    """
-    place = math.ceil((scores.size + 1) * checked_level(level) - 1e-9)
-    return float(scores[place - 1]) if place <= scores.size else math.inf
-
-
-def quantile_over_groups(scores: tuple[Values, ...], level: float) -> float:
-    """Return the score that a row of a new group does not exceed with a probability of `level`.
-
-    Parameters
-    ----------
-    scores : tuple of ndarray
-        Scores of K groups, each of one row or more.
-    level : float
-        Probability between 0 and 1.
-
-    Returns
-    -------
-    float
-        The quantile of all scores, each of which weighs 1 / (K + 1) over the rows of its group,
-        and of an infinite one of weight 1 / (K + 1).
-
-    Source: Y. Lee, R. F. Barber, R. Willett (2023), arXiv:2306.06342, section 3.
-    """
-    together = np.concatenate(scores)
-    weights = np.concatenate([np.full(each.size, 1.0 / each.size) for each in scores])
-    order = np.argsort(together, kind="stable")
-    reached = np.cumsum(weights[order]) / (len(scores) + 1)
-    place = int(np.searchsorted(reached, checked_level(level) - 1e-9))
-    return float(together[order[place]]) if place < together.size else math.inf
-
-
-def checked_level(level: float) -> float:
-    """Return a coverage after a check that intervals can have it.
-
-    Raises
-    ------
-    InputError
-        Unless it is between 0 and 1.
-    """
-    if not 0 < level < 1:
-        raise InputError(f"--interval {level:g}: give a coverage between 0 and 1, as 0.9")
-    return level
-
-
 def calibrate(
     predicted: Values,
     target: Values,
@@ -252,7 +187,7 @@ class _Known:
         self.predicted_ = predicted
         self.fitted_ = True
 
-    def fit(self, inputs: Values, target: Values) -> _Known:
+    def fit(self, inputs: Values, target: Values) -> "_Known":
         """Do nothing, as the model is fitted."""
         return self
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from learn.arrays import Indices, Values
-from learn.surrogate.conformal import quantile_over_groups
+from learn.surrogate.quantiles import quantile_over_groups
 
 SHARE = 0.9
 """Share of the rows of a new group that lie within the limit, or more."""

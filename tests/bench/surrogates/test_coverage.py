@@ -8,7 +8,7 @@ from bench.page.parts import contents_of
 from bench.surrogates import coverage as study
 from bench.surrogates import coverage_cases
 from bench.surrogates.coverage import coverage, pooled, report, verdict
-from bench.surrogates.coverage_cases import FEW, HARDNESS, cases, column, pools
+from bench.surrogates.coverage_cases import FEW, HARDNESS, Case, cases, column, pools
 from gen.runtime.errors import InputError
 
 SMALL = {
@@ -88,6 +88,23 @@ def test_rows_of_a_finer_grid_all_train(made):
     parts = study._parts(found["preset and 20 rows of fine-257"], rows, 200, 1)
     assert (parts.train.database == 1).sum() == FEW
     assert not (parts.calibration.database == 1).any()
+
+
+def test_rows_of_several_scenes_are_told_apart(made):
+    folder, _ = made
+    pool = ("paper", "midpoint")
+    paths = {name: folder / "databases" / f"{name}.h5" for name in pool}
+    hybrids = {
+        name: study.hybrid_rows(path, study.Executor(), bool) for name, path in paths.items()
+    }
+    rows = study._read(paths, hybrids, pool)
+    first = np.flatnonzero(rows.database == 0)
+    judged, none = np.setdiff1d(np.arange(rows.size), first[:200]), np.array([], dtype=np.int64)
+    case = Case("half", "others", pool, first[:200], judged, none, np.zeros(rows.size, dtype=bool))
+    together, *scenes = study._judged(case, rows, 200, 0)
+    assert [row["tested_on"] for row in scenes] == ["others: paper", "others: midpoint"]
+    for name in ("judged", "unflagged"):
+        assert together[name] == sum(row[name] for row in scenes)
 
 
 def test_the_table_pools_the_seeds(made):

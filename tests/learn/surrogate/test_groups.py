@@ -12,10 +12,10 @@ from learn.request import Request
 from learn.surrogate import groups as by_groups
 from learn.surrogate import training
 from learn.surrogate.calibration_text import require_level
-from learn.surrogate.conformal import quantile_over_groups
 from learn.surrogate.distance import from_training
 from learn.surrogate.error_scale import fit_scale
 from learn.surrogate.fitting import fit_target
+from learn.surrogate.quantiles import quantile_over_groups
 from learn.surrogate.settings import Settings
 
 

@@ -156,6 +156,20 @@ LIES = {
     "another scaling": ("svm", put(0, "normalisation", "min-max"), "scaling"),
     "other rows": ("kernel-ridge", put(0, "rows", {"train": 1}), "calibration"),
     "no scene": ("kernel-ridge", put(0, "scene", "samples = 3"), "scene"),
+    "errors that shrink with the distance": ("svm", put(2, "growth", -1.0), "growth is -1.0"),
+    "errors that grow without end": ("svm", put(2, "growth", 1e9), "growth is"),
+    "a growth without distances": (
+        "svm",
+        lambda card, parts, *others: parts.pop("distance"),
+        "distances that are missing",
+    ),
+    "distances from nothing": (
+        "svm",
+        lambda card, parts, *others: parts["distance"].update(
+            centres=np.empty((0, 23)), whitenings=np.empty((0, 23, 23))
+        ),
+        "distances from nothing",
+    ),
     "ends in another order": ("svm", put(1, "low", np.full(23, 1e9)), "belong together"),
 }
 
@@ -298,6 +312,23 @@ def test_what_is_no_surrogate_is_refused_and_runs_nothing(tmp_path, monkeypatch,
         Surrogate.load(path)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "evil").exists()
+
+
+def test_distances_of_format_5_are_read(ridge, tmp_path):
+    path = tmp_path / "x.surrogate"
+    ridge.save(path)
+    card, parts = crafted_surrogates.content(path.read_bytes())
+    distance = parts["distance"]
+    ((centre,), (whitening,)) = distance["centres"], distance["whitenings"]
+    parts["distance"] = {"centre": centre, "whitening": whitening, "limit": distance["limit"]}
+    for target in parts["targets"].values():
+        del target["growth"]
+    written = crafted_surrogates.written(card, parts).replace(b"format 6", b"format 5", 1)
+    path.write_bytes(written)
+    older = Surrogate.load(path)
+    inputs = np.random.default_rng(0).normal(size=(5, centre.size))
+    np.testing.assert_array_equal(older.distance.of(inputs), ridge.distance.of(inputs))
+    assert all(each.calibration.growth is None for each in older.learnt.values())
 
 
 def test_a_damaged_file_is_refused(ridge, tmp_path):
