@@ -125,7 +125,7 @@ def sealed(text: bytes, arrays: list[np.ndarray]) -> bytes:
 def signed(body: bytes) -> bytes:
     """A file of this format with a right checksum."""
     digest = hashlib.sha256(body).hexdigest()
-    return b"asperity surrogate\nformat 6\nsha256 " + digest.encode() + b"\n" + body
+    return b"asperity surrogate\nformat 7\nsha256 " + digest.encode() + b"\n" + body
 
 
 def damaged(file: bytes, number: int) -> bytes:

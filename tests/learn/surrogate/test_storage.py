@@ -300,7 +300,7 @@ class Evil:
         (b"PK", "fit it anew"),
         (b"heights 1 2 3", "is no surrogate"),
         (b"asperity surrogate\nformat 99\nsha256 " + b"0" * 64 + b"\n", "has format 99"),
-        (b"asperity surrogate\nformat 6\nsha256 " + b"0" * 64 + b"\n", "is damaged"),
+        (b"asperity surrogate\nformat 7\nsha256 " + b"0" * 64 + b"\n", "is damaged"),
         (pickle.dumps(Evil()), "is no surrogate"),
     ],
 )
@@ -323,7 +323,7 @@ def test_distances_of_format_5_are_read(ridge, tmp_path):
     parts["distance"] = {"centre": centre, "whitening": whitening, "limit": distance["limit"]}
     for target in parts["targets"].values():
         del target["growth"]
-    written = crafted_surrogates.written(card, parts).replace(b"format 6", b"format 5", 1)
+    written = crafted_surrogates.written(card, parts).replace(b"format 7", b"format 5", 1)
     path.write_bytes(written)
     older = Surrogate.load(path)
     inputs = np.random.default_rng(0).normal(size=(5, centre.size))
