@@ -9,6 +9,7 @@ from typing import Any
 
 from bench.circumstances import circumstances
 from bench.files import content_of
+from bench.page.asked import lines
 from bench.page.content import Content, Figure, Table, tables_of
 from bench.page.inputs import Inputs, typed
 from bench.page.parts import Part
@@ -54,6 +55,8 @@ def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
     shown = [_shown(part, inputs) for part in parts]
     chapters = groupby(shown, key=lambda each: each.part.chapter)
     said: dict[str, Any] = {"chapters": {chapter: list(each) for chapter, each in chapters}}
+    folders = {each.part.folder or each.part.name: inputs.folder(each.part) for each in shown}
+    said["asked"] = lines(lambda name: folders.get(name, inputs.output / name))
     said |= {"made": circumstances(), "judged": sum(len(each.verdicts) for each in shown)}
     said |= {"failures": sum(each.failures for each in shown)}
     return rendered("page/page.html", said, markup=True)

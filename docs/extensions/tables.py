@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench.page.asked import lines as answers
 from gen.schema import markdown_table
 from learn.comparison.tables import hours
 from learn.models import MODELS
@@ -212,6 +213,14 @@ def outputs() -> list[str]:
     return lines
 
 
+def asked() -> list[str]:
+    """Return what is asked, what is measured, and the command, as at the top of the page."""
+    return [
+        f"| {each.question} | {each.answer} | `python -m {each.command}` |"
+        for each in answers(lambda part: RESULTS / part)
+    ]
+
+
 def as_they_stand(name: str) -> Callable[[], list[str]]:
     """Return the rows of a file whose cells are texts, without a change."""
     return lambda: [f"| {' | '.join(row.values())} |" for row in table(name)]
@@ -242,6 +251,17 @@ class PageTable:
 
 
 TABLES = {
+    "asked": PageTable(
+        ("asked", "measured", "command"),
+        asked,
+        (
+            *("hertz/hertz.csv", "peers/peers.csv", "peers/periodic.csv"),
+            *("stability/models.csv", "stability/stability.csv", "stability/surfaces.csv"),
+            *("growth/growth.csv", "scale/scale.csv", "comparison/area/scores.csv"),
+            *("features/features.csv", "coverage/coverage.csv", "scans/scans.csv"),
+            *("grow/grow.csv", "cost/cost.csv"),
+        ),
+    ),
     "peers": PageTable(
         (
             "CPU time over ours, `--deltas 5,15,25,35,45 --rounds 2`, H = 0.65",

@@ -1,0 +1,269 @@
+"""What is asked of Asperity and what is measured: the lines at the top of the page.
+
+Each line is made of a table of one report, which names the command that made it.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import mean
+
+from bench.files import is_there
+from bench.table import read_table
+
+Row = dict[str, str]
+Folders = Callable[[str], Path]
+
+NOT_OTHERS = {"bem", "paper's NNLS"}
+"""Solvers among the peers that are not another program."""
+
+BUSY = 0.9
+"""Efficiency from which on the ranks of a run count as busy."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A question, and where its answer is measured.
+
+    Attributes
+    ----------
+    question : str
+        What is asked.
+    part : str
+        Name of the report, and of its folder.
+    tables : str
+        Names of its tables, in which a * stands for several.
+    command : str
+        Command that makes the report.
+    answer : callable
+        Puts the rows of the tables into words.
+    """
+
+    question: str
+    part: str
+    tables: str
+    command: str
+    answer: Callable[[list[Row]], str]
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of the page: `answer` is empty if the report is not there."""
+
+    question: str
+    answer: str
+    part: str
+    command: str
+
+
+def lines(folder: Folders) -> list[Line]:
+    """Answer all questions.
+
+    Parameters
+    ----------
+    folder : callable
+        Gives the folder of a report by its name.
+    """
+    return [Line(each.question, _answer(each, folder), each.part, each.command) for each in ASKED]
+
+
+def _answer(asked: Asked, folder: Folders) -> str:
+    """Return the answer to one question, "" if its tables are not there or lack what is asked."""
+    rows = [row for path in _paths(folder(asked.part), asked.tables) for row in read_table(path)[1]]
+    try:
+        return asked.answer(rows) if rows else ""
+    except (LookupError, ValueError):  # a short run has fewer rows
+        return ""
+
+
+def _paths(home: Path, name: str) -> Iterator[Path]:
+    """Yield the tables that are there."""
+    for path in sorted(home.glob(name)) if "*" in name else [home / name]:
+        if is_there(path):
+            yield path
+
+
+def hertz(rows: list[Row]) -> str:
+    """Error of the force on a sphere on the finest grid, at the largest displacement."""
+    deepest = max(float(row["delta_um"]) for row in rows)
+    last = [row for row in rows if float(row["delta_um"]) == deepest]
+    (exact,) = (float(row["force_uN"]) for row in last if row["solution"] == "hertz")
+    ours = {
+        int(float(row["nodes"])): float(row["force_uN"])
+        for row in last
+        if row["solution"] == "uniform-pressure"
+    }
+    error = 100 * abs(ours[max(ours)] / exact - 1)
+    return (
+        f"The force on a sphere is within {error:.2g} % of Hertz's, {max(ours)} nodes a side,"
+        f" pressed in by {deepest:g} um."
+    )
+
+
+def _fastest_others(rows: list[Row], case: tuple[str, ...]) -> list[float]:
+    """Return the time of the fastest other solver over ours, for each case."""
+    ratios: dict[tuple[str, ...], float] = {}
+    for row in rows:
+        if row["times_ours"] and row["solver"] not in NOT_OTHERS:
+            key = tuple(row[name] for name in case)
+            ratios[key] = min(ratios.get(key, float("inf")), float(row["times_ours"]))
+    return list(ratios.values())
+
+
+def peers(rows: list[Row]) -> str:
+    """Time of the fastest other solver over ours on free patches."""
+    ratios = _fastest_others(rows, ("nodes", "hurst", "delta_um"))
+    return f"The fastest other solver takes {min(ratios):.2g} to {max(ratios):.2g} times our time."
+
+
+def periodic(rows: list[Row]) -> str:
+    """The same on periodic patches."""
+    ratios = _fastest_others(rows, ("nodes", "hurst", "mean_pressure"))
+    return f"The fastest other solver takes {min(ratios):.2g} to {max(ratios):.2g} times our time."
+
+
+def stability(rows: list[Row]) -> str:
+    """Cases that pass, of all."""
+    passed = sum(row["verdict"] == "passed" for row in rows)
+    return f"{passed} of {len(rows)} stiff and extreme cases pass."
+
+
+def growth(rows: list[Row]) -> str:
+    """Growth of the convolutions from the smallest grid to the largest."""
+    sizes = sorted({int(row["nodes"]) for row in rows})
+    most = max(float(row["growth"]) for row in rows if int(row["nodes"]) == sizes[-1])
+    return (
+        f"From {sizes[0]} to {sizes[-1]:,} nodes a side the convolutions of a solve grow by a"
+        f" factor of {most:.2g} at most."
+    )
+
+
+def scale(rows: list[Row]) -> str:
+    """Number of ranks that the longest simulated run keeps busy."""
+    longest = max(int(row["rows"]) for row in rows)
+    busy = [
+        int(row["ranks"])
+        for row in rows
+        if int(row["rows"]) == longest and float(row["efficiency"]) >= BUSY
+    ]
+    return (
+        f"In a simulation, {longest:,} rows keep up to {max(busy):,} ranks {100 * BUSY:.0f} % busy."
+    )
+
+
+def models(rows: list[Row]) -> str:
+    """Best of the nine models with the paper's features, beside the paper's best."""
+    ours, theirs = (max(rows, key=lambda row: float(row[name])) for name in ("r2", "paper_r2"))
+    return (
+        f"With a split by surfaces, the best of nine models ({ours['model']}) reaches R2"
+        f" {float(ours['r2']):.2f} % of the area; the paper's best ({theirs['model']}) has"
+        f" {float(theirs['paper_r2']):.2f} %."
+    )
+
+
+def features(rows: list[Row]) -> str:
+    """Error of the area with hybrid features, and share inside the intervals, over the seeds."""
+    hybrid = [row for row in rows if row["features"] == "hybrid"]
+    nmae, covered = (mean(float(row[name]) for row in hybrid) for name in ("nmae", "covered"))
+    return (
+        f"New surfaces of the same kind: nMAE {nmae:.2f} % of the area, {100 * covered:.0f} % of"
+        f" them inside the 90 % intervals ({len(hybrid)} seeds)."
+    )
+
+
+def coverage(rows: list[Row]) -> str:
+    """Populations whose rows without a flag are covered as promised."""
+    judged = [row for row in rows if int(row["unflagged"])]
+    met = sum(row["verdict"].startswith("met") for row in judged)
+    worst = min(judged, key=lambda row: float(row["covered_unflagged"]))
+    return (
+        f"In {met} of {len(judged)} shifted populations 90 % intervals hold at least 88 % of the"
+        f" rows without a flag, to within the error; least {worst['tested_on']} by"
+        f" {worst['trained_on']}, {100 * float(worst['covered_unflagged']):.0f} %. In"
+        f" {len(rows) - len(judged)} more all rows are flagged."
+    )
+
+
+def scans(rows: list[Row]) -> str:
+    """Errors on unseen tiles of maps, for each size of window."""
+    whole = [row for row in rows if row["left_out"] == "unseen tiles" and row["map"] == "all"]
+    sizes = "; ".join(
+        f"{row['nodes']} nodes a side: R2 {float(row['r2']):.2f} %, nMAE {float(row['nmae']):.2g} %"
+        for row in sorted(whole, key=lambda row: int(row["nodes"]))
+    )
+    if not sizes:
+        raise LookupError("unseen tiles")
+    return f"Parts of maps that were not trained on: {sizes}."
+
+
+def grow(rows: list[Row]) -> str:
+    """Promises of accuracy that hold on fresh surfaces."""
+    kept = sum(float(row["fresh_nmae"]) <= float(row["asked"]) for row in rows)
+    return f"The accuracy asked for holds on fresh surfaces in {kept} of {len(rows)} cases."
+
+
+def cost(rows: list[Row]) -> str:
+    """Contacts from which on a surrogate costs less than solving."""
+    (row,) = (
+        row
+        for row in rows
+        if (row["asked"], row["solver"], row["features"]) == ("new surfaces", "ours", "hybrid")
+    )
+    return (
+        f"From {int(row['break_even']):,} contacts of new surfaces on, with"
+        f" {int(row['rows']):,} rows to train on; a solve takes"
+        f" {1e3 * float(row['solve']):.0f} ms, an answer {1e3 * float(row['query']):.0f} ms."
+    )
+
+
+ASKED = (
+    Asked("How exact is a contact?", "hertz", "hertz.csv", "bench hertz -o DIR", hertz),
+    Asked("How fast, at equal accuracy?", "peers", "peers.csv", "bench peers -o DIR", peers),
+    Asked(
+        "How fast on periodic patches?",
+        "peers",
+        "periodic.csv",
+        "bench peers --boundary periodic -o DIR",
+        periodic,
+    ),
+    Asked(
+        "Does it bear stiff and extreme cases?",
+        "stability",
+        "*.csv",
+        "bench stability -o DIR",
+        stability,
+    ),
+    Asked("Do fine grids cost more steps?", "growth", "growth.csv", "bench growth -o DIR", growth),
+    Asked("How many ranks are of use?", "scale", "scale.csv", "bench scale -o DIR", scale),
+    Asked(
+        "How near do its models come to the paper's?",
+        "comparison",
+        "area/scores.csv",
+        "learn compare paper.h5 -o DIR --area-max 16.56",
+        models,
+    ),
+    Asked(
+        "How exact is a surrogate?",
+        "features",
+        "features.csv",
+        "bench features -o DIR --database paper.h5",
+        features,
+    ),
+    Asked(
+        "Does it know what it does not know?",
+        "coverage",
+        "coverage.csv",
+        "bench coverage -o DIR",
+        coverage,
+    ),
+    Asked("What of measured maps?", "scans", "scans.csv", "bench scans -o DIR", scans),
+    Asked("Is the accuracy asked for kept?", "grow", "grow.csv", "bench grow -o DIR", grow),
+    Asked(
+        "When does a surrogate pay?",
+        "cost",
+        "cost.csv",
+        "bench cost -o DIR --database paper.h5",
+        cost,
+    ),
+)
+"""The questions, in the order of the page's chapters."""

@@ -1,0 +1,66 @@
+"""The lines at the top of the page: answers are computed from the tables, or are not there."""
+
+from pathlib import Path
+
+import pytest
+
+from bench.page.asked import ASKED, hertz, lines, peers, scale
+
+RESULTS = Path(__file__).resolve().parents[3] / "bench" / "results"
+
+
+def test_all_questions_are_answered_by_what_is_published():
+    found = lines(lambda part: RESULTS / part)
+    assert len(found) == 12
+    assert all(line.answer.endswith(".") and len(line.answer) < 240 for line in found)
+
+
+def test_what_is_not_there_has_no_answer(tmp_path):
+    (tmp_path / "grow").mkdir()
+    (tmp_path / "grow" / "grow.csv").write_text("asked,seed\n3,1\n")  # lacks what is asked
+    assert [line.answer for line in lines(lambda part: tmp_path / part)] == [""] * len(ASKED)
+
+
+def test_the_error_is_that_of_the_finest_grid_at_the_largest_displacement():
+    table = [
+        ("hertz", "", "0.5", "4"),
+        ("hertz", "", "1.0", "10"),
+        ("uniform-pressure", "64.0", "1.0", "12"),
+        ("uniform-pressure", "128.0", "1.0", "10.1"),
+        ("uniform-pressure", "128.0", "0.5", "9"),
+    ]
+    names = ("solution", "nodes", "delta_um", "force_uN")
+    assert "within 1 % of Hertz's, 128 nodes" in hertz(
+        [dict(zip(names, row, strict=True)) for row in table]
+    )
+
+
+def test_the_fastest_other_solver_is_chosen_case_by_case():
+    table = [
+        ("1", "bem", "1"),
+        ("1", "A", "5"),
+        ("1", "B", "9"),
+        ("2", "A", "8"),
+        ("2", "B", "7"),
+        ("2", "paper's NNLS", "2"),
+        ("2", "C", ""),  # did not get there
+    ]
+    rows = [
+        {"nodes": "9", "hurst": "1", "delta_um": delta, "solver": solver, "times_ours": times}
+        for delta, solver, times in table
+    ]
+    assert "takes 5 to 7 times" in peers(rows)
+
+
+def test_ranks_are_busy_up_to_nine_tenths_of_the_longest_run():
+    table = [("10", "100", "0.99"), ("20", "100", "0.9"), ("40", "100", "0.89"), ("80", "9", "1")]
+    rows = [dict(zip(("ranks", "rows", "efficiency"), row, strict=True)) for row in table]
+    assert scale(rows) == "In a simulation, 100 rows keep up to 20 ranks 90 % busy."
+
+
+def test_a_run_that_keeps_no_rank_busy_has_no_answer(tmp_path):
+    (tmp_path / "scale.csv").write_text("ranks,rows,efficiency\n10,100,0.5\n")
+    (line,) = (each for each in lines(lambda _: tmp_path) if each.part == "scale")
+    assert line.answer == ""
+    with pytest.raises(ValueError, match="empty"):
+        scale([{"ranks": "10", "rows": "100", "efficiency": "0.5"}])
