@@ -79,7 +79,8 @@ def test_what_lies_beyond_the_targets_fails() -> None:
 def test_an_unflagged_row_fails() -> None:
     fit = asked("kernel-ridge", "tuned")
     assert all(finding.passed for finding in fit_checks.flagged(fit))
-    wide = replace(fit.surrogate, low=fit.surrogate.low - np.inf, high=fit.surrogate.high + np.inf)
+    low, high = fit.surrogate.low - np.inf, fit.surrogate.high + np.inf
+    wide = replace(fit.surrogate, low=low, high=high, distance=None)
     found = list(fit_checks.flagged(replace(fit, surrogate=wide)))
     assert any(not finding.passed for finding in found)
 
