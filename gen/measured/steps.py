@@ -13,6 +13,9 @@ from gen.measured.topography import Topography, intervals
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import MAGNITUDES
 
+ROUNDING = 1e-9
+"""Relative difference of lengths that are taken for the same."""
+
 MANY_SPIKES = 0.01
 """Share of nodes above which those taken out as spikes are probably part of the surface."""
 
@@ -108,7 +111,7 @@ def filtered(topography: Topography, short: float | None, long: float | None) ->
     for name, cutoff in (("S-filter", short), ("L-filter", long)):
         if cutoff is None:
             continue
-        if not finest <= cutoff <= side:
+        if not finest * (1 - ROUNDING) <= cutoff <= side * (1 + ROUNDING):
             raise InputError(
                 f"{topography.name}: --filter: the {name}'s cut-off, {cutoff:g} um, is outside"
                 f" {finest:.6g} to {side:.6g} um, four spacings to the shorter side"

@@ -215,7 +215,8 @@ def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, 
                 f" {_words(spacing)} um: give spacing, to which all are resampled, or downsample"
             )
         _require_window(path, topography.heights.shape, wanted.window)
-        yield PreparedMap(topography.heights, topography.warnings), _square(spacing or (1.0, 1.0))
+        warnings = tuple(in_words_of_scenes(each) for each in topography.warnings)
+        yield PreparedMap(topography.heights, warnings), _square(spacing or (1.0, 1.0))
 
 
 def _read(path: Path, wanted: Wanted) -> Topography:

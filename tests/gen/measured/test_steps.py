@@ -1,5 +1,7 @@
 """Steps of a preparation: block means, lengths, masks, and what is said about them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -83,6 +85,15 @@ def test_both_filters_leave_the_band_between_them(boundary: Boundary) -> None:
     assert "S-filter 10 um, L-filter 100 um" in filtered.steps[-1]
     assert filtered.steps[-1].endswith("mirrored at the borders") == (boundary == "mirror")
     assert filtered.sides == topography(heights, boundary).sides
+
+
+def test_a_cut_off_of_four_spacings_is_one_though_lengths_are_rounded() -> None:
+    """0.7 - 0.3 is less than 0.4 by rounding, and an instrument's spacing may be too."""
+    heights = np.random.default_rng(0).normal(size=(30, 30))
+    cut = replace(topography(heights), sides=(29 * 0.1 * (1 + 1e-15), 29 * 0.1))
+    assert "S-filter 0.4 um" in steps.filtered(cut, 0.4, None).steps[-1]
+    with pytest.raises(InputError, match=r"0\.399 um, is outside 0\.4 to 2\.9 um"):
+        steps.filtered(cut, 0.399, None)
 
 
 def test_steps_that_do_not_suit_the_map_are_refused() -> None:

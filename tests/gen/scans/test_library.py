@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -218,3 +219,11 @@ def test_warnings_come_with_the_maps(tmp_path, home):
     for _ in range(2):  # as they are prepared, and from the file
         (found,) = made(write_all(tmp_path / "scans", [pierced]), home).maps
         assert any("of the heights were missing and are filled" in line for line in found.remarks)
+
+
+def test_warnings_of_maps_name_the_keys_of_scenes(tmp_path, home):
+    rough = write_all(tmp_path / "scans", [MadeMap("turned", 0, (40, 30), 0.5, 10.0)])
+    wanted = Wanted((9, 9), None, replace(CLEAN, despike=0.5))
+    (found,) = made(rough, home, wanted).maps
+    (warning,) = (line for line in found.remarks if "taken out as spikes" in line)
+    assert warning.endswith("raise despike")
