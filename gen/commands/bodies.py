@@ -3,14 +3,16 @@
 import shlex
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
-from gen.option_groups import Against
+from gen import options
+from gen.option_groups import Against, Reading
 from gen.runtime import command_line
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
+from gen.runtime.option_groups import grouped
 
 if TYPE_CHECKING:
     from gen.measured.source import Opposite, Source
@@ -48,28 +50,21 @@ def second_body(first: "Source", facing: Against) -> "Opposite | None":
 
 def _source_of(path: Path, text: str) -> "Source":
     """Return a surface that is read and prepared by the options in a text."""
-    from gen.measured.source import READING, STEPS, Source
+    from gen.measured.source import Source
 
     named = f"--against-options {shown(text)}"
-    parser = _describing()
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.command()(grouped(_one_body))
     try:
         arguments = [str(path.absolute()), *shlex.split(text)]
+        parser = typer.main.get_command(alone)
         context = parser.make_context("describe", arguments, help_option_names=[])
     except command_line.CommandLineError as error:
         raise InputError(f"{named}: {error.format_message()}") from None
     except ValueError as error:  # a quotation mark that is not closed
         raise InputError(f"{named}: {error}") from None
-    for option in parser.params:
-        typed = context.get_parameter_source(option.name).name == "COMMANDLINE"
-        if typed and option.name not in {"surface", *READING, *STEPS}:
-            raise InputError(f"{named}: {option.opts[0]} is not for one body alone")
     return Source.of_options(path, context.params)
 
 
-def _describing() -> Any:
-    """Return the parser of `gen describe`, which has all options of one body."""
-    from gen.commands.describe import describe
-
-    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-    alone.command()(describe)
-    return typer.main.get_command(alone)
+def _one_body(surface: options.SurfaceFile, *, reading: Reading) -> None:
+    """Take the options of one body, which are parsed and nothing more."""
