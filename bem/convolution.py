@@ -1,10 +1,5 @@
-"""The half-space convolution by FFTW; no other module imports pyfftw.
+"""The half-space convolution, and the filters that each thread keeps."""
 
-Every plan is made with FFTW_ESTIMATE, because FFTW_MEASURE chooses by timing, so that two processes
-could differ in the last bits of a result.
-"""
-
-import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
@@ -13,12 +8,13 @@ from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 from weakref import WeakSet
 
 import numpy as np
-import pyfftw
 from scipy import fft
 
 from bem.arrays import Field, Nodes, Real
 from bem.influence import Kernel, influence_coefficients
+from bem.large_filter import LARGE_NODES, LargeFilter
 from bem.places import node_places
+from bem.plans import PLAN_BYTES, Plan, aligned, plan, shared_buffer
 from bem.sections import unforked
 from bem.vectors import pieces
 from bem.workers import workers
@@ -28,9 +24,6 @@ KEPT_BYTES = 256 * 2**20
 
 # Filters that a thread keeps whatever their memory is: one solve needs as many.
 FEWEST_KEPT = 4
-
-# Memory of one of FFTW's plans, estimated because FFTW does not tell.
-PLAN_BYTES = 5 * 2**10
 
 # Memory of the columns that are filtered at a time: they stay in the processor's cache.
 BATCH_BYTES = 256 * 2**10
@@ -155,12 +148,9 @@ class Filter:
 
     def _buffer(self, name: str, shape: tuple[int, ...], dtype: Any) -> Any:
         """Return a buffer, in the memory of the copied filter's if columns are packed."""
-        room = vars(self).get(name) if self._packed else None
-        if room is None:
-            buffer = pyfftw.zeros_aligned(shape, dtype)
-            setattr(self, name, buffer.reshape(-1))
-            return buffer
-        return room.view(dtype)[: math.prod(shape)].reshape(shape)
+        if not self._packed:
+            vars(self).pop(name, None)
+        return shared_buffer(self, name, shape, dtype)
 
     def _open_stripes(self, dtype: str) -> list[Any]:
         """Make the waves of the rows, and return them as (stripes, columns, rows of a stripe).
@@ -185,7 +175,7 @@ class Filter:
             stripes.append(narrow[:, :, :rest])
         return stripes
 
-    def _plan_rows(self) -> tuple[list[Callable[[], None]], list[Callable[[], None]]]:
+    def _plan_rows(self) -> tuple[list[Plan], list[Plan]]:
         """Plan the transforms of all rows there and back, in several pieces if they are shared."""
         there, back, last = [], [], 0
         for stripe in (stripe for stripes in self._stripes for stripe in stripes):
@@ -194,8 +184,8 @@ class Filter:
             for first in range(0, rows, size):
                 waves = stripe[:, first : first + size].T
                 field = self.field[last + first : last + first + len(waves)]
-                there.append(_plan(field, waves, 1))
-                back.append(_plan(waves, field, 1, backward=True))
+                there.append(plan(field, waves, 1))
+                back.append(plan(waves, field, 1, backward=True))
             last += rows
         return there, back
 
@@ -206,9 +196,9 @@ class Filter:
         size = fitting if columns > 2 * fitting else -(-columns // max(round(columns / fitting), 1))
         lists: list[list[_Batch]] = []
         for thread in range(threads):
-            buffer = pyfftw.empty_aligned((size, period), dtype)
+            buffer = aligned((size, period), dtype)
             wide = size, period + COLUMN_GAP
-            ends = [pyfftw.zeros_aligned(wide, dtype)[:, :period] for _ in range(2 * self._packed)]
+            ends = [aligned(wide, dtype)[:, :period] for _ in range(2 * self._packed)]
             batches = []
             for first in range(thread * size, columns, threads * size):
                 some = slice(first, min(first + size, columns))
@@ -219,9 +209,9 @@ class Filter:
                     _Batch(
                         packed=self._between(source, some) if ends else [],
                         source=source[:, : self.shape[0]],
-                        forward=_plan(source, there, 1),
+                        forward=plan(source, there, 1),
                         products=_products(there, self._factors[some]),
-                        backward=_plan(there, target, 1, backward=True),
+                        backward=plan(there, target, 1, backward=True),
                         target=target[:, : self.shape[0]],
                         beyond=target[:, self.shape[0] :],
                         unpacked=self._between(target, some) if ends else [],
@@ -251,9 +241,9 @@ class Filter:
     def _transform(self) -> None:
         """Transform rows, filter columns, transform rows back."""
         if not self._shared:
-            self._rows_in[0]()
+            self._rows_in[0].execute()
             _filter_columns(self._lists[0])
-            self._rows_out[0]()
+            self._rows_out[0].execute()
             return
         team = workers()
         if team.threads > len(self._lists):
@@ -288,7 +278,7 @@ class _Batch(NamedTuple):
     source, target : ndarray, shape (columns, nx)
         Rows of the field before and after, where the transforms read and write them: in further
         buffers if columns are packed.
-    forward, backward : callable
+    forward, backward : Plan
         Transforms from the source into the buffer, and from there into the target.
     products : list of tuple
         Views of the buffer and the factors that multiply them.
@@ -298,9 +288,9 @@ class _Batch(NamedTuple):
 
     packed: list[tuple[Any, Any]]
     source: Any
-    forward: Callable[[], None]
+    forward: Plan
     products: list[tuple[Any, Real]]
-    backward: Callable[[], None]
+    backward: Plan
     target: Any
     beyond: Any
     unpacked: list[tuple[Any, Any]]
@@ -316,10 +306,10 @@ def _products(buffer: Any, factors: Real) -> list[tuple[Any, Real]]:
 def _filter_columns(batches: list[_Batch]) -> None:
     """Filter batches of columns in place; rows beyond the field are zero in the next input."""
     for batch in batches:
-        batch.forward()
+        batch.forward.execute()
         for waves, factors in batch.products:
             np.multiply(waves, factors, out=waves)
-        batch.backward()
+        batch.backward.execute()
         batch.beyond.fill(0)
 
 
@@ -328,26 +318,17 @@ def _filter_packed(batches: list[_Batch]) -> None:
     for batch in batches:
         for rows, columns in batch.packed:
             rows[:] = columns
-        batch.forward()
+        batch.forward.execute()
         for waves, factors in batch.products:
             np.multiply(waves, factors, out=waves)
-        batch.backward()
+        batch.backward.execute()
         for rows, columns in batch.unpacked:
             columns[:] = rows
 
 
-def _execute(plan: Callable[[], None]) -> None:
+def _execute(planned: Plan) -> None:
     """Execute one of FFTW's plans."""
-    plan()
-
-
-def _plan(source: Real, target: Real, axis: int, *, backward: bool = False) -> Callable[[], None]:
-    """Plan a transform along one axis; a backward one may destroy its input."""
-    direction = "FFTW_BACKWARD" if backward else "FFTW_FORWARD"
-    flags = ("FFTW_ESTIMATE", "FFTW_DESTROY_INPUT") if backward else ("FFTW_ESTIMATE",)
-    plan = pyfftw.FFTW(source, target, axes=(axis,), direction=direction, flags=flags)
-    execute: Callable[[], None] = plan.execute
-    return execute
+    planned.execute()
 
 
 def displacement_filter(
@@ -416,7 +397,8 @@ def _make_displacement_filter(
 
     workers().share(transform_rows, pieces(len(rows), SHARED_ROWS))
     workers().share(transform_columns, pieces(len(spectrum), TABULATED_COLUMNS))
-    return Filter(shape, spectrum.T, dtype)
+    kind = LargeFilter if shape[0] * shape[1] >= LARGE_NODES else Filter
+    return kind(shape, spectrum.T, dtype)
 
 
 class _Kept:

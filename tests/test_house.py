@@ -28,7 +28,7 @@ BELOW_ALL = "asperity.neighbours"
 ONE_HOME = {
     "mpi4py": {"gen/runtime/farm.py"},
     "h5py": {"gen/database"},
-    "pyfftw": {"bem/convolution.py"},
+    "pyfftw": {"bem/plans.py"},
     "threadpoolctl": {"bem/sections.py"},
     "tomllib": {"gen/scene/scene.py", "bench/files.py"},
     "SurfaceTopography": {"gen/measured/topography.py", "bench/populations/made_maps.py"},
