@@ -333,7 +333,7 @@ def _execute(planned: Plan) -> None:
 
 def displacement_filter(
     shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0, dtype: str = "float64"
-) -> Filter:
+) -> Filter | LargeFilter:
     """Return H as a filter, which is exact for free (non-periodic) boundaries.
 
     Parameters
@@ -349,7 +349,7 @@ def displacement_filter(
 
     Returns
     -------
-    Filter
+    Filter or LargeFilter
         Maps an (nx, ny) pressure to an (nx, ny) displacement [first side of a cell / E*]. All
         callers on one thread share it, so that its buffer must not be kept.
     """
@@ -376,7 +376,7 @@ def fast_period(nodes: int) -> int:
 
 def _make_displacement_filter(
     shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str
-) -> Filter:
+) -> Filter | LargeFilter:
     """Tabulate the spectrum of H, a real transform of its even table in both directions."""
     if dtype == "float32":
         return displacement_filter(shape, kernel, aspect).in_single_precision()

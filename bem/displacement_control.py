@@ -42,7 +42,7 @@ LONGEST_ADVANCE = 0.5
 NESTED = 1000
 
 # Tolerance of that loose solve.
-NESTED_RTOL = 3e-2
+NESTED_RTOL = 1e-1
 
 # Pace after that loose solve: its contact set is good except along its borders.
 NESTED_PACE = replace(FROM_SCRATCH, first_steps=1, advance=0.3)

@@ -13,7 +13,7 @@ import numpy as np
 
 from bem.arrays import Mask, Nodes, Values
 from bem.factor import ContactFactor
-from bem.vectors import combined, largest_of, scale, subtract_scaled, where
+from bem.vectors import combined, largest_of, scale, subtract_scaled, sum_of, where
 
 
 class Image(Protocol):
@@ -108,6 +108,10 @@ class Effort:
 ITERATION = Effort(iterations=1)
 CONVOLUTION = Effort(convolutions=1)
 STEP = ITERATION + CONVOLUTION
+
+# Entries of a vector from which on inner products add up its pieces: shorter ones are single sums,
+# whose last bits are those of before.
+LONG = 10**6
 
 # Share of a load that is lost to rounding when the nodes that carry it are counted.
 ROUNDING = 1e-12
@@ -222,7 +226,9 @@ def rescale(operators: Operators, interference: Values, iterate: Iterate) -> Non
 
 def inner(a: Values, b: Values) -> float:
     """Compute an inner product without BLAS, whose threads would change its last bits."""
-    return float(np.einsum("i,i->", a, b))
+    if a.size < LONG:
+        return float(np.einsum("i,i->", a, b))
+    return sum_of(lambda piece: float(np.einsum("i,i->", a[piece], b[piece])), a.size)
 
 
 @dataclass

@@ -19,7 +19,7 @@ from bem.workers import workers
 
 # Nodes of a grid from which on the filter of a free patch is a large one. Below it fields fit into
 # the caches well enough for `bem.convolution.Filter`.
-LARGE_NODES = 2**20
+LARGE_NODES = 10**6
 
 # Rows that are transformed at a time, and memory of the columns that are.
 ROWS = 32
@@ -56,9 +56,7 @@ class LargeFilter:
         Largest value of the spectrum, which no eigenvalue exceeds.
     """
 
-    def __init__(
-        self, shape: tuple[int, int], spectrum: Field, dtype: str = "float64"
-    ) -> None:
+    def __init__(self, shape: tuple[int, int], spectrum: Field, dtype: str = "float64") -> None:
         self.shape, self.largest = shape, float(spectrum.max())
         self._across = 2 * (spectrum.shape[1] - 1)
         scaled = spectrum.T / (spectrum.shape[0] * self._across)
@@ -86,7 +84,7 @@ class LargeFilter:
         wide = -(-columns // line) * line + line
         self._waves = shared_buffer(self, "_columns", (rows, wide), waves)[:, :columns]
         self._lanes = [_Lane(self)]
-        arrays = self._factors, self.field, self._waves.base
+        arrays: tuple[Any, ...] = self._factors, self.field, self._waves.base
         self.bytes = sum(array.nbytes for array in arrays) + self._lanes[0].bytes
 
     def transform(self) -> None:
@@ -156,7 +154,9 @@ class _Lane:
         self._forward = plan(self._source, self._filtered, 1)
         self._backward = plan(self._filtered, self._target, 1, backward=True)
         buffers = self._padded, self._returned, self._filtered, self._source, self._target
-        self.bytes = sum(buffer.nbytes for buffer in buffers)
+        self.bytes = sum(
+            (buffer if buffer.base is None else buffer.base).nbytes for buffer in buffers
+        )
         self.bytes += (2 + 2 * len(self._there)) * PLAN_BYTES
 
     def transform_rows(self, some: slice) -> None:

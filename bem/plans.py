@@ -29,9 +29,7 @@ def plan(source: Any, target: Any, axis: int, *, backward: bool = False) -> Plan
     """Plan a transform along one axis; a backward one may destroy its input."""
     direction = "FFTW_BACKWARD" if backward else "FFTW_FORWARD"
     flags = ("FFTW_ESTIMATE", "FFTW_DESTROY_INPUT") if backward else ("FFTW_ESTIMATE",)
-    return cast(
-        "Plan", pyfftw.FFTW(source, target, axes=(axis,), direction=direction, flags=flags)
-    )
+    return cast("Plan", pyfftw.FFTW(source, target, axes=(axis,), direction=direction, flags=flags))
 
 
 def aligned(shape: tuple[int, ...], dtype: Any) -> Real:

@@ -8,6 +8,7 @@ nearby. With this extension E, the condition number of M = E^T C^-1 E stays near
 of any size (`tests/bem/test_preconditioner.py` measures it).
 """
 
+from bisect import bisect_left
 from collections.abc import Callable
 from functools import lru_cache
 
@@ -19,7 +20,8 @@ from bem.convolution import FieldFilter, Filter, kept_filter
 from bem.influence import Kernel, influence_coefficients
 from bem.iterate import inner
 from bem.places import is_whole, node_places, places_and_blocks
-from bem.vectors import SHORT, add_taken, each_row, put, take, take_out
+from bem.vectors import PIECE, SHORT, add_taken, each_row, put, take, take_out
+from bem.workers import workers
 
 # The following four were chosen by the iterations of conjugate gradients on the paper's surfaces,
 # k = 7 to 9, at 1, 10 and 50 % contact; none of them matters much.
@@ -105,8 +107,11 @@ class Preconditioner:
     def _mean(self, blocks: Nodes, values: Values | None = None) -> Real:
         """Compute the weighted means at all blocks of values, or of ones, in some blocks."""
         means = self._means
-        sums = np.bincount(blocks, weights=values, minlength=means.field.size)
-        means.field[:] = sums.reshape(means.shape)
+        if blocks.size < SHORT:
+            sums = np.bincount(blocks, weights=values, minlength=means.field.size)
+            means.field[:] = sums.reshape(means.shape)
+        else:
+            _sum_by_rows(means.field, blocks, values)
         means.transform()
         weighted: Real = means.field
         return weighted
@@ -209,6 +214,40 @@ def circulant_inverse(
         callers on one thread share it.
     """
     return kept_filter(_make_circulant_inverse, shape, kernel, aspect, dtype)
+
+
+def _sum_by_rows(field: Real, blocks: Nodes, values: Values | None) -> None:
+    """Set a field to the sums of values, or to the number of them, in each of its blocks.
+
+    Nodes that lie in the same block add up in their order. The list of nodes is cut where rows of
+    blocks begin.
+
+    Parameters
+    ----------
+    field : ndarray, shape (rows, columns)
+        The sums.
+    blocks : ndarray, shape (a,)
+        Flat index of each node's block; rows of blocks must not descend.
+    values : ndarray, shape (a,), or None
+        A value for each node, None for ones.
+    """
+    rows, columns = field.shape
+    many = max(PIECE * rows // blocks.size, 1)
+    firsts = list(range(0, rows, many))
+    bounds = [
+        *(bisect_left(blocks, first, key=lambda block: block // columns) for first in firsts),
+        blocks.size,
+    ]
+
+    def add_up(number: int) -> None:
+        first, some = firsts[number], slice(bounds[number], bounds[number + 1])
+        here = field[first : first + many]
+        within = blocks[some] - columns * first
+        weights = None if values is None else values[some]
+        sums = np.bincount(within, weights=weights, minlength=here.size)
+        here[:] = sums.reshape(here.shape)
+
+    workers().share(add_up, range(len(firsts)))
 
 
 @lru_cache(maxsize=8)

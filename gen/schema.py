@@ -29,6 +29,12 @@ PHYSICS = 4
 EDGELESS_PHYSICS = 5
 """The same for scenes of patches without edges, whose results have changed once more."""
 
+LARGE_PHYSICS = 6
+"""The same for scenes of `LARGE_NODES` or more, with edges or without."""
+
+LARGE_NODES = 10**6
+"""Nodes of a grid from which on it is a large one: `bem.large_filter.LARGE_NODES`."""
+
 PHYSICS_CHANGES: dict[int, str] = {
     2: "a new preconditioner and a default tolerance of 3e-7 (before: 1e-6): areas differ by single"
     " nodes, forces within the tolerance, iterations and convolutions are fewer",
@@ -44,6 +50,12 @@ EDGELESS_CHANGES: dict[int, str] = {
     " pressures differ within the tolerance, iterations and convolutions are fewer",
 }
 """What changed in the results of patches without edges alone."""
+
+LARGE_CHANGES: dict[int, str] = {
+    6: "grids of a million nodes or more start from a looser solve of a coarser grid, and transforms"
+    " and long sums round in another order: forces differ within the tolerance",
+}
+"""What changed in the results of large grids alone."""
 
 RUNTIME = "runtime"
 """Group of the columns that differ from run to run: times, ranks, hosts."""
@@ -357,13 +369,22 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
 
 def physics_of(scene: Scene) -> int:
     """Return the number of the results that this version computes for a scene."""
+    if _is_large(scene):
+        return LARGE_PHYSICS
     return EDGELESS_PHYSICS if scene.edgeless else PHYSICS
 
 
 def changes_since(physics: int, scene: Scene) -> dict[int, str]:
     """Return how a scene's results differ from those of an earlier number, by the later numbers."""
     changes = PHYSICS_CHANGES | (EDGELESS_CHANGES if scene.edgeless else {})
+    changes |= LARGE_CHANGES if _is_large(scene) else {}
     return {number: change for number, change in changes.items() if number > physics}
+
+
+def _is_large(scene: Scene) -> bool:
+    """Return whether the grid of a scene is a large one."""
+    rows, columns = scene.shape
+    return rows * columns >= LARGE_NODES
 
 
 RESERVED = frozenset((*(column.name for column in COLUMNS), RUNTIME, "sample", "x", "y", "area"))

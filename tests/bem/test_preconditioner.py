@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bem
+from bem import preconditioner
 from bem.convolution import Filter
 from bem.influence import KERNELS, Kernel
 from bem.preconditioner import circulant_inverse, half_space_preconditioner
@@ -99,3 +100,20 @@ def test_it_is_near_the_inverse_on_rough_contacts_of_any_size(level: int, delta:
     identity = np.eye(contact.size)
     np.linalg.cholesky(similar - 0.8 * identity)  # LinAlgError if an eigenvalue is below 0.8
     np.linalg.cholesky(6 * identity - similar)  # or above 6
+
+
+@pytest.mark.parametrize("rows", [(0, 12), (5, 6), (3, 9)])
+@pytest.mark.parametrize("size", [1, 30, 2000])
+def test_sums_over_blocks_in_pieces_are_those_of_the_whole_list(
+    monkeypatch: pytest.MonkeyPatch, size: int, rows: tuple[int, int]
+) -> None:
+    """Rows of blocks ascend, blocks of a row may alternate; some rows have no node."""
+    monkeypatch.setattr(preconditioner, "PIECE", 16)
+    random = np.random.default_rng(size)
+    row = np.sort(random.integers(*rows, size))
+    blocks, values = 9 * row + random.integers(0, 9, size), random.standard_normal(size)
+    for weights in (values, None):
+        field = np.full((12, 9), np.nan)
+        preconditioner._sum_by_rows(field, blocks, weights)
+        expected = np.bincount(blocks, weights=weights, minlength=field.size)
+        np.testing.assert_array_equal(field.reshape(-1), expected)

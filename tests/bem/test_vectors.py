@@ -57,3 +57,17 @@ def test_a_nan_is_the_largest_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
         values = np.arange(40.0)
         values[place] = np.nan
         assert np.isnan(vectors.largest_magnitude(values))
+
+
+@pytest.mark.parametrize("size", [0, 1, 7, 8, 100])
+def test_sums_of_pieces_are_added_in_their_order(
+    monkeypatch: pytest.MonkeyPatch, size: int
+) -> None:
+    monkeypatch.setattr(vectors, "PIECE", 8)
+    values = np.random.default_rng(size).standard_normal(size)
+    found = []
+    for threads in (1, 3):
+        with on_threads(threads):
+            found.append(vectors.sum_of(lambda piece: float(values[piece].sum()), size))
+    assert found[0] == found[1]
+    assert found[0] == pytest.approx(float(values.sum()), rel=1e-14, abs=1e-14)

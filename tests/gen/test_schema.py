@@ -82,7 +82,9 @@ def test_every_reason_has_a_text():
 def test_every_physics_number_says_what_it_changed():
     assert list(PHYSICS_CHANGES) == list(range(2, PHYSICS + 1))
     assert list(schema.EDGELESS_CHANGES) == list(range(PHYSICS + 1, schema.EDGELESS_PHYSICS + 1))
-    for change in (PHYSICS_CHANGES | schema.EDGELESS_CHANGES).values():
+    later = range(schema.EDGELESS_PHYSICS + 1, schema.LARGE_PHYSICS + 1)
+    assert list(schema.LARGE_CHANGES) == list(later)
+    for change in (PHYSICS_CHANGES | schema.EDGELESS_CHANGES | schema.LARGE_CHANGES).values():
         assert change.isprintable()
         assert 20 < len(change) < 200
 

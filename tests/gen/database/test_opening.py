@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 from small_databases import PHYSICS, raise_physics, small
 
+from bem.displacement_control import NESTED
+from bem.iterate import LONG
+from bem.large_filter import LARGE_NODES
 from gen import database, schema
 from gen.database import Reader, Writer, create, merge, open_or_create
 from gen.runtime.errors import InputError
@@ -145,3 +148,19 @@ def test_patches_without_edges_have_a_number_of_their_own(tmp_path):
     with pytest.raises(InputError, match="physics 4, this version computes physics 5"):
         open_or_create(path, periodic)
     assert list(schema.changes_since(schema.PHYSICS, periodic)) == [schema.EDGELESS_PHYSICS]
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic"])
+def test_large_grids_have_a_number_of_their_own(boundary):
+    """From the number of nodes on at which the solver sums and transforms in another order."""
+    assert schema.LARGE_NODES == LARGE_NODES == LONG == NESTED**2
+    edgeless = boundary == "periodic"
+    below, above = (
+        Scene(samples=1, surface=DisplacedSurface(nodes=nodes), contact={"boundary": boundary})
+        for nodes in (513, 1025)
+    )
+    assert schema.physics_of(below) == (schema.EDGELESS_PHYSICS if edgeless else schema.PHYSICS)
+    assert schema.physics_of(above) == schema.LARGE_PHYSICS
+    since = list(schema.changes_since(schema.PHYSICS, above))
+    assert since == [*([schema.EDGELESS_PHYSICS] if edgeless else []), schema.LARGE_PHYSICS]
+    assert not schema.changes_since(schema.LARGE_PHYSICS, above)
