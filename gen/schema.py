@@ -52,7 +52,7 @@ EDGELESS_CHANGES: dict[int, str] = {
 """What changed in the results of patches without edges alone."""
 
 LARGE_CHANGES: dict[int, str] = {
-    6: "grids of a million nodes or more start from a looser solve of a coarser grid, and transforms"
+    6: "grids of a million nodes or more start from a looser solve of a coarser grid; transforms"
     " and long sums round in another order: forces differ within the tolerance",
 }
 """What changed in the results of large grids alone."""
