@@ -82,6 +82,25 @@ def test_surrogates_are_as_good_as_is_said(page: str, sentence: str) -> None:
     assert stated(page, sentence) == [float(best["nmae_percent"]), float(best["r2_percent"])]
 
 
+def test_feature_sets_are_worth_what_is_said() -> None:
+    quarters = [100 * float(row["covered"]) for row in rows("features/coverage.csv")]
+    ends = stated(
+        "docs/how-to/surrogates.md", "In every quarter of the area, # to # % of the rows lie inside"
+    )
+    assert ends == [round(min(quarters)), round(max(quarters))]
+    found = {row["features"]: row for row in rows("features/features.csv")}
+    solves = stated(
+        "docs/how-to/surrogates.md",
+        "of a new surface cost # solves with 33 blocks and # solves with 65",
+    )
+    assert solves == [round(float(row["solves"]), 2) for row in found.values()]
+    small: dict[str, list[float]] = {}
+    for row in rows("features/features.csv"):
+        small.setdefault(row["features"], []).append(float(row["small_p95"]))
+    within = stated("docs/how-to/surrogates.md", "areas below 0.5 % are within # and # % of")
+    assert within == [round(sum(each) / len(each)) for each in small.values()]
+
+
 def test_bodies_that_yield_are_compared_as_is_said() -> None:
     low, high, least, most = stated(
         "docs/results/reports.md",

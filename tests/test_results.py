@@ -81,7 +81,8 @@ SHOWN = {
     "models": (1, 1, 0xA9BC842C),
     "tolerance": (1, 1, 0xD323C97D),
     "generalisation": (1, 1, 0x7C75B17C),
-    "coverage": (0, 1, 0xDDB9F6E0),
+    "features": (1, 1, 0x1262A315),
+    "coverage": (0, 1, 0x59D3C47E),
     "scans": (1, 1, 0xDC542C07),
     "grow": (2, 1, 0xB233A737),
     "cost": (1, 1, 0xA3F87E7F),
@@ -170,6 +171,11 @@ def test_what_the_manual_says_of_unflagged_rows_is_what_was_counted() -> None:
     assert "{} and {} % on finer grids".format(*of(share, *pairs)) in words
     (left_out,) = of(share, ("broad without diamond-square", "diamond-square"))
     assert f"are left out, {left_out} % of the rows without a flag" in words
+    scenes = [f"diamond-square: broad-{name}" for name in ("rmd", "yielding")]
+    elastic, yielding = of(share, *(("broad without diamond-square", each) for each in scenes))
+    assert f"{elastic} % of the elastic ones, but {yielding} % of those of bodies" in words
+    (flagged,) = of("flagged", ("broad without spectra", "spectra"))
+    assert f"without the spectra flags {flagged} % of the rows of spectra" in words
 
 
 def test_nothing_large_is_published() -> None:

@@ -93,7 +93,8 @@ CHAPTERS = {
     "The farm": ("scale/scale",),
     "Surrogates: what they are worth, and what they cost": (
         *("page/comparison", "page/tuning", "page/grids", "surrogates/models"),
-        *("surrogates/tolerance", "surrogates/generalisation", "surrogates/coverage"),
+        *("surrogates/features", "surrogates/tolerance"),
+        *("surrogates/generalisation", "surrogates/coverage"),
         *("populations/scans", "populations/grow"),
         *("surrogates/cost", "surrogates/throughput", "memory"),
     ),
