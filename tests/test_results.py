@@ -83,7 +83,7 @@ SHOWN = {
     "generalisation": (1, 1, 0x7C75B17C),
     "features": (1, 1, 0x1262A315),
     "coverage": (0, 1, 0x59D3C47E),
-    "scans": (1, 1, 0xDC542C07),
+    "scans": (1, 1, 0xEAEA4AD3),
     "grow": (2, 1, 0xB233A737),
     "cost": (1, 1, 0xA3F87E7F),
     "throughput": (0, 1, 0x5D0897D2),

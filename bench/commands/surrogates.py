@@ -132,7 +132,8 @@ def scans(
     """Test surrogates on windows of maps: on parts of maps that they have not seen, and other maps.
 
     Writes twenty made maps into DIR/maps, generates databases of their windows in DIR/databases,
-    goes on there after Ctrl-C; DIR/scans.csv, .txt and .png. Ten minutes; fewer rows give a look.
+    goes on there after Ctrl-C; DIR/scans.csv, .txt and .png. Twenty minutes; fewer rows give a
+    look.
     """
     from bench.populations.scans import report
     from bench.populations.scans import scans as measure

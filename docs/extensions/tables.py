@@ -152,6 +152,7 @@ def scans() -> list[str]:
             shares = [f"{100 * float(row[name]):.1f}" for name in names]
             flagged = round(float(row["wrong"]) * float(row["wrong_flagged"] or 0))
             wrong = f"{float(row['width']):.2f} | {row['wrong']}, {flagged}"
+            wrong += f" | {1000 * float(row['wrong_unflagged']):.1f}"
             size = f"{row['nodes']} x {row['nodes']} nodes, {row['left_out']}"
             lines.append(f"| {size} | {pair(row, 'r2', 'nmae')} | {' | '.join(shares)} | {wrong} |")
     return lines
@@ -354,6 +355,7 @@ TABLES = {
             "of the others, in the interval [%]",
             "mean width [% of area]",
             "wrong rows, flagged ones",
+            "wrong of those not flagged [‰]",
         ),
         scans,
         ("scans/scans.csv",),
