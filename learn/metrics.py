@@ -14,7 +14,7 @@ class Scores:
     Attributes
     ----------
     nmse : float
-        Mean squared error over the mean truth; it carries the target's unit.
+        Mean squared error over the mean truth; it carries the target's unit (see `spread`).
     nmae : float
         Mean absolute error over the mean truth.
     nmaxe : float
@@ -63,17 +63,37 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
     )
 
 
+def spread(truth: ArrayLike) -> float:
+    """Return the variance of the truth over its mean, in the target's unit.
+
+    It is the factor between nMSE and unexplained variance: nMSE = (1 - R2) times the spread. So the
+    nMSE carries the target's unit, and differs between data sets on which R2 is the same.
+
+    Parameters
+    ----------
+    truth : array_like, shape (n,)
+        Solved values, with a mean other than zero.
+    """
+    known = np.asarray(truth, dtype=float)
+    return float(known.var() / known.mean())
+
+
 BOOTSTRAP = 1000
-"""Draws of a bootstrap."""
+"""Resamples of a bootstrap."""
+
+LEVEL = 0.9
+"""Coverage of intervals, where nothing else is asked for."""
 
 
 def bootstrap(
-    truth: ArrayLike, prediction: ArrayLike, level: float = 0.9
+    truth: ArrayLike, prediction: ArrayLike, level: float = LEVEL, groups: ArrayLike | None = None
 ) -> dict[str, tuple[float, float]]:
-    """Return intervals of the scores: quantiles over draws of the rows, with replacement.
+    """Return intervals of the scores: quantiles over resamples of the rows, with replacement.
 
     They tell how much a score would differ on other rows of the same kind, with the same model. The
-    largest error has none: a draw cannot exceed it.
+    largest error has none: a resample cannot exceed it. Rows of one group are drawn together: a
+    model errs alike on rows of one surface, and rows drawn one by one would make too much of them
+    (B. Efron and R. Tibshirani, An Introduction to the Bootstrap, chapter 8).
 
     Parameters
     ----------
@@ -81,28 +101,41 @@ def bootstrap(
         See `scores`.
     level : float
         Coverage of the intervals, between 0 and 1.
+    groups : array_like, shape (n,), optional
+        Group of each row, as the number of its surface; rows of their own if left out.
 
     Returns
     -------
     dict of str to tuple of float
-        Low and high of "nmse", "nmae" and "r2" [%].
+        Low and high of "nmse", "nmae" and "r2" [%]; empty for a single group.
     """
     scores(truth, prediction)  # refuses vectors whose scores are undefined
     known = np.asarray(truth, dtype=float)
     error = np.abs(np.asarray(prediction, dtype=float) - known)
+    own = np.arange(known.size) if groups is None else np.unique(groups, return_inverse=True)[1]
+    number = int(own.max()) + 1
+    if number < 2:
+        return {}
+    middle = float(known.mean())  # variances are of the distances from it, without cancellation
+    each = np.ones_like(known), error**2, error, known - middle, (known - middle) ** 2
+    sums = np.stack([np.bincount(own, part, number) for part in each], axis=1)
     generator = np.random.default_rng(0)
     drawn: dict[str, list[float]] = {"nmse": [], "nmae": [], "r2": []}
     for _ in range(BOOTSTRAP):
-        rows = generator.integers(known.size, size=known.size)
-        mean, variance = known[rows].mean(), known[rows].var()
-        if mean == 0 or variance == 0:  # one row alone, drawn again and again
+        rows, *totals = sums[generator.integers(number, size=number)].sum(axis=0)
+        square, absolute, distance, distances = (float(total / rows) for total in totals)
+        mean, variance = middle + distance, distances - distance**2
+        if mean == 0 or variance <= ROUNDING * float(known.var()):  # one group, again and again
             continue
-        square = float((error[rows] ** 2).mean())
         drawn["nmse"].append(100 * square / mean)
-        drawn["nmae"].append(100 * float(error[rows].mean()) / mean)
+        drawn["nmae"].append(100 * absolute / mean)
         drawn["r2"].append(100 * (1 - square / variance))
     low, high = (1 - level) / 2, (1 + level) / 2
     return {
         name: (float(np.quantile(each, low)), float(np.quantile(each, high)))
         for name, each in drawn.items()
     }
+
+
+ROUNDING = 1e-12
+"""Share of the variance of all rows below which that of a resample is rounding."""

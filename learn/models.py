@@ -16,7 +16,8 @@ NORMALISATIONS = ("l2", "standard", "min-max", "none")
 deviation 1, every input to 0..1, or none."""
 
 LONG_TRAINING = 20_000
-"""Epochs of the tuned multi-layer perceptron; its search and its baseline have 200, the default."""
+"""Epochs of the multi-layer perceptron in its search and in its winner's fit; the baseline has 200,
+the default."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,8 @@ class Model:
     estimator : callable
         Makes the baseline's estimator from a seed.
     tuned : mapping
-        Settings of the search that differ from the baseline's.
-    refit : mapping
-        Settings of the winner's last fit that differ from the search's.
+        Settings that all candidates of a search share, in the search as in the winner's fit to all
+        rows, and that differ from the baseline's.
     staged : str
         Setting of the number of estimators, where one fit yields the predictions of all smaller
         numbers; "" for other models.
@@ -44,7 +44,6 @@ class Model:
     title: str
     estimator: Callable[[int], Any]
     tuned: Mapping[str, Any] = field(default_factory=dict)
-    refit: Mapping[str, Any] = field(default_factory=dict)
     staged: str = ""
 
 
@@ -138,7 +137,7 @@ MODELS: dict[str, Model] = {
             "MLP Regressor",
             _perceptron,
             # L-BFGS counts evaluations too, and its default would end the training before.
-            refit={"max_iter": LONG_TRAINING, "max_fun": 2 * LONG_TRAINING},
+            tuned={"max_iter": LONG_TRAINING, "max_fun": 2 * LONG_TRAINING},
         ),
     )
 }

@@ -6,11 +6,8 @@ Its ranges (Table 1) stand in `gen.schema`, its search spaces and optima (Table 
 (section 2.4) in `bench.hertz`: modules here take them from there.
 """
 
-from statistics import median
-
 from bench.surrogates.times import PAPER_ROWS, PAPER_TESTS
 from gen.schema import COLUMNS
-from learn.comparison import paper
 from learn.metrics import Scores
 
 GRIDS = (2, 8, 32, 128)  # cells a side of the surfaces that show how the generator works
@@ -23,12 +20,3 @@ TUNING_PAYS = 14  # evaluations after which the search for settings has paid (se
 # Smallest and largest value of each quantity of Table 1.
 RANGES = {column.name: column.paper_range for column in COLUMNS if column.paper_range}
 AREA_MAX = RANGES["area_percent"][1]  # largest area in the paper's database [%]
-
-
-def spread_of(scores: Scores) -> float:
-    """Return variance over mean of the test areas, by nMSE and R2 of a model [%]."""
-    return scores.nmse / (100 - scores.r2)
-
-
-# That of the paper's test rows, the median over Table 4.
-SPREAD = median(spread_of(each) for kind in paper.TEST.values() for each in kind.values())

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.page.content import Content
-from bench.paper.facts import SPREAD, TRAIN_ROWS, spread_of
+from bench.paper.facts import TRAIN_ROWS
 from bench.paper.texts import DIGITS, ratio, table, why
 from bench.table import write_table
 from gen.runtime.errors import InputError
@@ -44,11 +44,11 @@ def results(folder: Folder, kind: str) -> Shown:
 
 def _scored(folder: Folder) -> list[tuple[str, str, dict[str, Any]]]:
     """Return model, kind and result of all that have scores."""
-    return [each for each in tables.results(folder) if each[2].get("test") is not None]
+    return [each for each in folder.results() if each[2].get("test") is not None]
 
 
 def spread(folder: Folder) -> float:
-    """Return variance over mean of the test areas [%], as in `facts.SPREAD`."""
+    """Return variance over mean of the test areas [%], as in `paper.SPREAD`."""
     model, kind, _ = _scored(folder)[0]
     truth, _ = folder.prediction(kind, model)
     return float(truth.var() / truth.mean())
@@ -120,7 +120,7 @@ def table_4(folder: Path, comparison: Path) -> list[Content]:
     header = ("model", "result", *pairs, "nMAE_ratio", "unexplained_ratio", "explanation")
     path = write_table(folder / "table-4.csv", header, rows)
     trained = ours.record()["conditions"]["train_rows"]
-    return [table(path, rows=trained, papers=TRAIN_ROWS, here=here, there=SPREAD)]
+    return [table(path, rows=trained, papers=TRAIN_ROWS, here=here, there=paper.SPREAD)]
 
 
 def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float) -> Iterator[str]:
@@ -141,8 +141,8 @@ def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float
 def _why(theirs: Scores, unexplained: float, here: float) -> str:
     """Say what is known about the distance of a row from the paper's."""
     reasons = [] if unexplained <= ALIKE else ["worse R2: not explained"]
-    if abs(spread_of(theirs) / SPREAD - 1) > BELONG:
+    if abs(paper.spread_of(theirs) / paper.SPREAD - 1) > BELONG:
         reasons.append(why("two-spreads"))
     if unexplained <= ALIKE:
-        reasons.append(f"R2 alike; nMSE x {here / SPREAD:.2g} by the areas' spread")
+        reasons.append(f"R2 alike; nMSE x {here / paper.SPREAD:.2g} by the areas' spread")
     return "; ".join(reasons)

@@ -7,13 +7,14 @@ from bench.page.content import Content
 from bench.paper import cost as costs
 from bench.paper import database as databases
 from bench.paper import models
-from bench.paper.facts import AREA_MAX, LONGEST_SOLVE, SPREAD, TRAIN_ROWS, TUNING_PAYS
+from bench.paper.facts import AREA_MAX, LONGEST_SOLVE, TRAIN_ROWS, TUNING_PAYS
 from bench.paper.texts import ratio, table, why
 from bench.surrogates import times
 from bench.surrogates.times import PAPER_ROWS, PAPER_SOLVE
 from bench.table import write_table
 from gen.database import Reader
 from gen.schema import Status
+from learn.comparison import paper
 from learn.surrogate.break_even import time_of
 
 Row = tuple[str, str, str, str, str, str]
@@ -60,7 +61,7 @@ def _of_the_comparison(comparison: Path) -> Iterator[Row]:
     yield _row("rows that train", "3.2", TRAIN_ROWS, found["train_rows"], reason, "{:,.0f}")
     yield _row("rows that test", "3.2", times.PAPER_TESTS, found["test_rows"], reason, "{:,.0f}")
     what, here = "variance of test areas over their mean [%]", models.spread(folder)
-    yield _row(what, "Table 4", SPREAD, here, why("spread"), "{:.3g}")
+    yield _row(what, "Table 4", paper.SPREAD, here, why("spread"), "{:.3g}")
 
 
 def _of_the_cost(cost: Path) -> Iterator[Row]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bench.page.asked import lines as answers
 from gen.schema import markdown_table
-from learn.comparison.tables import hours
+from learn.comparison.search_tables import hours
 from learn.models import MODELS
 
 RESULTS = Path(__file__).resolve().parents[2] / "bench" / "results"

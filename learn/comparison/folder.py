@@ -1,7 +1,7 @@
 """A comparison folder: the data and conditions of a comparison, and its results.
 
     area/comparison.json        conditions of all results: data, scene, options, seeds, versions
-    area/rows.csv               row of the database, part, fold
+    area/rows.csv               row of the database, part, fold, group that is kept together
     area/trials/MODEL.jsonl     finished fits of a search (`learn.comparison.search.trials`)
     area/baseline/MODEL.json    settings, scores, times; MODEL.csv has the test rows' predictions
     area/tuned/MODEL.json       the same for a search's winner, and how it was searched
@@ -14,7 +14,7 @@ Each target has a folder (here area). Files are written beside their place and t
 
 import csv
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from learn.arrays import Values
 from learn.comparison import records
 from learn.dataset import Dataset
 from learn.features import chosen
+from learn.models import MODELS
 from learn.split import FOLDS, Split
 
 LIBRARIES = ("numpy", "scipy", "scikit-learn", "xgboost-cpu")
@@ -115,10 +116,13 @@ class Folder:
         InputError
             If the folder belongs to another comparison, or cannot be written.
         """
-        if (self.path / "comparison.json").exists():
+        known = (self.path / "comparison.json").exists()
+        if known:
             self._check(agreed)
+        if not known or self.test_groups() is None:  # older folders do not name the groups
+            self.write_table("rows.csv", ("row", "part", "fold", "group"), _rows(dataset, split))
+        if known:
             return
-        self.write_table("rows.csv", ("row", "part", "fold"), _rows(dataset, split))
         self.write_json(
             "comparison.json",
             {
@@ -130,6 +134,7 @@ class Folder:
                 "dropped_rows": dataset.dropped,
                 "surfaces": int(np.unique(dataset.groups).size),
                 "split_by_surface": split.by_surface,
+                "split_by_tile": dataset.by_tile,
                 "unit": dataset.unit,
                 "threads": 1,
             },
@@ -176,6 +181,14 @@ class Folder:
         """
         return documents.read(self.path / kind / f"{model}.json", *records.KINDS[kind])
 
+    def results(self) -> Iterator[tuple[str, str, dict[str, Any]]]:
+        """Yield model, kind and result of each result, in the order of the paper's Table 4."""
+        for model in MODELS:
+            for kind in KINDS:
+                result = self.result(kind, model)
+                if result is not None:
+                    yield model, kind, result
+
     def prediction(self, kind: str, model: str) -> tuple[Values, Values]:
         """Read truth and prediction of the test rows.
 
@@ -206,6 +219,31 @@ class Folder:
         if not (np.abs(table) < LARGEST).all():
             raise InputError(f"{path}: holds values that are not finite: move it away")
         return truth, prediction
+
+    def test_groups(self) -> Values | None:
+        """Read the group of each test row, in the order of the predictions.
+
+        Rows of one surface, or of one tile of a map, are of one group.
+
+        Returns
+        -------
+        ndarray, shape (m,), or None
+            Numbers of the groups; None for a folder that is older than they are, or lacks the file.
+
+        Raises
+        ------
+        InputError
+            If the file is damaged.
+        """
+        path = self.path / "rows.csv"
+        try:
+            rows = [*csv.DictReader(documents.read_bytes(path).decode().splitlines())]
+            groups = [float(row["group"]) for row in rows if row["part"] == "test"]
+        except (FileNotFoundError, KeyError):
+            return None
+        except (ValueError, TypeError, csv.Error) as error:
+            raise InputError(f"{path} cannot be read: {error}: move it away") from None
+        return np.array(groups)
 
     def write_json(self, name: str, content: dict[str, Any]) -> Path:
         """Write a JSON file of the folder, and return its path."""
@@ -262,8 +300,9 @@ def targets(path: Path) -> list[Folder]:
 
 
 def _rows(dataset: Dataset, split: Split) -> Iterable[tuple[object, ...]]:
-    """Yield the lines of rows.csv."""
+    """Yield the lines of rows.csv. Rows that were split one by one are groups of their own."""
+    groups = dataset.groups if split.by_surface else np.arange(dataset.size)
     for position, fold in zip(split.train, split.folds, strict=True):
-        yield int(dataset.rows[position]), "train", int(fold)
+        yield int(dataset.rows[position]), "train", int(fold), int(groups[position])
     for position in split.test:
-        yield int(dataset.rows[position]), "test", ""
+        yield int(dataset.rows[position]), "test", "", int(groups[position])

@@ -251,8 +251,8 @@ def _settings(folder: Folder, model: str, features: str) -> tuple[Settings, str]
     """Return the settings of the tuned model, or untuned ones, and their origin."""
     result = folder.result("tuned", model)
     tuned = settings_of(folder, model)
-    if tuned and result and result["test"]:
-        return tuned[0], "tuned here"
+    if tuned and tuned.of_grid and result and result["test"]:
+        return tuned.settings, "tuned here"
     origin, settings = untuned(model, features)
     settings.pop("criterion", None)  # another name of the default
     return settings, origin

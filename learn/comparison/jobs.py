@@ -17,6 +17,7 @@ from learn.comparison.preparation import prepare
 from learn.comparison.results import (
     has_winner,
     print_result,
+    winner_of,
     write_cost,
     write_failure,
     write_fit,
@@ -25,6 +26,7 @@ from learn.comparison.results import (
 from learn.comparison.search import budget, pruning, spaces, whole_grid
 from learn.comparison.search.grid_search import GridSearch
 from learn.comparison.search.spaces import Space
+from learn.comparison.search.staged import require_served
 from learn.comparison.search.trials import Trials
 from learn.comparison.timing import FitResult, TimedFit, fit_and_time
 from learn.comparison.training_data import Training
@@ -57,10 +59,14 @@ class _Target:
     def searching(self, model: Model, source: str, space: Space) -> Iterator[GridSearch]:
         """Open the finished fits of a model's grid, whose name is `source`."""
         grid = pruning.grid(model, space, self.training.columns)
+        features, columns = self.request.features, self.training.columns
+        _, known = spaces.untuned(model.name, features)
+        optimum = grid.number_of(pruning.canonical_settings(model, known, columns))
+        carried = spaces.baseline(model.name, features), optimum
         path = self.folder.path / "trials" / f"{model.name}.jsonl"
         with Trials(path, self.folder.record()["conditions"]) as trials:
             context = self.training, trials, self.executor, self.stopping
-            yield GridSearch(model, grid, *context, source=source)
+            yield GridSearch(model, grid, *context, source, *carried)
 
 
 class _Clock:
@@ -124,7 +130,8 @@ def tune(request: Request, executor: Executor, given: Mapping[str, Space] | None
     executor : Executor
         Does the fits.
     given : mapping, optional
-        A grid for each model; those of `learn.comparison.search.spaces` if left out.
+        A grid for each model; those of `learn.comparison.search.spaces` if left out. Boosting whose
+        first trees are no model of their own (DART, linear, or stopped early) is refused.
 
     Returns
     -------
@@ -137,15 +144,13 @@ def tune(request: Request, executor: Executor, given: Mapping[str, Space] | None
         For input that cannot be used.
     """
     models = models_named(list(request.models))
+    grids = _grids(request, models, given)
     clock = _Clock(request.limit, len(models) * len(request.targets))
     with Interruption(listening=True) as interruption:
         for target in _targets(request, models, executor, interruption, searched=True):
             for model in models:
                 if not interruption.requested():
-                    grid = spaces.of(model.name, request.features)
-                    if given is not None:
-                        grid = spaces.GIVEN, given[model.name]
-                    with target.searching(model, *grid) as grid_search:
+                    with target.searching(model, *grids[model.name]) as grid_search:
                         _tune_model(target, grid_search, clock.share())
     return interruption.signal
 
@@ -171,17 +176,29 @@ def estimate(request: Request, executor: Executor) -> int:
         For input that cannot be used.
     """
     models = models_named(list(request.models))
+    grids = _grids(request, models)
     clock = _Clock(request.limit, len(models) * len(request.targets))
     with Interruption(listening=True) as interruption:
         for target in _targets(request, models, executor, interruption, searched=True):
             for model in models:
                 if not interruption.requested():
-                    grid = spaces.of(model.name, request.features)
-                    with target.searching(model, *grid) as grid_search:
+                    with target.searching(model, *grids[model.name]) as grid_search:
                         cost = whole_grid.estimate(grid_search, clock.share() or 0.0)
                         if cost is not None:
                             write_cost(target.folder, grid_search, cost)
     return interruption.signal
+
+
+def _grids(
+    request: Request, models: list[Model], given: Mapping[str, Space] | None = None
+) -> dict[str, tuple[str, Space]]:
+    """Return the name and the values of each model's grid, before any row is read."""
+    grids = {model.name: spaces.of(model.name, request.features) for model in models}
+    if given is not None:
+        grids = {model.name: (spaces.GIVEN, given[model.name]) for model in models}
+    for model in models:
+        require_served(model, grids[model.name][1])
+    return grids
 
 
 def _targets(
@@ -222,14 +239,14 @@ def _fit_baselines(target: _Target, models: list[Model]) -> None:
 
 
 def _tune_model(target: _Target, grid_search: GridSearch, limit: float | None) -> None:
-    """Search one model's grid, and fit and time the winner."""
+    """Search one model's grid, and fit and time the winner, which may be the baseline."""
     folder, model = target.folder, grid_search.model
     search = grid_search.whole() if limit is None else budget.search(grid_search, limit)
     if target.stopping():
         return
-    if search is None or search.scores.winner < 0:
+    every_fit_failed = search is not None and not search.scores.scored and search.scores.failures
+    if search is None or not search.scores.decided or every_fit_failed:
         write_failure(folder, model, search)
     elif target.request.again or not has_winner(folder, grid_search, search):
-        winner = grid_search.grid.differing[search.scores.winner]
-        result = target.timed(TimedFit(model.name, winner, tuned=True))
+        result = target.timed(winner_of(grid_search, search))
         write_search(folder, grid_search, search, result)

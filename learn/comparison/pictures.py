@@ -48,7 +48,7 @@ def draw(folder: Folder) -> list[Path]:
     record = folder.record()
     shown = [
         (model, kind, result)
-        for model, kind, result in tables.results(folder)
+        for model, kind, result in folder.results()
         if result.get("test") is not None
     ]
     if not shown:

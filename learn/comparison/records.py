@@ -1,6 +1,6 @@
 """The contents of a comparison folder's JSON files, checked whenever one of them is read."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -74,6 +74,11 @@ class Search(Document):
     fits_nominal: Count
     fits: Count
     r2_folds: list[Score]
+    winner: Literal["grid", "optimum", "baseline"] | None = None
+    grid_r2_folds: list[Score] = Field(default_factory=list)
+    optimum_r2_folds: list[Score] = Field(default_factory=list)
+    baseline_r2_folds: list[Score] = Field(default_factory=list)
+    baseline_fits: Count = 0
     failures: dict[str, Count]
     remarks: dict[str, Count]
 
@@ -90,7 +95,7 @@ class Result(Document):
     model: str
     settings: dict[str, Setting]
     settings_key: str
-    refit: dict[str, Setting]
+    refit: dict[str, Setting] = Field(default_factory=dict)
     fitted: dict[str, str]
     test: Scored | None
     train: Scored | None
@@ -142,6 +147,7 @@ class Trial(Document):
     failure: str = ""
     remark: str = ""
     seconds: Seconds = 0.0
+    collapsed: bool = False
 
 
 KINDS: dict[str, tuple[type[Document], ...]] = {

@@ -1,8 +1,10 @@
 """Write a job's results to its folder and report them."""
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
+
+import numpy as np
 
 from gen.runtime.progress import RunProgress
 from learn import split
@@ -34,15 +36,38 @@ def has_winner(folder: Folder, grid_search: GridSearch, search: SearchResult) ->
         The search, which has a winner.
     """
     result = folder.result("tuned", grid_search.model.name)
-    winner = grid_search.grid.differing[search.scores.winner]
     return (
         result is not None
         and "settings" in result
-        and result["settings_key"] == pruning.key(winner)
+        and result["settings_key"] == _key(winner_of(grid_search, search), grid_search.training)
+        and result["search"].get("winner") == _kind_of_winner(grid_search, search)
         and result["search"]["how"] == search.how
         and result["search"].get("grid", TABLE_2) == grid_search.source
         and result["search"]["candidates_scored"] == search.scores.scored
     )
+
+
+def winner_of(grid_search: GridSearch, search: SearchResult) -> TimedFit:
+    """Return the winner of a search, to be fitted to all rows.
+
+    Parameters
+    ----------
+    grid_search : GridSearch
+        Model, grid and baseline.
+    search : SearchResult
+        The search, which has a winner: a candidate of the grid, or the baseline.
+    """
+    name, scores = grid_search.model.name, search.scores
+    if scores.baseline_wins:
+        return TimedFit(name, grid_search.baseline or {}, tuned=True, baseline=True)
+    return TimedFit(name, grid_search.grid.differing[scores.winner], tuned=True)
+
+
+def _kind_of_winner(grid_search: GridSearch, search: SearchResult) -> str:
+    """Name the winner's place: the grid, its optimum by the paper, or the baseline."""
+    if search.scores.baseline_wins:
+        return "baseline"
+    return "optimum" if search.scores.winner == grid_search.optimum else "grid"
 
 
 def write_search(
@@ -63,17 +88,22 @@ def write_search(
     """
     model, grid, scores = grid_search.model, grid_search.grid, search.scores
     folder.write_table(f"tuned/{model.name}-grid.csv", *_candidates(grid, scores))
-    task = TimedFit(model.name, grid.first(scores.winner), tuned=True)
+    task = winner_of(grid_search, search)
+    if not task.baseline:
+        task = replace(task, settings=grid.first(scores.winner))
     report = _report(grid_search, search)
     write_fit(folder, task, grid_search.training, result, report, search.seconds)
     for text, number in [*scores.failures.items(), *scores.remarks.items()]:
         _say(f"{model.title}: {number} of {scores.folds.size} scores: {text}")
     print_result(_say, task, result)
+    if scores.baseline_wins:
+        _say(f"{model.title}: no candidate was better than the baseline over {split.FOLDS} folds")
 
 
 def _report(grid_search: GridSearch, search: SearchResult) -> dict[str, Any]:
     """Describe a search in the result of its winner."""
     grid, scores = grid_search.grid, search.scores
+    own = [] if np.isnan(scores.baseline).any() else scores.baseline.tolist()
     return {
         "how": search.how,
         "grid": grid_search.source,
@@ -83,10 +113,19 @@ def _report(grid_search: GridSearch, search: SearchResult) -> dict[str, Any]:
         "candidates_scored": scores.scored,
         "fits_nominal": split.FOLDS * grid.nominal,
         "fits": scores.fits,
-        "r2_folds": [100 * float(score) for score in scores.folds[scores.winner]],
+        "baseline_fits": scores.baseline_fits,
+        "winner": _kind_of_winner(grid_search, search),
+        "r2_folds": _percent(own if scores.baseline_wins else scores.of(scores.winner)),
+        "grid_r2_folds": _percent(scores.of(scores.winner)),
+        "optimum_r2_folds": _percent(scores.of(grid_search.optimum)),
+        "baseline_r2_folds": _percent(own),
         "failures": scores.failures,
         "remarks": scores.remarks,
     }
+
+
+def _percent(scores: list[float]) -> list[float]:
+    return [100 * score for score in scores]
 
 
 def write_failure(folder: Folder, model: Model, search: SearchResult | None) -> None:
@@ -101,7 +140,7 @@ def write_failure(folder: Folder, model: Model, search: SearchResult | None) -> 
     search : SearchResult or None
         The search, None if it finished no candidate.
     """
-    reason = "no candidate was finished within the time"
+    reason = f"neither baseline nor candidate was finished on {split.FOLDS} folds within the time"
     if search is not None:
         reason = "; ".join(search.scores.failures) or reason
     folder.write_json(
@@ -159,19 +198,24 @@ def write_fit(
 
 def _content(task: TimedFit, training: Training, result: FitResult) -> dict[str, Any]:
     """Return the settings and scores of a result as its file holds them."""
-    model = MODELS[task.model]
-    canonical = pruning.canonical_settings(model, task.settings, training.columns)
     return {
         "model": task.model,
         "settings": task.settings,
-        "settings_key": pruning.key(canonical),
-        "refit": dict(model.refit) if task.tuned else {},
+        "settings_key": _key(task, training),
         "fitted": result.fitted,
         "test": None if result.test is None else asdict(result.test),
         "train": None if result.train is None else asdict(result.train),
         "failure": result.failure,
         "remarks": list(result.remarks),
     }
+
+
+def _key(task: TimedFit, training: Training) -> str:
+    """Return the line of text that identifies the settings of a fit."""
+    if not task.of_grid:
+        return pruning.baseline_key(task.settings)
+    canonical = pruning.canonical_settings(MODELS[task.model], task.settings, training.columns)
+    return pruning.key(canonical)
 
 
 def write_cost(folder: Folder, grid_search: GridSearch, cost: Cost) -> None:
@@ -203,6 +247,7 @@ def print_result(say: Say, task: TimedFit, result: FitResult) -> None:
         Scores and times.
     """
     title = f"{MODELS[task.model].title}, {task.kind}"
+    title += ", which is the baseline" if task.tuned and task.baseline else ""
     if result.test is None:
         say(f"warning: {title}: {result.failure}")
         return

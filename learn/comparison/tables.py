@@ -6,15 +6,16 @@ number of processes, the times are not.
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
 
 from gen.runtime.console import wide_console
-from learn.comparison import paper
+from gen.runtime.invocation import to_type
+from learn.comparison import intervals, paper, search_tables
 from learn.comparison.folder import KINDS, Folder
-from learn.comparison.search.spaces import TABLE_2, WHOLE
+from learn.comparison.intervals import Intervals
 from learn.models import MODELS
 
 SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}
@@ -22,28 +23,6 @@ SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}
 
 OUR_AREA = "area_percent"
 """The target of the paper's tables: beside any other its numbers would mislead."""
-
-SEARCHED = {
-    "how": "searched",
-    "rows": "rows",
-    "candidates": "candidates",
-    "candidates_differing": "candidates_differing",
-    "candidates_scored": "candidates_scored",
-    "fits_nominal": "fits_nominal",
-    "fits": "fits",
-}
-"""The extent of a search: its keys in a result, and its columns in tuning.csv."""
-
-
-class WholeGrid(NamedTuple):
-    """The time of a whole grid [s] and its standard error; see `search.whole_grid.Cost`."""
-
-    grid: str
-    seconds: float
-    error: float | None
-    fits: int
-    of: int
-    rows: int
 
 
 def names(target: str) -> list[str]:
@@ -87,21 +66,27 @@ def write(folder: Folder) -> list[Path]:
     target = str(folder.record()["conditions"]["target"])
     header = ["model", "result", *names(target), *(f"train_{name}" for name in names(target))]
     paper_header = [f"paper_{name}" for name in names(target)] if target == OUR_AREA else []
+    ends = [f"{name}_{end}" for name in _bounded(target) for end in ("low", "high")]
+    more = ["winner", *ends, "level", "resamples", "drawn", "variance_over_mean"]
     times = ["model", "result", "fit_s", "fits", "predict_test_s", "predict_row_s"]
-    search = ["model", "grid", *SEARCHED.values(), "settings"]
     return [
         folder.write_table(
-            "scores.csv", [*header, *paper_header, "failure"], _score_rows(folder, target)
+            "scores.csv", [*header, *paper_header, "failure", *more], _score_rows(folder, target)
         ),
         folder.write_table("times.csv", times, _time_rows(folder)),
-        folder.write_table("tuning.csv", search, _search_rows(folder)),
+        folder.write_table("tuning.csv", search_tables.HEADER, search_tables.rows(folder)),
         folder.write_table(
-            "tuning-times.csv", ["model", "fit_seconds", "paper_s"], _search_time_rows(folder)
+            "tuning-times.csv",
+            ["model", "fit_seconds", "paper_s"],
+            search_tables.time_rows(folder),
         ),
         folder.write_table(
             "whole-grids.csv",
-            ["model", *WholeGrid._fields, "paper_s"],
-            ([model, *cost, paper.TUNING_SECONDS[model]] for model, cost in _grid_costs(folder)),
+            ["model", *search_tables.WholeGrid._fields, "paper_s"],
+            (
+                [model, *cost, paper.TUNING_SECONDS[model]]
+                for model, cost in search_tables.grid_costs(folder)
+            ),
         ),
     ]
 
@@ -124,73 +109,114 @@ def show(folder: Folder) -> None:
         f" {conditions['test_rows']} test rows{limited}; {record['threads']} thread",
         highlight=False,
     )
-    console.print(_score_table(folder, str(conditions["target"])))
+    target = str(conditions["target"])
+    console.print(_score_table(folder, target))
+    _show_uncertainty(console, folder, target)
     if any(folder.result("tuned", model) for model in MODELS):
-        console.print(_search_table(folder, str(conditions["target"])))
-    if any(_grid_costs(folder)):
-        console.print(_grid_cost_table(folder))
-    for model, kind, result in results(folder):
-        if result.get("failure"):
-            text = f"{MODELS[model].title}, {kind}, failed: {result['failure']}"
-            console.print(text, highlight=False, markup=False, soft_wrap=True)
+        console.print(search_tables.table(folder, beside=target == OUR_AREA))
+    if any(search_tables.grid_costs(folder)):
+        console.print(search_tables.grid_cost_table(folder))
+    for line in _remarks(folder):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
-def results(folder: Folder) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Yield model, kind and result of each result in a folder, in Table 4's order.
+def _show_uncertainty(console: Any, folder: Folder, target: str) -> None:
+    """Print the intervals of the scores, and what the nMSE is."""
+    found = intervals.of(folder)
+    if found is None:
+        return
+    if found.of:
+        console.print(_interval_table(found, target))
+    elif not found.drawn:
+        again = to_type(f"learn compare DATABASE -o {folder.path.parent}")
+        line = f"no intervals: rows.csv is older than they are and names no surfaces: {again}"
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    if target == OUR_AREA:
+        console.print(nmse_note(found.spread), highlight=False, markup=False, soft_wrap=True)
+
+
+def nmse_note(spread: float) -> str:
+    """Say what the nMSE is, beside the R2 that it stands for.
 
     Parameters
     ----------
-    folder : Folder
-        The folder of a target.
+    spread : float
+        Variance of the solved areas of the test rows over their mean [%].
     """
-    for model in MODELS:
-        for kind in KINDS:
-            result = folder.result(kind, model)
-            if result is not None:
-                yield model, kind, result
+    return (
+        "nMSE has the target's unit: it is (1 - R2) times the variance of the test rows' areas over"
+        f" their mean, {spread:.2g} % of area here and {paper.SPREAD:.2g} % in the paper. At the"
+        f" same R2 the nMSE is {spread / paper.SPREAD:.2g} times the paper's: compare R2."
+    )
+
+
+def _remarks(folder: Folder) -> Iterator[str]:
+    """Yield the lines below the tables: baselines that won, older searches, failures."""
+    for model, kind, result in folder.results():
+        if result.get("failure"):
+            yield f"{MODELS[model].title}, {kind}, failed: {result['failure']}"
+        elif kind == "tuned" and result["search"].get("winner") == "baseline":
+            yield f"{MODELS[model].title}: the baseline wins, over five folds of all rows"
+    older = search_tables.undecided(folder)
+    if older:
+        again = f"learn tune DATABASE -o {folder.path.parent} --model {' --model '.join(older)}"
+        yield (
+            f"chosen before baselines were judged beside a search ({', '.join(older)}):"
+            f" {to_type(again)} decides anew by five folds of all rows"
+        )
+
+
+def _bounded(target: str) -> list[str]:
+    """Return the scores that have intervals: the largest error has none."""
+    return [name for name in names(target) if name != "nmaxe"]
 
 
 def _score_rows(folder: Folder, target: str) -> Iterator[list[object]]:
     """Yield the lines of scores.csv."""
-    for model, kind, result in results(folder):
+    found = intervals.of(folder)
+    for model, kind, result in folder.results():
         row: list[object] = [model, kind]
         for part in ("test", "train"):
             scored = result.get(part) or {}
             row += [scored.get(name, "") for name in names(target)]
         if target == OUR_AREA:
             row += [getattr(paper.TEST[kind][model], name) for name in names(target)]
-        yield [*row, result.get("failure", "")]
+        row += [result.get("failure", ""), (result.get("search") or {}).get("winner") or ""]
+        yield [*row, *_interval_cells(found, (model, kind), target)]
+
+
+def _interval_cells(found: Intervals | None, place: tuple[str, str], target: str) -> list[object]:
+    """Return the ends of a result's intervals, how they were drawn, and the spread of the truth."""
+    own = found.of.get(place, {}) if found else {}
+    ends = [end for name in _bounded(target) for end in own.get(name, ("", ""))]
+    if found is None or not own:
+        return [*ends, "", "", "", found.spread if found and place in found.scored else ""]
+    drawn = f"{found.groups} {found.drawn}"
+    return [*ends, intervals.LEVEL, intervals.BOOTSTRAP, drawn, found.spread]
+
+
+def _interval_table(found: Intervals, target: str) -> Table:
+    """Return a table of the intervals of the scores on the test rows."""
+    table = Table(
+        title=escape(
+            f"{100 * intervals.LEVEL:g} % intervals of the scores on the test rows [%]: bootstrap,"
+            f" {intervals.BOOTSTRAP:,} resamples of {found.groups} {found.drawn}; nMaxE has none"
+        )
+    )
+    for column in ("Model", "", *(SCORES[name] for name in _bounded(target))):
+        table.add_column(column, justify="left" if column in {"Model", ""} else "right")
+    for (model, kind), own in found.of.items():
+        ends = [f"{own[name][0]:.2f} to {own[name][1]:.2f}" for name in _bounded(target)]
+        table.add_row(MODELS[model].title, kind, *ends)
+    return table
 
 
 def _time_rows(folder: Folder) -> Iterator[list[object]]:
     """Yield the lines of times.csv."""
-    for model, kind, result in results(folder):
+    for model, kind, result in folder.results():
         times = result.get("times")
         if times:
             yield [model, kind, times["fit"], times["fits"], times["test"], times["row"]]
-
-
-def _search_rows(folder: Folder) -> Iterator[list[object]]:
-    """Yield the lines of tuning.csv."""
-    for model in MODELS:
-        result = folder.result("tuned", model)
-        if result and "search" in result:
-            search = result["search"]
-            extent = [search[name] for name in SEARCHED]
-            yield [model, search.get("grid", TABLE_2), *extent, _settings(result)]
-
-
-def _search_time_rows(folder: Folder) -> Iterator[list[object]]:
-    """Yield the lines of tuning-times.csv."""
-    for model in MODELS:
-        result = folder.result("tuned", model)
-        if result and "times" in result:
-            yield [model, result["times"]["search"], paper.TUNING_SECONDS[model]]
-
-
-def _settings(result: dict[str, Any]) -> str:
-    """Return the settings of a result in one line."""
-    return ", ".join(f"{name}={value}" for name, value in sorted(result["settings"].items()))
 
 
 def _score_table(folder: Folder, target: str) -> Table:
@@ -221,7 +247,8 @@ def _score_table(folder: Folder, target: str) -> Table:
 
 def _score_cells(model: str, kind: str, result: dict[str, Any], target: str) -> list[str]:
     """Return a line of this table."""
-    cells = [MODELS[model].title, kind]
+    won = (result.get("search") or {}).get("winner") == "baseline"
+    cells = [MODELS[model].title, f"{kind}: baseline" if won else kind]
     scored, times = result.get("test"), result.get("times") or {}
     if not scored:
         return [*cells, "failed"]
@@ -233,92 +260,7 @@ def _score_cells(model: str, kind: str, result: dict[str, Any], target: str) -> 
     their_fit, their_test = (f" ({fit:.3g})", f" ({test:.3g})") if beside else ("", "")
     return [
         *cells,
-        f"{_seconds(times['fit'])}{their_fit}",
-        f"{_seconds(times['test'])}{their_test}",
-        _seconds(times["row"]),
+        f"{search_tables.seconds(times['fit'])}{their_fit}",
+        f"{search_tables.seconds(times['test'])}{their_test}",
+        search_tables.seconds(times["row"]),
     ]
-
-
-def _seconds(value: float) -> str:
-    return f"{value:.0f}" if value >= 1000 else f"{value:.3g}"
-
-
-def _search_table(folder: Folder, target: str) -> Table:
-    """Return a table like Table 3, with the extent of the searches."""
-    table = Table(
-        title=escape("Searches: sum of the fits' times [s]; the paper's tuning time in brackets")
-    )
-    for column in ("Model", "Grid", "Searched", "Best settings"):
-        table.add_column(column)
-    for column in ("candidates", "differ", "fits", "of", "time"):
-        table.add_column(column, justify="right")
-    for model, kind, result in results(folder):
-        if kind != "tuned":
-            continue
-        search = result.get("search")
-        if not search:
-            table.add_row(MODELS[model].title, "failed")
-            continue
-        theirs = f" ({paper.TUNING_SECONDS[model]:.0f})" if target == OUR_AREA else ""
-        table.add_row(
-            MODELS[model].title,
-            str(search.get("grid", TABLE_2)),
-            str(search["how"]),
-            _settings(result),
-            str(search["candidates"]),
-            str(search["candidates_differing"]),
-            str(search["fits"]),
-            str(search["fits_nominal"]),
-            f"{_seconds(result['times']['search'])}{theirs}",
-        )
-    return table
-
-
-def _grid_costs(folder: Folder) -> Iterator[tuple[str, WholeGrid]]:
-    """Yield the models whose whole grids' times are known, and these times."""
-    every = folder.record()["conditions"]["train_rows"]
-    for model in MODELS:
-        result = folder.result("tuned", model) or {}
-        estimate = folder.result("whole-grid", model)
-        search = result.get("search") or {}
-        if search.get("how") == WHOLE:
-            seconds, fits = result["times"]["search"], search["fits"]
-            yield model, WholeGrid(search.get("grid", TABLE_2), seconds, 0.0, fits, fits, every)
-        elif estimate is not None:
-            yield model, WholeGrid(**{"rows": every, **estimate})
-
-
-def hours(seconds: float) -> str:
-    """Return a time in hours as text, without an exponent.
-
-    Parameters
-    ----------
-    seconds : float
-        The time [s].
-    """
-    number = seconds / 3600
-    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
-
-
-def _grid_cost_table(folder: Folder) -> Table:
-    """Return a table of the times of whole grids on one thread [h]."""
-    table = Table(
-        title=escape("Whole grids, one fit after the other on one thread; the paper's in brackets")
-    )
-    table.add_column("Model")
-    table.add_column("Grid")
-    for column in ("time [h]", "fits", "timed on all rows", "on rows up to", "relative error"):
-        table.add_column(escape(column), justify="right")
-    for model, cost in _grid_costs(folder):
-        theirs = f" ({hours(paper.TUNING_SECONDS[model])})"
-        error = "" if cost.error is None else f"{100 * cost.error / cost.seconds:.0f} %"
-        table.add_row(
-            MODELS[model].title,
-            cost.grid,
-            f"{hours(cost.seconds)}{theirs}",
-            str(cost.of),
-            str(cost.fits),
-            str(cost.rows),
-            "measured" if cost.fits == cost.of else error,
-        )
-    return table

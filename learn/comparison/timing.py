@@ -43,11 +43,19 @@ class TimedFit:
         Settings on top of the baseline's.
     tuned : bool
         Whether it is the winner of a search.
+    baseline : bool
+        Whether it is the baseline: always, unless `tuned` says that it is a search's winner.
     """
 
     model: str
     settings: Settings = field(default_factory=dict)
     tuned: bool = False
+    baseline: bool = False
+
+    @property
+    def of_grid(self) -> bool:
+        """Whether it has the settings that all candidates of a grid share."""
+        return self.tuned and not self.baseline
 
     @property
     def kind(self) -> str:
@@ -117,15 +125,14 @@ def fit_and_time(training: Training, task: TimedFit) -> FitResult:
         The model and its settings.
     """
     model = MODELS[task.model]
-    settings = {**task.settings, **(model.refit if task.tuned else {})}
     unfitted = pipeline(
         model,
-        settings,
+        task.settings,
         normalisation=training.normalisation,
         seed=training.seed,
-        tuned=task.tuned,
+        tuned=task.of_grid,
     )
-    need = memory.needed(model.name, training.rows, baseline=not task.tuned)
+    need = memory.needed(model.name, training.rows, baseline=not task.of_grid)
     with memory.reserved(need), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:

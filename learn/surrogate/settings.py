@@ -82,7 +82,7 @@ def choose(
     if folder is not None:
         return _tuned(folder, name)
     if request.features == "paper" and request.normalisation == "l2":
-        return Settings({**OPTIMA[name], **MODELS[name].refit}, True, "the paper's optimum")
+        return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
     if name in {"kernel-ridge", "svm"}:
         return _searched(request, inputs, target, folds)
     if name == "gaussian-process":
@@ -111,8 +111,8 @@ def _tuned(folder: Folder, model: str) -> Settings:
         raise InputError(
             f"--from: {folder.path} has no tuned {model}: {to_type(f'learn tune --model {model}')}"
         )
-    settings, refit = winner
-    return Settings(settings | refit, True, f"tuned in {folder.path}")
+    origin = f"tuned in {folder.path}" if winner.of_grid else f"the baseline, by {folder.path}"
+    return Settings(winner.settings, winner.of_grid, origin)
 
 
 def _candidates(name: str) -> list[dict[str, Any]]:

@@ -1,13 +1,24 @@
 """A search within a given time: successive halving on the number of training rows.
 
-All candidates are fitted to few rows and scored on one fold, the best third on three times as many,
-and so on; only the last step, on all rows, takes all folds. Every step gets an equal share of the
-time. The first step draws its candidates with odds inverse to their expected work: it spends as
-much of its time on cheap ones as on expensive ones, and sees more of them. A step whose time ends
-before the best candidate so far is finished is dropped. Where the first step shows that the whole
-grid fits into the time, the whole grid is searched instead. scikit-learn's own halving serves
-neither purpose: it knows rows, not hours, shares no fits, and can be neither spread over machines
-nor resumed.
+All candidates are fitted to few rows and scored on two folds, the best third on three times as
+many, and so on. These rungs only choose who is judged: the winner is the best over five folds of
+all rows, as in a search of the whole grid. Three kinds of candidates reach that decision whatever
+their scores on few rows are:
+
+- the baseline, whose five fits on all rows are the first of the search: without them there is no
+  result. A candidate that is not better than the baseline does not win;
+- the paper's optimum, where the grid has it (for other grids, the settings that are built in);
+- candidates of which a fit collapsed (`learn.comparison.search.fits.collapsed`): on few rows a
+  likelihood may be largest at an end of its range, where with more rows the same candidate is the
+  best. They come after the others in the order of the fits.
+
+The rungs get half of the time in equal shares, the decision gets the rest; what it leaves undone is
+told, and done by the same command with a further budget. The first rung draws its candidates with
+odds inverse to their expected work: it spends as much of its time on cheap ones as on expensive
+ones, and sees more of them. A rung whose time ends before the best candidate so far is finished is
+dropped. Where the first rung shows that the whole grid fits into the time, the whole grid is
+searched instead. scikit-learn's own halving serves neither purpose: it knows rows, not hours,
+shares no fits, and can be neither spread over machines nor resumed.
 
 The result depends on the speed of the machine: it says which part of the grid was searched.
 """
@@ -23,6 +34,12 @@ from learn.comparison.search.spaces import WHOLE
 from learn.comparison.search.task import Task, expected_work
 from learn.models import Model
 from learn.split import FOLDS
+
+RUNG_FOLDS = 2
+"""Folds on which a rung ranks its candidates."""
+
+RUNGS_SHARE = 0.5
+"""Share of the time for all rungs; the decision gets the rest."""
 
 FACTOR = 3
 """Of three candidates one goes on, with three times the rows."""
@@ -117,87 +134,126 @@ def search(grid_search: GridSearch, limit: float) -> SearchResult | None:
     Returns
     -------
     SearchResult or None
-        None if no candidate was finished.
+        None if the time sufficed neither for the baseline nor, without one, for a candidate.
     """
     halving = _Halving(grid_search, limit)
     halving.run()
     scores = grid_search.scores(halving.total)
     spent = sum(trial.seconds for trial in grid_search.trials.finished.values())
+    if grid_search.baseline_tasks(halving.total):
+        return None
     if scores.winner >= 0 and scores.fits == grid_search.fits:
         return SearchResult(scores, halving.total, WHOLE, spent)
-    if not halving.told:
+    if not scores.decided and not scores.failures:
         return None
-    how = f"successive halving: {', '.join(halving.told)}"
-    return SearchResult(halving.best, halving.rows, how, spent)
+    return SearchResult(scores, halving.total, halving.how(scores), spent)
 
 
 class _Halving:
-    """The steps of one search.
+    """The rungs of one search, and its decision.
 
     Attributes
     ----------
     told : list of str
-        The steps that count, in words; none if no candidate was finished.
-    best, rows : GridScores, int
-        Scores of the last of these steps, and its number of training rows.
+        The rungs that count, in words.
+    judged : list of int
+        Numbers of the candidates that were to be judged on all rows and folds.
     """
-
-    best: GridScores
-    rows: int
 
     def __init__(self, grid_search: GridSearch, limit: float) -> None:
         self.grid_search, self.limit = grid_search, limit
         self.began = time.monotonic()
         self.total = grid_search.training.rows
         self.told: list[str] = []
+        self.judged: list[int] = []
+        self._spared: set[int] = set()
 
     def run(self) -> None:
-        """Do one step after the other, or the whole grid as soon as it fits into the time."""
+        """Climb the rungs and decide, or search the whole grid as soon as it fits into the time."""
+        self._fit([], self.total, FOLDS, share=1.0)  # the baseline alone
+        if self.grid_search.baseline_tasks(self.total):
+            return
         sizes = steps(self.total)
         families = drawn_order(self.grid_search, sizes[0])
         numbers = [n for family in families for n in self.grid_search.grid.families[family]]
-        for place, rows in enumerate(sizes):
-            folds = FOLDS if rows == self.total else 1
-            self._fit(numbers, rows, folds, share=(place + 1) / len(sizes))
-            scores = self.grid_search.scores(rows, folds)
+        rungs = sizes[:-1]
+        for place, rows in enumerate(rungs):
+            share = RUNGS_SHARE * (place + 1) / len(rungs)
+            self._fit(numbers, rows, RUNG_FOLDS, share)
+            scores = self.grid_search.scores(rows, RUNG_FOLDS)
             scored = [number for number in numbers if not np.isnan(scores.means[number])]
-            if self.told and self.grid_search.tasks(numbers[:1], rows, folds):
-                return  # the best candidate so far is not finished: this step does not count
+            if self.told and self.grid_search.tasks(numbers[:1], rows, RUNG_FOLDS):
+                break  # the best candidate so far is not finished: this rung does not count
             if scored:
-                self.told.append(f"{len(scored)} candidates on {_extent(rows, folds)}")
-                self.best, self.rows = scores, rows
-            if len(scored) == len(scores.means) and self._whole_grid_fits(scores, rows, folds):
-                self._fit_whole_grid()
-                return
-            scored.sort(key=lambda number: (-scores.means[number], number))
-            numbers = scored[: max(1, -(-len(scored) // FACTOR))]
+                self.told.append(f"{_counted(len(scored))} on {_extent(rows, RUNG_FOLDS)}")
+            if len(scored) == len(scores.means) and self._whole_grid_fits(scores, rows):
+                numbers = [*range(len(scores.means))]
+                break
+            numbers = self._promoted(scored, scores)
+        self.judged = numbers
+        self._fit(numbers, self.total, FOLDS, share=1.0)
+
+    def how(self, scores: GridScores) -> str:
+        """Tell the steps of the search in words, once it has ended.
+
+        Parameters
+        ----------
+        scores : GridScores
+            Scores on all rows and folds.
+        """
+        left = sum(1 for number in self.judged if not scores.of(number))
+        beside = "" if self.grid_search.baseline is None else " and the baseline"
+        decision = f"{_counted(len(self.judged) - left)}{beside} on {_extent(self.total, FOLDS)}"
+        undone = [f"{left} more not finished"] if left else []
+        return f"successive halving: {', '.join([*self.told, decision, *undone])}"
+
+    def _promoted(self, scored: list[int], scores: GridScores) -> list[int]:
+        """List the candidates of the next rung, or of the decision, in the order of their fits.
+
+        Parameters
+        ----------
+        scored : list of int
+            Numbers of this rung's candidates that have a score.
+        scores : GridScores
+            Scores of this rung.
+        """
+        self._spared -= set(scored)  # collapsed before: judged by this rung's fits now
+        self._spared |= set(scored) & scores.collapsed
+        ranked = [number for number in scored if number not in self._spared]
+        ranked.sort(key=lambda number: (-scores.means[number], number))
+        best = ranked[: -(-len(scored) // FACTOR)]
+        optimum = self.grid_search.optimum
+        if optimum is not None and optimum not in best:
+            best.insert(1, optimum)
+        return [*best, *sorted(self._spared.difference(best))]
 
     def _fit(self, numbers: list[int], rows: int, folds: int, share: float) -> None:
-        """Do the fits of one step until its share of the time has passed."""
+        """Do the fits of one step, the baseline's first, until a share of the time has passed."""
+        baseline = self.grid_search.baseline_tasks(rows, folds)
+        tasks = [*baseline, *self.grid_search.tasks(numbers, rows, folds)]
+        if not tasks:
+            return
+        beside = "the baseline" if baseline else ""
+        named = [_counted(len(numbers)) if numbers else "", beside]
         self.grid_search.run(
-            self.grid_search.tasks(numbers, rows, folds),
+            tasks,
             until=self.began + share * self.limit,
             title=(
-                f"{self.grid_search.model.title}: {len(numbers)} candidates on"
+                f"{self.grid_search.model.title}: {' and '.join(filter(None, named))} on"
                 f" {_extent(rows, folds)}"
             ),
         )
 
-    def _whole_grid_fits(self, scores: GridScores, rows: int, folds: int) -> bool:
-        """Whether the time left suffices for the whole grid, after a step with all candidates."""
+    def _whole_grid_fits(self, scores: GridScores, rows: int) -> bool:
+        """Whether the time left suffices for the whole grid, after a rung with all candidates."""
         left = self.limit - (time.monotonic() - self.began)
-        longer = growth(self.grid_search.model, self.total / rows) * FOLDS / folds
-        due = scores.seconds * longer / self.grid_search.executor.workers
-        return rows < self.total and due < left
-
-    def _fit_whole_grid(self) -> None:
-        everything = range(len(self.grid_search.grid.differing))
-        self.grid_search.run(
-            self.grid_search.tasks(everything, self.total),
-            until=self.began + self.limit,
-            title=f"{self.grid_search.model.title}: the whole grid fits into the time",
-        )
+        longer = growth(self.grid_search.model, self.total / rows) * FOLDS / RUNG_FOLDS
+        return scores.seconds * longer / self.grid_search.executor.workers < left
 
 
 def _extent(rows: int, folds: int) -> str:
-    return f"{rows} rows" if folds == FOLDS else f"{rows} rows, {folds} fold"
+    return f"{rows} rows, {folds} folds"
+
+
+def _counted(number: int) -> str:
+    return f"{number} candidate{'' if number == 1 else 's'}"

@@ -2,22 +2,46 @@
 
 import math
 import warnings
+from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from sklearn.metrics import r2_score
 
 from learn import memory
 from learn.arrays import Values
-from learn.comparison.search.pruning import Settings, key, shared_fit
+from learn.comparison.search.pruning import shared_fit
 from learn.comparison.search.staged import shared_predictions
 from learn.comparison.search.task import Task
 from learn.comparison.search.trials import Trial
 from learn.comparison.training_data import Training
-from learn.models import MODELS, Model, pipeline
+from learn.models import MODELS, STEP, pipeline
 
 REMARK_LENGTH = 300
 """Characters of a warning or an error that are kept."""
+
+ALIKE = 1e-3
+"""Predictions are alike if their deviation is below this share of the truth's."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """The predictions of a fit.
+
+    Attributes
+    ----------
+    prediction : ndarray, shape (m,)
+        Predictions of the rows that were left out, empty if there are none.
+    failure : str
+        The reason why there are none.
+    at_bound : bool
+        Whether the likelihood that chose the kernel is largest at an end of the kernel's range.
+    """
+
+    prediction: Values
+    failure: str = ""
+    at_bound: bool = False
 
 
 def fit(training: Training, task: Task) -> list[Trial]:
@@ -47,47 +71,73 @@ def fit(training: Training, task: Task) -> list[Trial]:
     with memory.reserved(need), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         began = perf_counter()
-        predictions = _predictions(MODELS[task.model], training, task.candidates, data)
-        scores = [p if isinstance(p, str) else _score(truth, p) for p in predictions]
+        fitted = _predictions(training, task, data)
+        scores = [_score(truth, each) for each in fitted]
         seconds = (perf_counter() - began) / len(task.candidates)
     remark = "; ".join(dict.fromkeys(_one_line(warning.message) for warning in caught))
     trials = []
-    for candidate, score in zip(task.candidates, scores, strict=True):
+    for name, each, score in zip(task.names, fitted, scores, strict=True):
         r2, failure = (None, score) if isinstance(score, str) else (score, "")
-        place = key(candidate), task.fold, task.rows
-        trials.append(Trial(*place, r2=r2, failure=failure, remark=remark, seconds=seconds))
+        trial = Trial(name, task.fold, task.rows, r2=r2, failure=failure, remark=remark)
+        found_nothing = r2 is not None and collapsed(truth, each)
+        trials.append(replace(trial, seconds=seconds, collapsed=found_nothing))
     return trials
 
 
+def collapsed(truth: Values, fitted: Fitted) -> bool:
+    """Tell whether a fit found nothing in its rows.
+
+    The likelihood that chose its kernel is largest at an end of the kernel's range, or all its
+    predictions are alike. Both come of too few rows: with more of them the same candidate may win.
+
+    Parameters
+    ----------
+    truth : ndarray, shape (m,)
+        Target of the rows that were left out.
+    fitted : Fitted
+        Predictions of these rows, all finite.
+    """
+    return fitted.at_bound or float(np.std(fitted.prediction)) < ALIKE * float(np.std(truth))
+
+
 def _predictions(
-    model: Model,
-    training: Training,
-    candidates: tuple[Settings, ...],
-    data: tuple[Values, Values, Values],
-) -> list[Values | str]:
+    training: Training, task: Task, data: tuple[Values, Values, Values]
+) -> list[Fitted]:
     """Return the predictions of each candidate, or the reason why there are none."""
-    name = shared_fit(model)
+    model, candidates = MODELS[task.model], task.candidates
+    name = "" if task.baseline else shared_fit(model)
     common = {k: v for k, v in candidates[0].items() if k != name}
+    kind = {"normalisation": training.normalisation, "seed": training.seed}
     try:
-        unfitted = pipeline(
-            model, common, normalisation=training.normalisation, seed=training.seed, tuned=True
-        )
+        unfitted = pipeline(model, common, **kind, tuned=not task.baseline)
         if name and name in candidates[0]:
             values = [candidate[name] for candidate in candidates]
-            return list(shared_predictions(model, unfitted, data, name, values))
-        return [unfitted.fit(data[0], data[1]).predict(data[2])]
+            return [*map(Fitted, shared_predictions(model, unfitted, data, name, values))]
+        fitted = unfitted.fit(data[0], data[1])
+        return [Fitted(fitted.predict(data[2]), at_bound=_at_bound(fitted.named_steps[STEP]))]
     except Exception as error:  # whatever a library raises: the candidate has no score
         if len(candidates) == 1:
-            return [_one_line(error) or type(error).__name__]
+            return [Fitted(np.empty(0), _one_line(error) or type(error).__name__)]
     # A shared fit may fail late, after candidates that are fine: fit them one by one.
-    return [_predictions(model, training, (candidate,), data)[0] for candidate in candidates]
+    alone = (replace(task, candidates=(candidate,)) for candidate in candidates)
+    return [_predictions(training, each, data)[0] for each in alone]
 
 
-def _score(truth: Values, prediction: Values) -> float | str:
+def _at_bound(estimator: Any) -> bool:
+    """Whether the likelihood that chose a kernel is largest at an end of the kernel's range."""
+    kernel = getattr(estimator, "kernel_", None)
+    if kernel is None or estimator.optimizer is None:
+        return False
+    return bool(np.isclose(kernel.bounds, kernel.theta[:, np.newaxis]).any())
+
+
+def _score(truth: Values, fitted: Fitted) -> float | str:
     """Return R2, or the reason why there is none."""
-    if not np.isfinite(prediction).all():
+    if fitted.failure:
+        return fitted.failure
+    if not np.isfinite(fitted.prediction).all():
         return "prediction not finite"
-    score = float(r2_score(truth, prediction))
+    score = float(r2_score(truth, fitted.prediction))
     return score if math.isfinite(score) else "score not finite"
 
 

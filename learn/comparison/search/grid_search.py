@@ -12,7 +12,7 @@ from math import inf
 from gen.runtime.errors import InputError
 from gen.runtime.progress import RunProgress
 from learn.comparison.search.fits import fit
-from learn.comparison.search.pruning import Grid, key
+from learn.comparison.search.pruning import Grid, Settings, baseline_key, key
 from learn.comparison.search.scores import GridScores, rank
 from learn.comparison.search.spaces import TABLE_2, WHOLE
 from learn.comparison.search.task import Task, expected_work
@@ -30,9 +30,9 @@ class SearchResult:
     Attributes
     ----------
     scores : GridScores
-        Scores on the largest number of training rows on which candidates were finished.
+        Scores on all training rows and folds, which decide.
     rows : int
-        That number of rows.
+        Number of training rows.
     how : str
         The steps of the search in words.
     seconds : float
@@ -65,6 +65,11 @@ class GridSearch:
         Asked before a fit is begun; True ends the search.
     source : str
         Name of the grid in results and tables.
+    baseline : dict or None
+        Settings of the baseline, which every search judges beside the grid; None for a search of
+        the grid alone.
+    optimum : int or None
+        Number of the paper's optimum, or of settings that are built in; None if the grid lacks it.
     """
 
     model: Model
@@ -74,6 +79,8 @@ class GridSearch:
     executor: Executor
     stopping: Callable[[], bool] = lambda: False
     source: str = TABLE_2
+    baseline: Settings | None = None
+    optimum: int | None = None
 
     def tasks(self, numbers: Iterable[int], rows: int, folds: int = FOLDS) -> list[Task]:
         """List the fits that some candidates still lack.
@@ -104,6 +111,25 @@ class GridSearch:
                 if lacking:
                     tasks.append(Task(self.model.name, lacking, fold, rows))
         return tasks
+
+    def baseline_tasks(self, rows: int, folds: int = FOLDS) -> list[Task]:
+        """List the fits that the baseline still lacks.
+
+        Parameters
+        ----------
+        rows, folds : int
+            See `tasks`.
+        """
+        if self.baseline is None:
+            return []
+        tasks = [Task(self.model.name, (self.baseline,), fold, rows, True) for fold in range(folds)]
+        finished = self.trials.finished
+        return [task for task in tasks if (*task.names, task.fold, rows) not in finished]
+
+    @property
+    def baseline_name(self) -> str:
+        """Name of the baseline in its trials, "" if there is none."""
+        return "" if self.baseline is None else baseline_key(self.baseline)
 
     def run(self, tasks: list[Task], *, until: float = inf, title: str = "") -> None:
         """Do the fits of some tasks and keep their trials.
@@ -143,23 +169,29 @@ class GridSearch:
 
     def scores(self, rows: int, folds: int = FOLDS) -> GridScores:
         """Rank the candidates by the trials that are finished; see `scores.rank`."""
-        return rank(self.grid, self.trials.finished, rows, folds)
+        return rank(self.grid, self.trials.finished, rows, folds, self.baseline_name)
 
     def whole(self) -> SearchResult:
-        """Search the whole grid."""
+        """Search the whole grid, and judge the baseline beside it."""
         rows = self.training.rows
         tasks = self.tasks(range(len(self.grid.differing)), rows)
+        lacking = len(tasks)
+        tasks += self.baseline_tasks(rows)
         # The longest first: the last ones are short, so that no process waits long at the end.
         tasks.sort(key=expected_work, reverse=True)
         self.run(
             tasks,
             title=(
                 f"{self.model.title}: {self.grid.nominal} candidates,"
-                f" {len(self.grid.differing)} differ, {self.fits} fits, {len(tasks)} to do"
+                f" {len(self.grid.differing)} differ, {self.fits} fits, {lacking} to do"
+                f"{self._beside(len(tasks) - lacking)}"
             ),
         )
         scores = self.scores(rows)
         return SearchResult(scores, rows, WHOLE, scores.seconds)
+
+    def _beside(self, fits: int) -> str:
+        return "" if self.baseline is None else f", {fits} of the baseline"
 
     @property
     def fits(self) -> int:

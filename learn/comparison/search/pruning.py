@@ -14,7 +14,8 @@ from math import log2, prod, sqrt
 from typing import Any
 
 from learn.comparison.search.spaces import Space
-from learn.models import Model
+from learn.comparison.search.staged import require_served
+from learn.models import MODELS, Model
 
 Settings = dict[str, Any]
 
@@ -54,6 +55,11 @@ class Grid:
         """Return the canonical settings that one fit of a family serves."""
         return tuple(self.differing[number] for number in sorted(self.families[family]))
 
+    def number_of(self, settings: Settings) -> int | None:
+        """Return the number of canonical settings, None if the grid lacks them."""
+        names = [key(each) for each in self.differing]
+        return names.index(key(settings)) if key(settings) in names else None
+
     def first(self, number: int) -> Settings:
         """Return the first candidate with these canonical settings."""
         return self.candidates[self.canonical.index(number)]
@@ -82,7 +88,13 @@ def grid(model: Model, space: Space, inputs: int) -> Grid:
     inputs : int
         Number of inputs of the data: it decides which of `max_features` are the same. The square
         root of 23 and its logarithm are both 4.
+
+    Raises
+    ------
+    InputError
+        If one fit does not serve all numbers of trees of the space.
     """
+    require_served(model, space)
     candidates = points(space)
     numbers: dict[str, int] = {}
     differing: list[Settings] = []
@@ -129,6 +141,11 @@ def canonical_settings(model: Model, candidate: Mapping[str, Any], inputs: int) 
 def key(settings: Mapping[str, Any]) -> str:
     """Write settings as one line of text, the same for the same settings."""
     return ", ".join(f"{name}={settings[name]!r}" for name in sorted(settings))
+
+
+def baseline_key(settings: Mapping[str, Any]) -> str:
+    """Write the settings of the baseline as one line of text, which no candidate of a grid has."""
+    return f"baseline: {key(settings)}" if settings else "baseline"
 
 
 def _unchanged(settings: Settings, inputs: int) -> Settings:
@@ -187,6 +204,11 @@ def _kernel_ridge(settings: Settings, inputs: int) -> Settings:
 
 
 def _perceptron(settings: Settings, inputs: int) -> Settings:
+    """Reduce the settings of perceptrons, and name the length of the training.
+
+    Fits of folders that are older, which ended after 200 epochs, are other candidates.
+    """
+    settings = {**MODELS["mlp"].tuned, **settings}
     if settings.get("solver", "adam") != "sgd":
         settings.pop("learning_rate", None)
     return settings

@@ -1,7 +1,9 @@
 """One fit for many candidates: the predictions of every number of estimators, and of every alpha.
 
 A fit with the largest number of estimators contains all smaller ones: its first k trees are the
-model with k trees, to the last bit (`tests/learn/comparison/search/test_grid_search.py`).
+model with k trees (`tests/learn/comparison/search/test_staged.py` compares the predictions). This
+holds for boosting whose later trees leave the earlier ones as they are; `require_served` refuses
+spaces with any other.
 """
 
 from collections.abc import Iterator, Sequence
@@ -9,9 +11,46 @@ from typing import Any
 
 import numpy as np
 
+from gen.runtime.errors import InputError
 from learn import kernel_ridge
 from learn.arrays import Values
+from learn.comparison.search.spaces import Space
 from learn.models import STEP, Model
+
+SERVED: dict[str, dict[str, tuple[Any, ...]]] = {
+    "xgboost": {"booster": (None, "gbtree"), "early_stopping_rounds": (None,)},
+    "gradient-boost": {"n_iter_no_change": (None,)},
+}
+"""Values, by model and setting, with which the first k trees of a fit are the model with k trees.
+
+DART scales earlier trees as it adds later ones, linear boosting has no trees, and a boosting that
+stops early also trains on fewer rows.
+"""
+
+
+def require_served(model: Model, space: Space) -> None:
+    """Refuse a space with boosting whose smaller numbers of trees one fit does not serve.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    space : dict
+        Values to try, by setting.
+
+    Raises
+    ------
+    InputError
+        If there is a value of `SERVED`'s settings that it does not list.
+    """
+    for name, served in SERVED.get(model.name, {}).items():
+        for value in space.get(name, []):
+            if value not in served:
+                listed = " or ".join(map(repr, served))
+                raise InputError(
+                    f"{model.name}: {name}={value!r} cannot be searched, since one fit serves all"
+                    f" numbers of trees and its first trees are no model then: give {listed}"
+                )
 
 
 def shared_predictions(

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from learn.comparison.search.pruning import Settings
+from learn.comparison.search.pruning import Settings, baseline_key, key
 
 
 @dataclass(frozen=True)
@@ -21,12 +21,21 @@ class Task:
         The fold that is left out of the training, and predicted.
     rows : int
         Number of training rows at most.
+    baseline : bool
+        True for the one candidate that is the baseline, which lacks the settings that the grid's
+        candidates share.
     """
 
     model: str
     candidates: tuple[Settings, ...]
     fold: int
     rows: int
+    baseline: bool = False
+
+    @property
+    def names(self) -> list[str]:
+        """The name of each candidate in its trials."""
+        return [baseline_key(c) if self.baseline else key(c) for c in self.candidates]
 
 
 def expected_work(task: Task) -> float:
@@ -47,7 +56,7 @@ def expected_work(task: Task) -> float:
     if "hidden_layer_sizes" in most:
         sizes = most["hidden_layer_sizes"]
         work *= sum(a * b for a, b in pairwise(sizes)) + 23 * sizes[0]
-        work *= 3 if most.get("solver") == "lbfgs" else 1
+        work *= 20 if most.get("solver") == "lbfgs" else 1  # others end by themselves long before
     if task.model == "kernel-ridge":
         work *= len(task.candidates) if most.get("kernel") == "rbf" else 0.01
     return work

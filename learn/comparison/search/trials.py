@@ -18,6 +18,9 @@ from gen.runtime.errors import InputError
 from gen.runtime.lock import lock
 from learn.comparison import records
 
+AT_BOUND = "close to the specified lower bound"
+"""Words of scikit-learn's warning of a collapsed likelihood: older files have no other mark."""
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -37,6 +40,9 @@ class Trial:
         The reason why there is no score.
     remark : str
         Warnings of the fit.
+    collapsed : bool
+        Whether the fit found nothing in its rows, so that its score says nothing about more rows;
+        see `learn.comparison.search.fits.collapsed`.
     seconds : float
         Time of the fit and the scoring, shared evenly by the candidates of one fit [s].
     """
@@ -48,6 +54,7 @@ class Trial:
     failure: str = ""
     remark: str = ""
     seconds: float = 0.0
+    collapsed: bool = False
 
     @property
     def place(self) -> tuple[str, int, int]:
@@ -147,7 +154,10 @@ class Trials:
         if first:
             _compare(self.path, documents.checked(self.path, first, documents.Document), conditions)
         for number, line in enumerate(lines, start=2):
-            trial = Trial(**documents.checked(f"{self.path}, line {number}", line, records.Trial))
+            read = documents.checked(f"{self.path}, line {number}", line, records.Trial)
+            if "collapsed" not in read:
+                read["collapsed"] = AT_BOUND in read.get("remark", "")
+            trial = Trial(**read)
             self.finished[trial.place] = trial
 
 

@@ -9,11 +9,12 @@ Times on few rows are compared with the fits' expected work (`learn.comparison.s
 sum of the times over the sum of the work drawn, times the work of the whole grid, is a ratio
 estimate. The cost of more rows is the ratio of the times of the fits that were done on both numbers
 of rows: double sampling (W. G. Cochran, Sampling Techniques, chapters 6 and 12). The fits on all
-rows are trials like all others, which a later search need not repeat.
+rows are trials like all others, which a later search need not repeat. The five fits of the
+baseline, which every search judges beside the grid, are done first and counted as they are.
 """
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import takewhile
 from math import hypot, sqrt
 
@@ -103,11 +104,15 @@ def estimate(grid_search: GridSearch, limit: float) -> Cost | None:
     Returns
     -------
     Cost or None
-        None if no fit was finished.
+        The time of the grid and of the baseline; None if a fit of the baseline, or all drawn fits,
+        were not finished.
     """
     training = grid_search.training
     began = time.monotonic()
     sizes = budget.steps(training.rows, LEAST_ROWS)
+    beside = grid_search.baseline_tasks(training.rows)
+    if beside:
+        grid_search.run(beside, until=began + limit, title=f"{grid_search.model.title}: baseline")
     known = _all_done(grid_search.grid, training.rows, grid_search.trials.finished)
     for place, rows in enumerate([] if known else sizes):
         fewer = sizes[place - 1] if place else 0
@@ -122,7 +127,13 @@ def estimate(grid_search: GridSearch, limit: float) -> Cost | None:
             ),
         )
     finished = grid_search.trials.finished
-    return cost(grid_search.model, grid_search.grid, finished, training.rows, training.seed)
+    found = cost(grid_search.model, grid_search.grid, finished, training.rows, training.seed)
+    if found is None or grid_search.baseline_tasks(training.rows):
+        return None
+    places = [(grid_search.baseline_name, fold, training.rows) for fold in range(FOLDS)]
+    own = [finished[place].seconds for place in places if place in finished]
+    seconds = found.seconds + sum(own)
+    return replace(found, seconds=seconds, fits=found.fits + len(own), of=found.of + len(own))
 
 
 def _tasks(grid_search: GridSearch, fewer: int, rows: int, left: float) -> list[Task]:

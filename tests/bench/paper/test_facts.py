@@ -11,8 +11,8 @@ from learn.metrics import scores
 def test_the_papers_numbers_fit_together():
     assert facts.TRAIN_ROWS == 12_703
     # Most models' nMSE and R2 are of the same test rows: one ratio for all but AdaBoost.
-    spreads = {name: facts.spread_of(each) for name, each in paper.TEST["baseline"].items()}
-    odd = [name for name, value in spreads.items() if abs(value / facts.SPREAD - 1) > 0.15]
+    spreads = {name: paper.spread_of(each) for name, each in paper.TEST["baseline"].items()}
+    odd = [name for name, value in spreads.items() if abs(value / paper.SPREAD - 1) > 0.15]
     assert odd == ["adaboost"]
     assert max(facts.RANGES["area_percent"]) == facts.AREA_MAX
 
@@ -20,5 +20,5 @@ def test_the_papers_numbers_fit_together():
 def test_spread_is_variance_over_mean():
     truth = np.random.default_rng(1).gamma(2.0, size=500)
     prediction = truth + np.random.default_rng(2).normal(0, 0.1, 500)
-    spread = facts.spread_of(scores(truth, prediction))
+    spread = paper.spread_of(scores(truth, prediction))
     assert spread == pytest.approx(truth.var() / truth.mean(), rel=1e-12)
