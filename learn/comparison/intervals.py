@@ -1,4 +1,7 @@
-"""How sure the scores of a comparison are: bootstrap intervals over the surfaces of the test rows."""
+"""How sure the scores of a comparison are: bootstrap intervals, drawn by surface.
+
+Rows of one surface, or of one tile of a map, are drawn together.
+"""
 
 from typing import NamedTuple
 
@@ -59,30 +62,28 @@ def of(folder: Folder) -> Intervals | None:
     places = [(m, kind) for m, kind, result in folder.results() if result.get("test")]
     if not places:
         return None
-    record, groups = folder.record(), folder.test_groups()
     known = {place: folder.prediction(*reversed(place)) for place in places}
-    truth, _ = known[places[0]]
-    found: dict[Place, dict[str, tuple[float, float]]] = {}
-    for (model, kind), pair in known.items() if groups is not None else ():
-        if pair[0].size != groups.size:
-            raise InputError(
-                f"{folder.path / 'rows.csv'} has {groups.size} test rows, {kind}/{model}.csv has"
-                f" {pair[0].size}: move one of them away"
-            )
-        found[model, kind] = _drawn(folder, model, kind, pair, groups)
+    middle, scored = spread(known[places[0]][0]), frozenset(places)
+    record, groups = folder.record(), folder.test_groups()
+    if groups is None:
+        return Intervals({}, "", 0, middle, scored)
+    found = {place: _drawn(folder, place, pair, groups) for place, pair in known.items()}
     drawn = "tiles" if record.get("split_by_tile") else "surfaces"
     drawn = drawn if record.get("split_by_surface", True) else "rows"
-    number = 0 if groups is None else len(set(groups.tolist()))
-    found = {place: ends for place, ends in found.items() if ends}
-    named = "" if groups is None else drawn
-    return Intervals(found, named, number, spread(truth), frozenset(places))
+    number = len(set(groups.tolist()))
+    return Intervals({p: ends for p, ends in found.items() if ends}, drawn, number, middle, scored)
 
 
 def _drawn(
-    folder: Folder, model: str, kind: str, pair: tuple[Values, Values], groups: Values
+    folder: Folder, place: Place, pair: tuple[Values, Values], groups: Values
 ) -> dict[str, tuple[float, float]]:
     """Return the intervals of one result; predictions without scores are damaged."""
+    path = folder.path / place[1] / f"{place[0]}.csv"
+    if pair[0].size != groups.size:
+        raise InputError(
+            f"{path} has {pair[0].size} rows, rows.csv has {groups.size} test rows: move it away"
+        )
     try:
         return bootstrap(*pair, LEVEL, groups)
     except ValueError as error:
-        raise InputError(f"{folder.path / kind / model}.csv cannot be read: {error}") from None
+        raise InputError(f"{path} cannot be read: {error}: move it away") from None

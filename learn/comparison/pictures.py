@@ -1,5 +1,6 @@
 """The pictures of a comparison, like the paper's figures 8 to 10."""
 
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -7,12 +8,19 @@ import numpy as np
 
 from gen.runtime import figure as figures
 from gen.runtime.figure import new_figure
-from learn.comparison import tables
+from learn.comparison import intervals, tables
 from learn.comparison.folder import KINDS, Folder
+from learn.comparison.intervals import Intervals
 from learn.models import MODELS
 
 COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}
 """Colours of the kinds of results."""
+
+SHIFTS = dict(zip(KINDS, (-0.2, 0.2), strict=True))
+"""Distances of the bars from the middle of their model."""
+
+BEST = "baseline"
+"""The winner of a search that is not of its grid."""
 
 DPI = 120
 """Dots per inch: pictures are about 1,400 wide then."""
@@ -53,10 +61,11 @@ def draw(folder: Folder) -> list[Path]:
     ]
     if not shown:
         return []
+    target = str(record["conditions"]["target"])
     quantity = f"{record['conditions']['target'].replace('_percent', '')} [{record['unit']}]"
     return [
         save(_parity(folder, shown, quantity), folder.path / "parity.png"),
-        save(_scores(shown, str(record["conditions"]["target"])), folder.path / "scores.png"),
+        save(_scores(folder, shown, target), folder.path / "scores.png"),
         save(_times(shown), folder.path / "times.png"),
     ]
 
@@ -85,18 +94,56 @@ def _parity(folder: Folder, shown: Shown, quantity: str) -> Any:
     return figure
 
 
-def _scores(shown: Shown, target: str) -> Any:
-    """Draw every score of every model; the worst model of a score fills the height."""
-    wanted = tables.names(target)
+def _scores(folder: Folder, shown: Shown, target: str) -> Any:
+    """Draw every score of every model with its interval; the worst model fills the height."""
+    wanted, found = tables.names(target), intervals.of(folder)
+    if found is None:
+        raise ValueError("there are no scores to draw")
     figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(wanted))
     axes = figure.subplots(len(wanted), 1, sharex=True, squeeze=False)[:, 0]
     for name, axis in zip(wanted, axes, strict=True):
-        _bars(axis, shown, {(m, k): result["test"][name] for m, k, result in shown}, "{:.2f}")
+        values = {(m, k): result["test"][name] for m, k, result in shown}
+        _bars(axis, shown, values, "{:.2f}")
+        _whiskers(axis, shown, values, found.of, name)
         axis.set_ylabel(f"{tables.SCORES[name]} [%]")
     lowest = min(0.0, *(result["test"]["r2"] for _, _, result in shown))
     axes[wanted.index("r2")].set_ylim(max(lowest, -100.0), 115)
     axes[0].legend(ncols=2)
+    axes[0].set_title(_said(found, shown, target), fontsize=8, loc="left")
     return figure
+
+
+def _said(found: Intervals, shown: Shown, target: str) -> str:
+    """Say what the whiskers are, where the baseline has won a search, and what the nMSE is."""
+    lines = []
+    if found.of:
+        lines.append(
+            f"whiskers: {100 * intervals.LEVEL:g} % bootstrap intervals,"
+            f" {intervals.BOOTSTRAP:,} resamples of {found.groups} {found.drawn}; nMaxE has none"
+        )
+    won = [MODELS[m].title for m, _, r in shown if (r.get("search") or {}).get("winner") == BEST]
+    if won:
+        lines.append(f"tuned is the baseline, which won the search: {', '.join(won)}")
+    if target == tables.OUR_AREA:
+        lines.append(tables.nmse_note(found.spread))
+    return "\n".join(textwrap.fill(line, 150) for line in lines)
+
+
+def _whiskers(
+    axis: Any,
+    shown: Shown,
+    values: dict[tuple[str, str], float],
+    ends: dict[tuple[str, str], dict[str, tuple[float, float]]],
+    name: str,
+) -> None:
+    """Draw the interval of each bar that has one."""
+    models = list(dict.fromkeys(model for model, _, _ in shown))
+    for (model, kind), value in values.items():
+        if name in ends.get((model, kind), {}):
+            low, high = ends[model, kind][name]
+            place = models.index(model) + SHIFTS[kind]
+            reach = [[max(value - low, 0.0)], [max(high - value, 0.0)]]
+            axis.errorbar(place, value, reach, color="0.2", lw=1, capsize=2)
 
 
 def _times(shown: Shown) -> Any:
@@ -114,7 +161,7 @@ def _times(shown: Shown) -> Any:
 def _bars(axis: Any, shown: Shown, values: dict[tuple[str, str], float], form: str) -> None:
     """Draw a pair of bars for each model: baseline and tuned."""
     models = list(dict.fromkeys(model for model, _, _ in shown))
-    for shift, kind in zip((-0.2, 0.2), KINDS, strict=True):
+    for kind, shift in SHIFTS.items():
         there = [(place, values[m, kind]) for place, m in enumerate(models) if (m, kind) in values]
         if there:
             places, heights = zip(*there, strict=True)

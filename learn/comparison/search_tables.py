@@ -56,11 +56,9 @@ def rows(folder: Folder) -> Iterator[list[object]]:
         if result and "search" in result:
             search = result["search"]
             extent = [search[name] for name in SEARCHED]
-            decided = [
-                search.get("winner") or "",
-                *(_mean(search, name) for name in DECIDED.values()),
-            ]
-            yield [model, search.get("grid", TABLE_2), *extent, *decided, settings(result)]
+            winner, means = search.get("winner") or "", (_mean(search, n) for n in DECIDED.values())
+            grid = search.get("grid", TABLE_2)
+            yield [model, grid, *extent, winner, *means, settings(result)]
 
 
 HEADER = ["model", "grid", *SEARCHED.values(), "winner", *DECIDED, "settings"]

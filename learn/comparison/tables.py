@@ -101,7 +101,7 @@ def show(folder: Folder) -> None:
     """
     record = folder.record()
     conditions = record["conditions"]
-    console = wide_console(140)
+    console = wide_console(150)
     area_max = conditions["area_max"]
     limited = "" if area_max is None else f", areas to {area_max:g} %"
     console.print(
@@ -224,9 +224,9 @@ def _score_table(folder: Folder, target: str) -> Table:
     table = Table(
         title=escape("Scores on the test rows [%] and times [s]; the paper's in brackets")
     )
-    for column in ("Model", "", *(SCORES[name] for name in names(target))):
-        table.add_column(column, justify="left" if column in {"Model", ""} else "right")
-    for column in ("fit", "test set", "one row"):
+    for column in ("Model", ""):
+        table.add_column(column, no_wrap=True)
+    for column in (*(SCORES[name] for name in names(target)), "fit", "test set", "one row"):
         table.add_column(column, justify="right")
     for model in MODELS:
         both = [folder.result(kind, model) for kind in KINDS]

@@ -3,6 +3,7 @@
 import math
 import warnings
 from dataclasses import dataclass, replace
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -107,9 +108,9 @@ def _predictions(
     model, candidates = MODELS[task.model], task.candidates
     name = "" if task.baseline else shared_fit(model)
     common = {k: v for k, v in candidates[0].items() if k != name}
-    kind = {"normalisation": training.normalisation, "seed": training.seed}
+    build = partial(pipeline, normalisation=training.normalisation, seed=training.seed)
     try:
-        unfitted = pipeline(model, common, **kind, tuned=not task.baseline)
+        unfitted = build(model, common, tuned=not task.baseline)
         if name and name in candidates[0]:
             values = [candidate[name] for candidate in candidates]
             return [*map(Fitted, shared_predictions(model, unfitted, data, name, values))]

@@ -79,7 +79,7 @@ class GridScores:
         """Return R2 of a candidate on every fold, nothing if a fold or the candidate lacks."""
         if number is None or number < 0 or np.isnan(self.means[number]):
             return []
-        return self.folds[number].tolist()
+        return [float(score) for score in self.folds[number]]
 
 
 def rank(

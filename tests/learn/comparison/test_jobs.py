@@ -80,9 +80,13 @@ def test_a_budget_is_reported_as_such(work, monkeypatch):
     assert run("tune", "database.h5", "-o", "out", *arguments) == 0
     (found,) = table("out/area/tuning.csv")
     assert found["searched"] == (
-        "successive halving: 110 candidates on 24 rows, 1 fold, 37 candidates on 72 rows"
-    )
-    assert found["candidates_scored"] == "37"
+        "successive halving: 110 candidates on 24 rows, 2 folds,"
+        " 38 candidates and the baseline on 72 rows, 5 folds"
+    ), "the best third, and the paper's optimum"
+    assert found["candidates_scored"] == "38"
+    means = [float(found[f"{name}_r2"]) for name in ("grid", "optimum", "baseline")]
+    assert float(found["winner_r2"]) == max(means)
+    assert found["winner"] == ("baseline" if means[2] == max(means) else "grid")
 
 
 def test_whole_grids_are_estimated_and_then_measured(work, capsys):
@@ -93,12 +97,13 @@ def test_whole_grids_are_estimated_and_then_measured(work, capsys):
     assert "Whole grids" in said.out
     assert "time [h]" in said.out
     tree, svm = table("out/area/whole-grids.csv")
-    assert (tree["fits"], tree["of"], svm["fits"], svm["of"]) == ("40", "550", "40", "660")
+    # Five of each are the baseline's, which every search judges beside the grid.
+    assert (tree["fits"], tree["of"], svm["fits"], svm["of"]) == ("45", "555", "45", "665")
     assert float(tree["seconds"]) > float(tree["error"]) > 0
     assert run("tune", "database.h5", "-o", "out", "--model", "decision-tree") == 0
-    assert "550 fits, 510 to do" in capsys.readouterr().err
+    assert "550 fits, 510 to do, 0 of the baseline" in capsys.readouterr().err
     measured, _ = table("out/area/whole-grids.csv")
-    assert (measured["fits"], measured["error"]) == ("550", "0.0")
+    assert (measured["fits"], measured["error"]) == ("555", "0.0")
 
 
 def test_a_model_that_fails_is_reported_and_the_others_go_on(work, capsys, monkeypatch):

@@ -90,7 +90,7 @@ def test_candidates_that_the_time_leaves_undone_are_told_and_done_with_more_time
 
 
 def levels(rows):
-    """Two hundred random levels of one input: few rows show a tree nothing of them, many show them."""
+    """Two hundred random levels of one input: a tree finds them in many rows only."""
     generator = np.random.default_rng(0)
     inputs = np.c_[generator.uniform(size=rows), np.ones(rows)]
     target = generator.normal(size=200)[(200 * inputs[:, 0]).astype(int)]
