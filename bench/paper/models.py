@@ -59,11 +59,12 @@ def table_2(folder: Path, comparison: Path | None = None) -> list[Content]:
     tuned = {} if comparison is None else results(opened(comparison), "tuned")
     rows: list[tuple[object, ...]] = []
     for model, space in SPACES.items():
-        found = tuned.get(model, {}).get("settings", {})
+        search, found = (tuned.get(model, {}).get(name, {}) for name in ("search", "settings"))
+        default = "the library's" if search.get("winner") == "baseline" else ""
         for name, values in space.items():
             theirs = _value(OPTIMA[model][name])
-            ours = _value(found[name]) if name in found else ""
-            same = "" if not found else "same" if ours == theirs else "another"
+            ours = _value(found[name]) if name in found else default
+            same = "" if not (found or default) else "same" if ours == theirs else "another"
             parameter, tried = name.removeprefix("estimator__"), _values(values)
             rows.append((_title(model), parameter, len(values), tried, theirs, ours, same))
     header = ("model", "hyperparameter", "points", "values_tried", "paper_optimum", "our_optimum")

@@ -62,7 +62,7 @@ def settings_of(folder: Folder, model: str) -> Winner | None:
         if not own and value not in space.get(name, []):
             raise InputError(f"{path}: {name} = {value!r} is not in the grid {grid!r}")
     if refit not in ({}, dict(MODELS[model].tuned)):  # older folders name the perceptron's
-        raise InputError(f"{path}: its last fit is not as learn makes it: {refit!r}")
+        raise InputError(f"{path}: refit = {refit!r} is not as learn makes it")
     return Winner(settings, of_grid=True)
 
 

@@ -2,6 +2,6 @@
 
 `spaces` has the grids, and `pruning` reduces them to the candidates that differ. `grid_search` fits
 candidates on the workers (`fits`, `staged`) and keeps their scores on disk (`trials`); `scores`
-ranks them. `budget` searches as far as a time allows, `whole_grid` estimates the time of a whole
-grid.
+ranks them beside the baseline. `budget` searches as far as a time allows, `whole_grid` estimates
+the time of a whole grid.
 """

@@ -176,7 +176,9 @@ class _Halving:
         sizes = steps(self.total)
         families = drawn_order(self.grid_search, sizes[0])
         numbers = [n for family in families for n in self.grid_search.grid.families[family]]
-        rungs = sizes[:-1]
+        rungs, optimum = sizes[:-1], self.grid_search.optimum
+        if not rungs and optimum is not None:
+            numbers.sort(key=lambda number: number != optimum)
         for place, rows in enumerate(rungs):
             share = RUNGS_SHARE * (place + 1) / len(rungs)
             self._fit(numbers, rows, RUNG_FOLDS, share)
@@ -186,10 +188,10 @@ class _Halving:
                 break  # the best candidate so far is not finished: this rung does not count
             if scored:
                 self.told.append(f"{_counted(len(scored))} on {_extent(rows, RUNG_FOLDS)}")
-            if len(scored) == len(scores.means) and self._whole_grid_fits(scores, rows):
-                numbers = [*range(len(scores.means))]
-                break
             numbers = self._promoted(scored, scores)
+            if len(scored) == len(scores.means) and self._whole_grid_fits(scores, rows):
+                numbers += sorted(set(scored).difference(numbers))
+                break
         self.judged = numbers
         self._fit(numbers, self.total, FOLDS, share=1.0)
 

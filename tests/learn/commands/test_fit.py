@@ -27,7 +27,7 @@ def table(path):
 def test_a_tuned_winner_is_taken_with_what_it_rests_on(work, capsys, monkeypatch):
     from learn.comparison.search import spaces
 
-    space = {"alpha": [1e-5, 1e-3], "gamma": [0.01], "kernel": ["rbf"]}
+    space = {"alpha": [1e-5, 1e-3], "gamma": [0.001], "kernel": ["rbf"]}
     monkeypatch.setitem(spaces.SCALED, "kernel-ridge", space)
     tune = ["tune", "database.h5", "-o", "out", "--model", "kernel-ridge", "--seed", "3"]
     assert run(*tune, "--features", "dimensionless", "--target", "area") == 0
@@ -39,7 +39,7 @@ def test_a_tuned_winner_is_taken_with_what_it_rests_on(work, capsys, monkeypatch
     assert card["seed"] == 3
     assert card["features"] == "dimensionless"
     assert card["targets"]["area"]["settings_from"] == "tuned in out/area"
-    assert card["targets"]["area"]["settings"]["gamma"] == "0.01"
+    assert card["targets"]["area"]["settings"]["gamma"] == "0.001"
     assert run(*fit, "--features", "paper") == 2
     assert "made with features 'dimensionless', not 'paper'" in capsys.readouterr().err
     assert run(*fit, "--model", "svm") == 2

@@ -79,14 +79,17 @@ def test_a_budget_is_reported_as_such(work, monkeypatch):
     arguments = ["--model", "decision-tree", "--budget", "1h"]
     assert run("tune", "database.h5", "-o", "out", *arguments) == 0
     (found,) = table("out/area/tuning.csv")
-    assert found["searched"] == (
-        "successive halving: 110 candidates on 24 rows, 2 folds,"
-        " 38 candidates and the baseline on 72 rows, 5 folds"
-    ), "the best third, and the paper's optimum"
-    assert found["candidates_scored"] == "38"
+    few, more = (
+        "110 candidates on 24 rows, 2 folds",
+        "candidates and the baseline on 72 rows, 5 folds",
+    )
+    assert found["searched"].startswith(f"successive halving: {few}, ")
+    assert found["searched"].endswith(f" {found['candidates_scored']} {more}")
+    # The best third, the paper's optimum, and trees whose least leaf is larger than half the rows.
+    assert 38 <= int(found["candidates_scored"]) < 110
     means = [float(found[f"{name}_r2"]) for name in ("grid", "optimum", "baseline")]
     assert float(found["winner_r2"]) == max(means)
-    assert found["winner"] == ("baseline" if means[2] == max(means) else "grid")
+    assert (found["winner"] == "baseline") == (means[2] == max(means))
 
 
 def test_whole_grids_are_estimated_and_then_measured(work, capsys):

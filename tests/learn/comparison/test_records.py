@@ -87,7 +87,7 @@ CHANGES = {
     "setting-unknown": (RESULT, "settings.depth", 3, FIT),
     "setting-huge": (RESULT, "settings.max_depth", 10**9, FIT),
     "setting-nested": (RESULT, "settings.max_depth", {"a": 1}, FIT),
-    "refit": (RESULT, "refit.max_depth", 3, FIT),
+    "refit": (RESULT, "refit", {"max_depth": 3}, FIT),
 }
 
 
