@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from learn.metrics import bootstrap, scores
+from learn.metrics import bootstrap, scores, spread
 
 pairs = st.lists(
     st.tuples(st.floats(0.01, 60), st.floats(-9, 9, allow_subnormal=False)), min_size=2, max_size=30
@@ -50,3 +50,34 @@ def test_bootstrap_intervals_hold_the_score_of_other_rows_as_often_as_they_say()
     wide, narrow = (bootstrap(truth, truth + 0.1, level)["nmae"] for level in (0.99, 0.5))
     assert wide[0] < narrow[0] < narrow[1] < wide[1]
     assert bootstrap(truth, truth)["r2"] == (100.0, 100.0)
+
+
+def test_rows_of_one_group_are_drawn_together():
+    """Forty surfaces of eight rows whose errors are alike: rows drawn alone promise too much."""
+    generator = np.random.default_rng(6)
+    inside = {"groups": 0, "rows": 0}
+    trials, groups = 60, np.repeat(np.arange(40), 8)
+    for _ in range(trials):
+        truth = generator.uniform(1.0, 9.0, groups.size)
+        prediction = truth + generator.normal(size=40)[groups]
+        for name, each in (("groups", groups), ("rows", None)):
+            low, high = bootstrap(truth, prediction, groups=each)["nmse"]
+            inside[name] += low <= 100 * 1.0 / 5.0 <= high
+    assert inside["groups"] / trials == pytest.approx(0.87, abs=0.1)
+    assert inside["rows"] < 0.65 * trials
+
+
+def test_groups_of_one_row_are_rows_and_a_single_group_has_no_interval():
+    generator = np.random.default_rng(7)
+    truth = generator.uniform(1.0, 9.0, 50)
+    prediction = truth + generator.normal(size=50)
+    alone = bootstrap(truth, prediction, groups=np.arange(50))
+    assert alone == bootstrap(truth, prediction)
+    assert bootstrap(truth, prediction, groups=np.ones(50)) == {}
+
+
+def test_the_spread_is_the_factor_between_nmse_and_unexplained_variance():
+    generator = np.random.default_rng(8)
+    truth = generator.gamma(2.0, size=200)
+    found = scores(truth, truth + generator.normal(size=200))
+    assert found.nmse == pytest.approx((100 - found.r2) * spread(truth), rel=1e-12)
