@@ -1,9 +1,9 @@
 """One fit for many candidates: the predictions of every number of estimators, and of every alpha.
 
 A fit with the largest number of estimators contains all smaller ones: its first k trees are the
-model with k trees (`tests/learn/comparison/search/test_staged.py` compares the predictions). This
-holds for boosting whose later trees leave the earlier ones as they are; `require_served` refuses
-spaces with any other.
+model with k trees, to the last bit (`tests/learn/comparison/search/test_staged.py`). This holds for
+boosting whose later trees leave the earlier ones as they are; `require_served` refuses spaces with
+any other.
 """
 
 from collections.abc import Iterator, Sequence
