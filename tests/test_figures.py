@@ -82,6 +82,23 @@ def test_surrogates_are_as_good_as_is_said(page: str, sentence: str) -> None:
     assert stated(page, sentence) == [float(best["nmae_percent"]), float(best["r2_percent"])]
 
 
+def test_surrogates_hold_where_they_were_not_trained_as_is_said() -> None:
+    page, found = "docs/results/surrogates.md", rows("generalisation/generalisation.csv")
+
+    def of(name: str, case: str) -> list[float]:
+        own = [row for row in found if row["tested_on"].startswith(case)]
+        return [100 * float(row[name]) for row in own]
+
+    said = stated(page, "of all rows, flagged or not, # and # % lie inside")
+    assert said == [round(of("covered", case)[-1]) for case in ("unseen", "midpoint")]
+    assert min(of("flagged", "fine grid")) == 100
+    said = stated(page, "on # to # % of unseen Hurst exponents, and on # to # % of the other")
+    flagged = [of("flagged", case) for case in ("unseen", "midpoint")]
+    assert said == [round(end(each)) for each in flagged for end in (min, max)]
+    (nmae,) = stated(page, "rows of this grid in the training the nMAE is # %")
+    assert nmae == round(of("mended_nmae", "fine grid")[-1] / 100, 2)
+
+
 def test_feature_sets_are_worth_what_is_said() -> None:
     quarters = [100 * float(row["covered"]) for row in rows("features/coverage.csv")]
     ends = stated(

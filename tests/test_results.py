@@ -80,7 +80,7 @@ SHOWN = {
     "grids": (0, 1, 0x35772F9C),
     "models": (1, 1, 0xA9BC842C),
     "tolerance": (1, 1, 0xD323C97D),
-    "generalisation": (1, 1, 0x7C75B17C),
+    "generalisation": (1, 1, 0xE3DA1150),
     "features": (1, 1, 0x1262A315),
     "coverage": (0, 1, 0x59D3C47E),
     "scans": (1, 1, 0xEAEA4AD3),

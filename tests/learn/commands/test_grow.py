@@ -25,7 +25,7 @@ def run(*arguments):
 def numbers(path):
     found = Surrogate.load(path)
     with np.printoptions(threshold=10**6, precision=17):
-        return repr(packed(found.card, found.learnt, found.low, found.high))
+        return repr(packed(found.card, found.learnt, found.low, found.high, found.distance))
 
 
 @pytest.fixture(scope="module")

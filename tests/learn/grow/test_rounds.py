@@ -52,7 +52,7 @@ def grow(wanted: Order, *, limit=None, scene=SCENE, stopping=lambda: False):
 def parts(path: Path):
     """Models of a surrogate, as numbers, and what its card says of the growth."""
     found = Surrogate.load(path)
-    numbers = packed(found.card, found.learnt, found.low, found.high)
+    numbers = packed(found.card, found.learnt, found.low, found.high, found.distance)
     with np.printoptions(threshold=sys.maxsize, precision=17):
         return repr(numbers), found.card["grown"]
 
