@@ -19,6 +19,9 @@ COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}
 SHIFTS = dict(zip(KINDS, (-0.2, 0.2), strict=True))
 """Distances of the bars from the middle of their model."""
 
+BESIDE = 0.13
+"""Distance of a whisker from the middle of its bar, where the number stands."""
+
 BEST = "baseline"
 """The winner of a search that is not of its grid."""
 
@@ -141,7 +144,7 @@ def _whiskers(
     for (model, kind), value in values.items():
         if name in ends.get((model, kind), {}):
             low, high = ends[model, kind][name]
-            place = models.index(model) + SHIFTS[kind]
+            place = models.index(model) + SHIFTS[kind] + BESIDE
             reach = [[max(value - low, 0.0)], [max(high - value, 0.0)]]
             axis.errorbar(place, value, reach, color="0.2", lw=1, capsize=2)
 

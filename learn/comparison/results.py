@@ -15,6 +15,7 @@ from learn.comparison.search.pruning import Grid
 from learn.comparison.search.scores import GridScores
 from learn.comparison.search.spaces import TABLE_2
 from learn.comparison.search.whole_grid import Cost
+from learn.comparison.search_tables import why_baseline
 from learn.comparison.timing import FitResult, TimedFit
 from learn.comparison.training_data import Training
 from learn.models import MODELS, Model
@@ -97,7 +98,7 @@ def write_search(
         _say(f"{model.title}: {number} of {scores.folds.size} scores: {text}")
     print_result(_say, task, result)
     if scores.baseline_wins:
-        _say(f"{model.title}: no candidate was better than the baseline over {split.FOLDS} folds")
+        _say(f"{model.title}: {why_baseline(report)}")
 
 
 def _report(grid_search: GridSearch, search: SearchResult) -> dict[str, Any]:

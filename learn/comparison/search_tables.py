@@ -85,6 +85,19 @@ def settings(result: dict[str, Any]) -> str:
     return values or "those of the library"
 
 
+def why_baseline(search: dict[str, Any]) -> str:
+    """Say why the baseline is the winner of a search: it is better, or nothing else was judged.
+
+    Parameters
+    ----------
+    search : dict
+        Description of the search in its result.
+    """
+    if search.get("grid_r2_folds"):
+        return "the baseline wins, no candidate is better over five folds of all rows"
+    return "the baseline stays, no candidate was finished on five folds of all rows within the time"
+
+
 def undecided(folder: Folder) -> list[str]:
     """Return the models whose winners no cross-validation on all rows has compared to the baseline.
 

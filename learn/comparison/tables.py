@@ -156,7 +156,7 @@ def _remarks(folder: Folder) -> Iterator[str]:
         if result.get("failure"):
             yield f"{MODELS[model].title}, {kind}, failed: {result['failure']}"
         elif kind == "tuned" and result["search"].get("winner") == "baseline":
-            yield f"{MODELS[model].title}: the baseline wins, over five folds of all rows"
+            yield f"{MODELS[model].title}: {search_tables.why_baseline(result['search'])}"
     older = search_tables.undecided(folder)
     if older:
         again = f"learn tune DATABASE -o {folder.path.parent} --model {' --model '.join(older)}"

@@ -10,6 +10,7 @@ from learn import Surrogate
 from learn.comparison import timing
 from learn.comparison.folder import Folder
 from learn.comparison.search import budget, spaces
+from learn.comparison.search.grid_search import GridSearch
 
 TREE = ["--model", "decision-tree"]
 STUMPS = {"max_depth": [1, 2], "min_samples_leaf": [30]}
@@ -37,8 +38,9 @@ def test_where_the_baseline_wins_every_table_and_picture_names_it(work, limit, c
     assert run("compare", "database.h5", "-o", "out", *TREE) == 0
     assert run("tune", "database.h5", "-o", "out", *TREE, *limit) == 0
     said = capsys.readouterr()
-    assert "no candidate was better than the baseline over 5 folds" in said.err
-    assert "Decision Tree: the baseline wins, over five folds of all rows" in said.out
+    line = "Decision Tree: the baseline wins, no candidate is better over five folds of all rows"
+    assert line in said.err
+    assert line in said.out
     assert "tuned: baseline" in said.out
     (found,) = table("out/area/tuning.csv")
     assert found["winner"] == "baseline"
@@ -87,6 +89,20 @@ def test_a_budget_too_small_for_the_baseline_gives_no_result_and_says_so(work, c
     assert said in capsys.readouterr().err
     assert run("show", "out", "--no-pictures") == 0
     assert said in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("few")
+def test_a_baseline_beside_which_nothing_was_judged_is_not_said_to_be_better(
+    work, monkeypatch, capsys
+):
+    monkeypatch.setattr(GridSearch, "tasks", lambda *arguments: [])
+    assert run("tune", "database.h5", "-o", "out", *TREE, "--budget", "1h") == 0
+    said = "Decision Tree: the baseline stays, no candidate was finished on five folds"
+    shown = capsys.readouterr()
+    assert said in shown.out
+    assert said in shown.err
+    (found,) = table("out/area/tuning.csv")
+    assert (found["winner"], found["grid_r2"], found["candidates_scored"]) == ("baseline", "", "0")
 
 
 @pytest.mark.usefixtures("few")
