@@ -1,5 +1,6 @@
 """The command `asperity serve`."""
 
+import signal
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -60,10 +61,15 @@ def serve(
     def tell(*_: object) -> None:
         echo(f"serving {', '.join(names)} at http://{host}:{port} until Ctrl-C")
 
+    async def stop(_: web.Application) -> None:
+        echo("stopping: questions under way are answered first; Ctrl-C again ends at once")
+
+    served = Server(models, workers).app()
+    served.on_shutdown.append(stop)
     try:
-        web.run_app(
-            Server(models, workers).app(), host=host, port=port, print=tell, access_log=None
-        )
+        web.run_app(served, host=host, port=port, print=tell, access_log=None)
+    except web.GracefulExit:  # a second Ctrl-C
+        raise typer.Exit(128 + signal.SIGINT) from None
     except OSError as error:
         raise InputError(f"http://{host}:{port}: {error.strerror or error}") from None
     finally:

@@ -5,9 +5,10 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from asperity.serving.models import Model, Unsolved, Unsupported, model_of
@@ -81,7 +82,9 @@ class Workers:
         for _ in range(ATTEMPTS):
             pool = self._pool
             try:
-                return await asyncio.wrap_future(pool.submit(_answer, call))
+                with _deaf():  # processes that this starts inherit it: Ctrl-C is the server's
+                    future = pool.submit(_answer, call)
+                return await asyncio.wrap_future(future)
             except BrokenProcessPool:
                 if pool is self._pool:  # the first of all calls that notice
                     self._pool = self._new_pool()
@@ -90,14 +93,28 @@ class Workers:
 
     def close(self) -> None:
         """End all processes."""
+        processes = list((self._pool._processes or {}).values())  # the shutdown forgets them
         self._pool.shutdown(wait=False, cancel_futures=True)
-        for process in list((self._pool._processes or {}).values()):
+        for process in processes:
             process.terminate()
 
     def _new_pool(self) -> ProcessPoolExecutor:
         """Start processes; not by forking, since this one has threads."""
         context = multiprocessing.get_context("spawn")
         return ProcessPoolExecutor(self._number, context, _begin, (self._sources,))
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Hold Ctrl-C back, where the system can."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _begin(sources: tuple[str, ...]) -> None:

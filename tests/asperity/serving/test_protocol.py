@@ -1,5 +1,6 @@
 """The server as clients use it: UM-Bridge's own from Python, and curl."""
 
+import http.client
 import json
 import os
 import shutil
@@ -38,7 +39,11 @@ class Served:
     def start(self):
         line = ["serve", *self.sources, "--port", str(self.port), "--processes", "2"]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "asperity", *line], cwd=self.folder, stdout=subprocess.PIPE
+            [sys.executable, "-m", "asperity", *line],
+            cwd=self.folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,  # a terminal sends Ctrl-C to the workers too
         )
         assert b"serving" in self.process.stdout.readline()
 
@@ -241,6 +246,28 @@ def test_a_thousand_calls_eight_at_once_while_workers_and_server_are_killed(fold
         assert all(answer.result() for answer in answers)
     assert all(gone(pid) for pid in orphans)
     assert served.end(signal.SIGINT) in {0, 130}
+
+
+@pytest.mark.parametrize(("presses", "nodes"), [(1, 257), (2, 4097)])
+def test_ctrl_c_lets_a_question_end_and_a_second_one_does_not(folder, presses, nodes):
+    """Pressed as soon as the worker has been started, while it still imports."""
+    served = Served(folder, "small.toml")
+    question = {"name": "small", "input": [[0.7, 12.0], [10.0]], "config": {"nodes": nodes}}
+    with ThreadPoolExecutor(1) as client:
+        answer = client.submit(served.ask, "Evaluate", question)
+        while not (workers := children(served.process.pid)):
+            time.sleep(0.01)
+        os.killpg(served.process.pid, signal.SIGINT)
+        assert b"stopping" in served.process.stdout.readline()
+        if presses == 2:
+            os.killpg(served.process.pid, signal.SIGINT)
+            with pytest.raises((OSError, http.client.HTTPException)):
+                answer.result()
+        else:
+            assert answer.result()[0] == 200
+        assert served.process.stdout.read() == b""
+    assert served.end() == (0 if presses == 1 else 128 + signal.SIGINT)
+    assert all(gone(pid) for pid in workers)
 
 
 @pytest.mark.parametrize(
