@@ -152,6 +152,7 @@ def _grow(
         [Output(output, "--output", "surrogate"), Output(drawing, "--output", "picture")],
         [] if population.is_folder or not Path(scene).is_file() else [scene],
     )
+    _require_own(order.request.database, output, drawing)
     figure = new_figure(picture.WIDTH, picture.HEIGHT, dpi=110)
     with Interruption(listening=True) as interruption:
         whole = scene_of(population, _beside(output, ".toml"), note)
@@ -163,6 +164,21 @@ def _grow(
     picture.draw(figure, grown.last, grown.curve)
     echo(f"wrote {output}, {order.request.database} and {save(figure, drawing)}")
     return 0
+
+
+def _require_own(database: Path, surrogate: Path, drawing: Path) -> None:
+    """Refuse files that no growth to this surrogate can have written; say which rows are there.
+
+    Its database is the first file that a growth writes, and its picture the last.
+    """
+    for before, after in ((database, surrogate), (surrogate, drawing)):
+        if after.exists() and not before.exists():
+            raise InputError(
+                f"--output {surrogate}: {after} is there already, but not {before}, which would"
+                " have been written before it: give another name"
+            )
+    if database.exists() and not surrogate.exists():
+        note(f"{database}: is there already; its rows count, and more are added to it")
 
 
 def _order(output: Path, goal: Goal) -> Order:

@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -160,3 +161,18 @@ def test_bad_input_is_refused_in_one_line_before_anything_is_made(
     assert line.startswith("learn: ")
     assert word in line
     assert [path.name for path in tmp_path.iterdir()] == ["empty"]
+
+
+@pytest.mark.parametrize(
+    ("there", "missing"), [("my.surrogate", "my.h5"), ("my.png", "my.surrogate")]
+)
+def test_files_of_others_stay(there, missing, tmp_path, monkeypatch, capsys):
+    """A surrogate without its database, or a picture without its surrogate, is not a growth's."""
+    monkeypatch.chdir(tmp_path)
+    Path(there).write_bytes(b"\x89PNG\r\n\x1a\n" if there.endswith("png") else b"")
+    before = Path(there).read_bytes()
+    assert run("grow", "quick", "-o", "my.surrogate") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{there} is there already, but not {missing}" in line
+    assert [path.name for path in tmp_path.iterdir()] == [there]
+    assert Path(there).read_bytes() == before
