@@ -22,6 +22,9 @@ from gen.measured.source import Opposite
 from gen.option_groups import Reading
 from gen.runtime.errors import InputError
 
+FEW = 10
+"""Nodes in contact below which a law shows the grid rather than the surface."""
+
 STEPS = 40
 """Number of displacements over the range of a scene or a training, where no load is given."""
 
@@ -198,6 +201,7 @@ def law_of(
     from bem.contact import mean_conductivity
 
     over_delta, over_pressure, remarks = tables
+    nodes = min(each.heights.size for each in subjects.surfaces)
     if order.conductivities is not None:
         factor = mean_conductivity(*order.conductivities) / bodies.e_star
         over_delta = with_conductance(over_delta, factor)
@@ -218,8 +222,32 @@ def law_of(
         boundary=boundary,
         band=band,
         origins=tuple(subjects.origins),
-        notes=(how, *doubts, *remarks),
+        notes=(how, *doubts, *remarks, *few_nodes(over_pressure, nodes)),
     )
+
+
+def few_nodes(over_pressure: Curves, nodes: int) -> list[str]:
+    """Say up to which pressure so few nodes touch that the law is that of the grid.
+
+    Parameters
+    ----------
+    over_pressure : Curves
+        Table against the nominal pressure.
+    nodes : int
+        Number of nodes of a surface.
+
+    Returns
+    -------
+    list of str
+        One line, or none.
+    """
+    if "area_percent" not in over_pressure.curves:
+        return []
+    touching = over_pressure.curves["area_percent"].value * nodes / 100
+    few = over_pressure.at[(touching > 0) & (touching < FEW)]
+    if not few.size:
+        return []
+    return [f"up to {few[-1]:.4g} MPa fewer than {FEW} nodes touch: there the law is the grid's"]
 
 
 def usual_loads(subjects: Subjects, e_star: float) -> tuple[Values | None, Values | None]:

@@ -125,7 +125,7 @@ def _lines(path: Path, law: Law, program: Program, units: UnitSystem) -> Iterato
     pressures, closures, conductances = rising(law)
     if pressures.size < 2:
         raise InputError("the law closes nowhere below full contact: give smaller pressures")
-    for paragraph in _description(law, units, float(pressures[-1])):
+    for paragraph in _description(law, program, units, float(pressures[-1])):
         yield from textwrap.wrap(
             re.sub(r"[^ -~]", "?", paragraph),
             WIDTH,
@@ -149,7 +149,7 @@ def _lines(path: Path, law: Law, program: Program, units: UnitSystem) -> Iterato
         yield f"{number}, {_number(pressure * units.pressure)}{temperature}"
 
 
-def _description(law: Law, units: UnitSystem, last: float) -> Iterator[str]:
+def _description(law: Law, program: Program, units: UnitSystem, last: float) -> Iterator[str]:
     """Yield the paragraphs of the comment at the top."""
     version = versions(["asperity"]).get("asperity", "")
     yield f"Contact of rough surfaces: {law.bodies.text}. Units: {units.text}."
@@ -166,6 +166,12 @@ def _description(law: Law, units: UnitSystem, last: float) -> Iterator[str]:
         " asperities do. The elastic bodies are the mesh's; these tables are the interface's alone."
     )
     yield f"The law ends at {last:.6g} MPa."
+    if program == "calculix":
+        yield (
+            f"The first {POINTS} lines of the table are points of the law and of the monotone cubic"
+            f" through it. {FURTHER} more continue the last slope: behind them CalculiX 2.20 finds"
+            " the number of points."
+        )
 
 
 def _for_calculix(pressures: Values, closures: Values) -> tuple[Values, Values]:

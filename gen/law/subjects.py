@@ -275,6 +275,8 @@ def read_subjects(
             if opposite is not None and other is not None:
                 topography = composite(topography, other, opposite.placement)
                 warnings = surface_warnings(topography)
+            if topography.heights.max() == topography.heights.min():
+                raise InputError(f"{file}: is flat: all of it touches at once, there is no law")
             subject, doubtful = _subject(topography, warnings, say)
             subjects.append(subject)
             doubts += doubtful

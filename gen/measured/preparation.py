@@ -129,7 +129,7 @@ def surface_warnings(topography: Topography) -> list[str]:
         row, column, above = spike
         warnings.append(
             f"the highest node ({row}, {column}) is a spike, {above:.4g} um above its neighbours:"
-            " Delta counts from its tip; crop it, or mark it as missing and --fill"
+            " Delta counts from its tip; --despike 7 removes spikes, --crop this part"
         )
     slope = rms_slope(topography.heights, topography.spacing)
     if slope > STEEP:
