@@ -16,7 +16,15 @@ from bem.first_contact import settle_few
 from bem.interface import few_nodes
 from bem.iterate import Effort, Iterate
 from bem.nearly_full import press_nearly_full
-from bem.whole_patch import Pressed, WholePatch, press_under_load, touching_nodes
+from bem.listed_contact import OnLists
+from bem.whole_patch import (
+    OnFields,
+    Pressed,
+    Steps,
+    WholePatch,
+    press_under_load,
+    touching_nodes,
+)
 
 # Finds a start on coarser cells, or none, and the work that this took.
 Coarser = Callable[[], tuple[Start | None, Effort]]
@@ -25,6 +33,9 @@ Coarser = Callable[[], tuple[Start | None, Effort]]
 # that is worth factorising at which no further step is taken; and the share from which on none is,
 # because steps will not remove that many nodes.
 FEW_STEPS, ENOUGH, TOO_MANY = 3, 0.7, 1.2
+
+# Share of nodes in contact up to which lists of them take less time than whole fields.
+LISTED = 0.22
 
 # Mean pressure, over the standard deviation of the pressure of full contact, from which a contact
 # may be full or nearly so; and the distance of the rows and columns that tell the slope.
@@ -70,13 +81,22 @@ def press_elastic(
         if settled is not None:
             return settled, True
     converged = solved or press_under_load(
-        whole, pressed, rtol=rtol, least=1e-3 * patch.depth, max_iterations=problem.max_iterations
+        _steps(whole, pressed),
+        rtol=rtol,
+        least=1e-3 * patch.depth,
+        max_iterations=problem.max_iterations,
     )
     if patch.keep_displacement:
         patch.operators.field = whole.displacement
     iterate = _listed(pressed)
     iterate.exact = converged
     return iterate, converged
+
+
+def _steps(whole: WholePatch, pressed: Pressed) -> Steps:
+    """Return the steps that take less time for the contact of a start."""
+    listed = touching_nodes(pressed) <= LISTED * whole.below.size
+    return OnLists(whole, pressed) if listed else OnFields(whole, pressed)
 
 
 def _listed(pressed: Pressed) -> Iterate:

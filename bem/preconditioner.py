@@ -47,8 +47,8 @@ class Preconditioner:
     ----------
     shape : tuple of int
         Nodes (nx, ny) of the grid.
-    nodes : ndarray, shape (m,)
-        Flat indices of the nodes in the list.
+    nodes : ndarray, shape (m,), or None
+        Flat indices of the nodes in the list; None for all of them in their order.
     inverse : FieldFilter
         Inverse of the circulant, on whole blocks that hold the grid.
     means : FieldFilter
@@ -56,13 +56,17 @@ class Preconditioner:
     """
 
     def __init__(
-        self, shape: tuple[int, int], nodes: Nodes, inverse: FieldFilter, means: FieldFilter
+        self,
+        shape: tuple[int, int],
+        nodes: Nodes | None,
+        inverse: FieldFilter,
+        means: FieldFilter,
     ) -> None:
         self._inverse, self._means = inverse, means
-        self._shape, self._nodes = shape, nodes
+        self._shape = shape
         self._known: Nodes | None = None
-        self._whole = is_whole(shape, nodes)
-        if inverse.field.size < SHORT:  # long lists of places would take too much memory
+        self._nodes = None if nodes is None or is_whole(shape, nodes) else nodes
+        if nodes is not None and inverse.field.size < SHORT:  # long lists of places would take too much memory
             self._known = node_places(shape, inverse.field.shape[1], nodes)
 
     def _extension(self, some: Nodes) -> tuple[Nodes, Nodes, Real]:
@@ -75,7 +79,7 @@ class Preconditioner:
             places = self._known[some]
             blocks = _all_blocks(self._inverse.field.shape)[places]
         else:
-            nodes = some if self._whole else take(self._nodes, some)
+            nodes = some if self._nodes is None else take(self._nodes, some)
             places, blocks = places_and_blocks(self._shape, columns, nodes, BLOCK)
         return places, blocks, 1 / (self._mean(blocks) + VACANT)
 

@@ -8,12 +8,13 @@ single precision; they refine a pressure in double precision.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 
 from bem.active_set import IDLE_RENEWALS, PATIENCE, ROUNDING, TIGHTENING
 from bem.arrays import Field, Mask, Real
-from bem.convolution import kept_filter
+from bem.convolution import FieldFilter, kept_filter
 from bem.interface import make_means
 from bem.iterate import CONVOLUTION, ITERATION, Effort
 from bem.preconditioner import BLOCK, VACANT, block_sums, whole_blocks
@@ -89,6 +90,8 @@ class WholePatch:
         Shape (nx, ny), boundary and aspect.
     displacement : ndarray, shape (nx, ny), or None
         Displacement under the last pressure whose residual is exact.
+    working : FieldFilter
+        The influence matrix in single precision.
     outside : ndarray, shape (nx, ny)
         Zero on the contact set and one elsewhere.
     """
@@ -100,7 +103,7 @@ class WholePatch:
         self.displacement: Field | None = None
         self.patch = shape, boundary, aspect
         self._double = spectral_filter(shape, boundary, aspect)
-        self._working = spectral_filter(shape, boundary, aspect, "float32")
+        self.working = spectral_filter(shape, boundary, aspect, "float32")
         self._inverse = inverse_filter(patch, boundary, aspect, "float32")
         self._means = kept_filter(make_means, patch, boundary, aspect)
         self._grid = slice(0, shape[0]), slice(0, shape[1])
@@ -108,6 +111,11 @@ class WholePatch:
         self._contact = np.zeros(patch, np.float32)
         self._outside = np.ones(patch, np.float32)
         self.outside = self._outside[self._grid]
+
+    @property
+    def inverse_and_means(self) -> tuple[FieldFilter, FieldFilter]:
+        """The filters of the approximate inverse, for `bem.preconditioner.Preconditioner`."""
+        return self._inverse, self._means
 
     def press(self, pressure: Field, effort: Effort) -> Pressed:
         """Scale a pressure to the load, and compute its residual in double precision."""
@@ -171,13 +179,13 @@ class WholePatch:
         less : ndarray, shape (nx, ny), optional
             Pressure to subtract before.
         """
-        field: Real = self._working.field
+        field: Real = self.working.field
 
         def load(some: slice) -> None:
             field[some] = pressure[some] if less is None else pressure[some] - less[some]
 
         each_row(load, *field.shape)
-        self._working.transform()
+        self.working.transform()
         return field
 
     def level(self, pressed: Pressed, weights: Real) -> None:
@@ -310,17 +318,59 @@ def shift_by(pressed: Pressed, shift: float) -> None:
     pressed.shift += shift
 
 
-def press_under_load(
-    patch: WholePatch, pressed: Pressed, *, rtol: float, least: float, max_iterations: int
-) -> bool:
+class Steps(Protocol):
+    """The steps of a solve under a load, on whole fields or on lists of nodes.
+
+    Attributes
+    ----------
+    pressed : Pressed
+        The pressure that they improve.
+    """
+
+    pressed: Pressed
+
+    def violation(self) -> float:
+        """Return the largest penetration, or gap under pressure."""
+
+    def renew(self) -> None:
+        """Recompute the residual in double precision."""
+
+    def open_stage(self) -> None:
+        """Take the next contact set, for conjugate gradients on it."""
+
+    def largest(self) -> float:
+        """Return the largest residual in contact."""
+
+    def has_to_change(self, small: float) -> bool:
+        """Return whether tension has come up, or penetration outside that is not small."""
+
+    def turn(self, previous: float) -> float:
+        """Find the next direction; return the product of residual and correction."""
+
+    def stiffness(self) -> float:
+        """Compute the displacement by the direction; return the product of both."""
+
+    def step(self, length: np.float32) -> None:
+        """Take a step of a length along the direction."""
+
+    def close_stage(self) -> None:
+        """Add the change of the stage to the pressure, and cut off tension if there is any."""
+
+    def energy(self) -> float:
+        """Compute p H p / 2 - p u, which is least for the solution under the load."""
+
+    def finish(self) -> None:
+        """Put the pressure and the residual back on the whole patch."""
+
+
+def press_under_load(steps: Steps, *, rtol: float, least: float, max_iterations: int) -> bool:
     """Solve for the elastic contact under a load.
 
     Parameters
     ----------
-    patch : WholePatch
-        The influence matrix.
-    pressed : Pressed
-        A start, improved in place until its exact residual meets the tolerance.
+    steps : Steps
+        The steps from a start, which is improved in place until its exact residual meets the
+        tolerance.
     rtol : float
         Largest violation accepted, over the displacement [1].
     least : float
@@ -333,11 +383,17 @@ def press_under_load(
     bool
         Whether the tolerance is met; False also if contact sets cycle.
     """
-    exact, renewed, smallest_renewed, idle = False, np.inf, np.inf, 0
+    converged = _press(steps, rtol, least, max_iterations)
+    steps.finish()
+    return converged
+
+
+def _press(steps: Steps, rtol: float, least: float, max_iterations: int) -> bool:
+    """Take the steps of `press_under_load`."""
+    pressed, exact, renewed, smallest_renewed, idle = steps.pressed, False, np.inf, np.inf, 0
     smallest, patience = np.inf, PATIENCE
     reduction, energy = REDUCTION, np.inf
-    stepped = False
-    violation = pressed.violation()
+    violation = steps.violation()
     while True:
         wanted = rtol * (pressed.shift if pressed.shift > 0 else least)
         floor = max(BALANCED * wanted, ROUNDING * min(renewed, 1.0))
@@ -345,8 +401,8 @@ def press_under_load(
         if violation <= floor or ended:
             if exact:
                 return violation <= rtol * pressed.shift
-            _renew(patch, pressed)
-            exact, violation = True, pressed.violation()
+            steps.renew()
+            exact, violation = True, steps.violation()
             renewed = violation
             if renewed <= rtol * pressed.shift:
                 return True
@@ -356,88 +412,100 @@ def press_under_load(
                 return False
             smallest, patience = np.inf, PATIENCE
             continue
-        if not stepped:
-            patch.set_contact(partial(_touching, pressed))
         exact = False
-        _run_stage(patch, pressed, (reduction, REACHED * floor), max_iterations)
-        stepped = _cut_off_tension(patch, pressed)
-        last, energy = energy, _energy(patch, pressed)
+        _run_stage(steps, (reduction, REACHED * floor), max_iterations)
+        last, energy = energy, steps.energy()
         reduction *= TIGHTENING if energy > last else 1.0
-        violation = pressed.violation()
+        violation = steps.violation()
         patience = PATIENCE if violation < smallest else patience - 1
         smallest = min(smallest, violation)
 
 
-def _renew(patch: WholePatch, pressed: Pressed) -> None:
-    """Recompute the residual in double precision."""
-    fresh = patch.press(pressed.pressure, pressed.effort)
-    pressed.pressure, pressed.shift, pressed.effort = fresh.pressure, fresh.shift, fresh.effort
-    pressed.residual = fresh.residual
-
-
-def _energy(patch: WholePatch, pressed: Pressed) -> float:
-    """Compute p H p / 2 - p u, which is least for the solution under the load."""
-    sums = np.empty(len(patch.below))
-
-    def add_up(some: slice) -> None:
-        depth = patch.below[some] + pressed.residual[some]
-        sums[some] = np.einsum("ij,ij->i", pressed.pressure[some], depth)
-
-    each_row(add_up, *patch.below.shape)
-    plain = -float(sums.sum()) / 2
-    return plain + pressed.shift * patch.load / 2
-
-
-def _run_stage(
-    patch: WholePatch, pressed: Pressed, goals: tuple[float, float], max_iterations: int
-) -> None:
+def _run_stage(steps: Steps, goals: tuple[float, float], max_iterations: int) -> None:
     """Run conjugate gradients in contact until the set has to change, as `bem.gradients` does."""
-    stage = _Stage(patch, pressed)
-    previous, goal = np.inf, 0.0
+    steps.open_stage()
+    pressed, previous, goal = steps.pressed, np.inf, 0.0
     while pressed.effort.iterations < max_iterations:
-        largest = patch.inside(pressed.residual)
+        largest = steps.largest()
         if largest <= goals[1]:
             break
         goal = goal or goals[0] * largest
         if largest <= goal:
-            if stage.has_to_change(goals[1]):
+            if steps.has_to_change(goals[1]):
                 break
             goal = max(goals[0] * goal, goals[1])
-        product = stage.turn(previous)
+        product = steps.turn(previous)
         previous = product
-        image = patch.displace(stage.direction)
-        stiffness = total(stage.direction, image)
+        stiffness = steps.stiffness()
         pressed.effort += CONVOLUTION
         if not (product > 0 and stiffness > 0):  # only rounding is left
             break
-        stage.step(np.float32(product / stiffness), image)
+        steps.step(np.float32(product / stiffness))
         pressed.effort += ITERATION
-    pressed.pressure += stage.change
+    steps.close_stage()
 
 
-class _Stage:
-    """Conjugate gradients on a contact set, under a load that no step changes.
+class OnFields:
+    """The steps of a solve on whole fields.
 
-    Attributes
+    Parameters
     ----------
-    direction, change : ndarray, shape (nx, ny)
-        Direction of the last step, and the sum of all steps.
+    patch : WholePatch
+        The influence matrix under the load.
+    pressed : Pressed
+        A start, improved in place.
     """
 
     def __init__(self, patch: WholePatch, pressed: Pressed) -> None:
-        self._patch, self._pressed = patch, pressed
-        self._weights = pressed.pressure.astype(np.float32)
+        self._patch, self.pressed = patch, pressed
+        self._stepped = False
+        self._sums = np.empty(len(patch.below))
+
+    def violation(self) -> float:
+        """Return the largest penetration, or gap under pressure."""
+        return self.pressed.violation()
+
+    def renew(self) -> None:
+        """Recompute the residual in double precision."""
+        pressed = self.pressed
+        fresh = self._patch.press(pressed.pressure, pressed.effort)
+        pressed.pressure, pressed.shift, pressed.effort = fresh.pressure, fresh.shift, fresh.effort
+        pressed.residual = fresh.residual
+
+    def finish(self) -> None:
+        """Leave the pressure and the residual where they are."""
+
+    def energy(self) -> float:
+        """Compute p H p / 2 - p u, which is least for the solution under the load."""
+        below, pressed, sums = self._patch.below, self.pressed, self._sums
+
+        def add_up(some: slice) -> None:
+            depth = below[some] + pressed.residual[some]
+            sums[some] = np.einsum("ij,ij->i", pressed.pressure[some], depth)
+
+        each_row(add_up, *below.shape)
+        plain = -float(sums.sum()) / 2
+        return plain + pressed.shift * self._patch.load / 2
+
+    def open_stage(self) -> None:
+        """Take the next contact set, unless the last stage has stepped ahead on it."""
+        if not self._stepped:
+            self._patch.set_contact(partial(_touching, self.pressed))
+        self._weights = self.pressed.pressure.astype(np.float32)
         self._carried = load_of(self._weights)
-        self._sums = np.empty(len(self._weights))
-        self.direction, self.change = (np.zeros_like(self._weights) for _ in range(2))
+        self._direction, self._change = (np.zeros_like(self._weights) for _ in range(2))
+
+    def largest(self) -> float:
+        """Return the largest residual in contact."""
+        return self._patch.inside(self.pressed.residual)
 
     def has_to_change(self, small: float) -> bool:
         """Return whether tension has come up, or penetration outside that is not small."""
-        residual, outside = self._pressed.residual, self._patch.outside
+        residual, outside = self.pressed.residual, self._patch.outside
         found: list[bool] = []
 
         def look(some: slice) -> None:
-            tension = (self._weights[some] + self.change[some]).min() < 0
+            tension = (self._weights[some] + self._change[some]).min() < 0
             found.append(bool(tension or (residual[some] * outside[some]).max() > small))
 
         each_row(look, *residual.shape)
@@ -445,7 +513,7 @@ class _Stage:
 
     def turn(self, previous: float) -> float:
         """Find the next direction; return the product of residual and correction."""
-        correction, residual = self._patch.correct(), self._pressed.residual
+        correction, residual = self._patch.correct(), self.pressed.residual
         excess = np.float32(load_of(correction) / self._carried)
 
         def balance(some: slice) -> None:
@@ -456,65 +524,67 @@ class _Stage:
         product = float(self._sums.sum())
 
         def turn(some: slice) -> None:
-            self.direction[some] *= np.float32(product / previous)
-            self.direction[some] += correction[some]
+            self._direction[some] *= np.float32(product / previous)
+            self._direction[some] += correction[some]
 
         each_row(turn, *correction.shape)
         return product
 
-    def step(self, length: np.float32, image: Real) -> None:
-        """Take a step of a length along the direction; the image of the direction is spoilt."""
-        residual = self._pressed.residual
+    def stiffness(self) -> float:
+        """Compute the displacement by the direction; return the product of both."""
+        self._image = self._patch.displace(self._direction)
+        return total(self._direction, self._image)
+
+    def step(self, length: np.float32) -> None:
+        """Take a step of a length along the direction, whose displacement is spoilt."""
+        residual, image = self.pressed.residual, self._image
 
         def move(some: slice) -> None:
             image[some] *= length
             residual[some] -= image[some]
-            self.change[some] += length * self.direction[some]
+            self._change[some] += length * self._direction[some]
             self._sums[some] = np.einsum("ij,ij->i", self._weights[some], residual[some])
 
         each_row(move, *residual.shape)
-        shift_by(self._pressed, -float(self._sums.sum()) / self._carried)
+        shift_by(self.pressed, -float(self._sums.sum()) / self._carried)
 
+    def close_stage(self) -> None:
+        """Add the change of the stage; cut off tension, and step ahead on the next contact set."""
+        self.pressed.pressure += self._change
+        self._stepped = bool(self.pressed.pressure.min() < 0)
+        if self._stepped:
+            self._cut_off_tension()
 
-def _cut_off_tension(patch: WholePatch, pressed: Pressed) -> bool:
-    """Set negative pressures to zero, step ahead on the next contact set, and keep the load.
+    def _cut_off_tension(self) -> None:
+        """Set negative pressures to zero, step ahead on the next contact set, and keep the load."""
+        patch, before, residual = self._patch, self.pressed.pressure, self.pressed.residual
 
-    Returns
-    -------
-    bool
-        Whether there was any tension; the contact set of `patch` is then the next one.
-    """
-    if not pressed.pressure.min() < 0:
-        return False
-    before, residual = pressed.pressure, pressed.residual
+        def touching(some: slice) -> Mask:
+            here = before[some]
+            touches: Mask = (here > 0) | ((residual[some] > 0) & (here == 0))
+            return touches
 
-    def touching(some: slice) -> Mask:
-        here = before[some]
-        touches: Mask = (here > 0) | ((residual[some] > 0) & (here == 0))
-        return touches
+        patch.set_contact(touching)
+        patch.inside(residual)
+        correction, pressure = patch.correct(), np.empty_like(before)
 
-    patch.set_contact(touching)
-    patch.inside(residual)
-    correction, pressure = patch.correct(), np.empty_like(before)
+        def advance(some: slice) -> None:
+            here = pressure[some]
+            np.maximum(before[some], 0, out=here)
+            here += np.float32(ADVANCE) * correction[some]
+            np.maximum(here, 0, out=here)
 
-    def advance(some: slice) -> None:
-        here = pressure[some]
-        np.maximum(before[some], 0, out=here)
-        here += np.float32(ADVANCE) * correction[some]
-        np.maximum(here, 0, out=here)
+        each_row(advance, *before.shape)
+        carried = load_of(pressure)
+        if not carried > 0:
+            pressure, carried = np.ones_like(pressure), float(pressure.size)
+        pressure *= patch.load / carried
+        image = patch.displace(pressure, before)
 
-    each_row(advance, *before.shape)
-    carried = load_of(pressure)
-    if not carried > 0:
-        pressure, carried = np.ones_like(pressure), float(pressure.size)
-    pressure *= patch.load / carried
-    image = patch.displace(pressure, before)
+        def move(some: slice) -> None:
+            residual[some] -= image[some]
 
-    def move(some: slice) -> None:
-        residual[some] -= image[some]
-
-    each_row(move, *residual.shape)
-    pressed.pressure = pressure
-    pressed.effort += CONVOLUTION
-    patch.level(pressed, pressure)
-    return True
+        each_row(move, *residual.shape)
+        self.pressed.pressure = pressure
+        self.pressed.effort += CONVOLUTION
+        patch.level(self.pressed, pressure)

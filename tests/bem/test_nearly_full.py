@@ -9,7 +9,7 @@ import bem
 from bem.nearly_full import RADIUS, complementary, neighbour_matrix, press_nearly_full, widened
 from bem.spacing import Boundary
 from bem.spectrum import inverse_filter
-from bem.whole_patch import WholePatch, press_under_load
+from bem.whole_patch import OnFields, WholePatch, press_under_load
 
 EDGELESS: list[Boundary] = ["periodic", "mirror"]
 
@@ -97,7 +97,7 @@ def test_gaps_and_contact_are_those_of_iterations_on_the_contact(
     assert found is not None
     assert found.pressure.sum() == pytest.approx(patch.load, rel=1e-14)
     iterated = patch.start(full)
-    assert press_under_load(patch, iterated, rtol=1e-10, least=1.0, max_iterations=1000)
+    assert press_under_load(OnFields(patch, iterated), rtol=1e-10, least=1.0, max_iterations=1000)
     assert found.shift == pytest.approx(iterated.shift, rel=1e-6)
     np.testing.assert_array_equal(found.pressure > 0, iterated.pressure > 0)
     largest = iterated.pressure.max()
