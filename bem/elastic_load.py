@@ -68,7 +68,13 @@ def press_elastic(
         Whether the tolerance is met.
     """
     problem, shape = patch.problem, patch.problem.heights.shape
-    whole = WholePatch(patch.below.reshape(shape), problem.boundary, problem.aspect, load)
+    whole = WholePatch(
+        patch.below.reshape(shape),
+        problem.boundary,
+        problem.aspect,
+        load,
+        keep_displacement=patch.keep_displacement,
+    )
     if start is None:
         pressed = _first(patch, whole, rtol, coarser)
     else:

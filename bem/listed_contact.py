@@ -9,9 +9,8 @@ import numpy as np
 
 from bem.arrays import Nodes, Real, Values
 from bem.iterate import CONVOLUTION, inner
-from bem.preconditioner import Preconditioner
-from bem.vectors import SHORT, Pass, clear, each
-from bem.whole_patch import ADVANCE, Pressed, WholePatch
+from bem.vectors import SHORT, Pass, each
+from bem.whole_patch import ADVANCE, Pressed, WholePatch, displaced_by
 
 
 class OnLists:
@@ -28,7 +27,6 @@ class OnLists:
     def __init__(self, patch: WholePatch, pressed: Pressed) -> None:
         self._patch, self.pressed = patch, pressed
         self._residual: Real = pressed.residual.reshape(-1)
-        self._preconditioner = Preconditioner(patch.patch[0], None, *patch.inverse_and_means)
         self._spread = np.zeros(self._residual.size)
         pressure = pressed.pressure.reshape(-1)
         self._nodes: Nodes = pressure.nonzero()[0]
@@ -42,11 +40,14 @@ class OnLists:
 
     def renew(self) -> None:
         """Recompute the residual in double precision."""
-        pressed = self.pressed
-        fresh = self._patch.press(self._whole(), pressed.effort)
-        pressed.shift, pressed.effort, pressed.residual = fresh.shift, fresh.effort, fresh.residual
+        pressed, patch = self.pressed, self._patch
+        under = self._values > 0
+        self._nodes, self._values = self._nodes[under], self._values[under]
+        self._values *= patch.load / float(self._values.sum())
+        pressed.residual, pressed.shift = patch.press_on(self._nodes, self._values)
+        pressed.effort += CONVOLUTION
         self._residual = pressed.residual.reshape(-1)
-        self._values = fresh.pressure.reshape(-1)[self._nodes]
+        self._stepped = False
 
     def _whole(self) -> Values:
         """Return the pressure on the whole patch."""
@@ -82,7 +83,7 @@ class OnLists:
         self._nodes = touching.nonzero()[0]
         self._values = spread[self._nodes]
         spread[before] = 0
-        self._correct = self._preconditioner.restricted_to(self._nodes)
+        self._correct = self._patch.preconditioner.restricted_to(self._nodes)
 
     def largest(self) -> float:
         """Return the largest residual in contact."""
@@ -114,12 +115,7 @@ class OnLists:
 
     def _displace(self, *loads: tuple[Nodes, Real]) -> Real:
         """Compute the displacement of the whole patch by pressures on lists of nodes."""
-        field = self._patch.working.field.reshape(-1)
-        clear(field)
-        for nodes, pressure in loads:
-            field[nodes] = pressure
-        self._patch.working.transform()
-        return field
+        return displaced_by(self._patch.working, *loads).reshape(-1)
 
     def step(self, length: np.float32) -> None:
         """Take a step of a length along the direction, whose displacement is spoilt."""

@@ -5,25 +5,29 @@ is gathered or scattered, as lists of nodes would need it. Search directions and
 single precision; they refine a pressure in double precision.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
 
 from bem.active_set import IDLE_RENEWALS, PATIENCE, ROUNDING, TIGHTENING
-from bem.arrays import Field, Mask, Real
+from bem.arrays import Field, Mask, Nodes, Real, Values
 from bem.convolution import FieldFilter, kept_filter
 from bem.interface import make_means
-from bem.iterate import CONVOLUTION, ITERATION, Effort
-from bem.preconditioner import BLOCK, VACANT, block_sums, whole_blocks
+from bem.iterate import CONVOLUTION, ITERATION, Effort, inner
+from bem.preconditioner import BLOCK, VACANT, Preconditioner, block_sums, whole_blocks
 from bem.spacing import Boundary
 from bem.spectrum import inverse_filter, spectral_filter
-from bem.vectors import each_row
+from bem.vectors import clear, each_row
 
 # Share of nodes under pressure after the first projected step from which a second gains nothing.
 LARGE_CONTACT = 0.35
+
+# Values from which the constant of `cut_to_load` is guessed first.
+SAMPLE = 1024
 
 # Shares of the tolerance at which the far field is in balance, and that conjugate gradients reach.
 BALANCED, REACHED = 0.9, 0.55
@@ -83,24 +87,35 @@ class WholePatch:
         Second side of a cell over its first [1].
     load : float
         Sum of the pressure, above 0 [reduced].
+    keep_displacement : bool
+        Whether the displacement under an exact residual is wanted too.
 
     Attributes
     ----------
     patch : tuple
         Shape (nx, ny), boundary and aspect.
     displacement : ndarray, shape (nx, ny), or None
-        Displacement under the last pressure whose residual is exact.
+        Displacement under the last pressure whose residual is exact, if it is wanted.
     working : FieldFilter
         The influence matrix in single precision.
     outside : ndarray, shape (nx, ny)
         Zero on the contact set and one elsewhere.
     """
 
-    def __init__(self, below: Field, boundary: Boundary, aspect: float, load: float) -> None:
+    def __init__(
+        self,
+        below: Field,
+        boundary: Boundary,
+        aspect: float,
+        load: float,
+        *,
+        keep_displacement: bool = False,
+    ) -> None:
         shape: tuple[int, int] = below.shape[0], below.shape[1]
         patch = whole_blocks(shape[0]), whole_blocks(shape[1])
         self.below, self.load = below, load
         self.displacement: Field | None = None
+        self._keep_displacement = keep_displacement
         self.patch = shape, boundary, aspect
         self._double = spectral_filter(shape, boundary, aspect)
         self.working = spectral_filter(shape, boundary, aspect, "float32")
@@ -112,16 +127,52 @@ class WholePatch:
         self._outside = np.ones(patch, np.float32)
         self.outside = self._outside[self._grid]
 
-    @property
-    def inverse_and_means(self) -> tuple[FieldFilter, FieldFilter]:
-        """The filters of the approximate inverse, for `bem.preconditioner.Preconditioner`."""
-        return self._inverse, self._means
+    @cached_property
+    def preconditioner(self) -> Preconditioner:
+        """The approximate inverse for contact sets that are lists of nodes."""
+        return Preconditioner(self.patch[0], None, self._inverse, self._means)
 
     def press(self, pressure: Field, effort: Effort) -> Pressed:
         """Scale a pressure to the load, and compute its residual in double precision."""
         pressure = pressure * (self.load / float(pressure.sum()))
-        self.displacement = self._double(pressure)
-        return self._pressed(pressure, self.displacement, effort + CONVOLUTION)
+        displacement = self._double(pressure)
+        self.displacement = displacement if self._keep_displacement else None
+        return self._pressed(pressure, displacement, effort + CONVOLUTION)
+
+    def press_on(self, nodes: Nodes, values: Values) -> tuple[Real, float]:
+        """Compute the residual by a pressure on some nodes in double precision.
+
+        Parameters
+        ----------
+        nodes : ndarray, shape (a,)
+            Flat indices of the nodes.
+        values : ndarray, shape (a,)
+            Pressure on them, which carries the load.
+
+        Returns
+        -------
+        residual : ndarray, shape (nx, ny)
+            Residual once the far field is in balance, in single precision.
+        shift : float
+            Displacement of the far field.
+        """
+        displacement = displaced_by(self._double, (nodes, values))
+        if self._keep_displacement:
+            self.displacement = displacement.copy()
+        return self._balanced(displacement, nodes, values)
+
+    def _balanced(self, displacement: Real, nodes: Nodes, values: Values) -> tuple[Real, float]:
+        """Return the residual once the far field is in balance with a pressure on some nodes."""
+        here = self.below.reshape(-1)[nodes] - displacement.reshape(-1)[nodes]
+        shift = -inner(values, here) / float(values.sum())
+        residual = np.empty(self.below.shape, np.float32)
+
+        def subtract(some: slice) -> None:
+            rows = self.below[some] - displacement[some]
+            np.add(rows, shift, out=residual[some], casting="same_kind")
+
+        each_row(subtract, *residual.shape)
+        return residual, shift
 
     def _pressed(self, pressure: Field, displacement: Real, effort: Effort) -> Pressed:
         """Return a pressure and its residual, which is rounded once the far field is in balance."""
@@ -144,8 +195,7 @@ class WholePatch:
 
     def begin(self, pressure: Field, effort: Effort) -> Pressed:
         """Scale a pressure to the load, and compute its residual in single precision."""
-        pressure = pressure * (self.load / float(pressure.sum()))
-        return self._pressed(pressure, self.displace(pressure), effort + CONVOLUTION)
+        return self._loaded(pressure * (self.load / float(pressure.sum())), effort)
 
     def start(self, pressure: Field) -> Pressed:
         """Take projected steps from the pressure of full contact.
@@ -159,15 +209,26 @@ class WholePatch:
         return self.stepped(pressed)
 
     def stepped(self, pressed: Pressed) -> Pressed:
-        """Take a projected step of the approximate inverse."""
-        self.set_contact(partial(_touching, pressed))
-        self.inside(pressed.residual)
-        return self._projected(pressed.pressure + self.correct(), pressed.effort)
+        """Take a projected step of the approximate inverse, which adds no node to the contact."""
+        nodes: Nodes = _touching(pressed, slice(None)).reshape(-1).nonzero()[0]
+        correct = self.preconditioner.restricted_to(nodes)
+        values = pressed.pressure.reshape(-1)[nodes]
+        values += correct(pressed.residual.reshape(-1)[nodes])
+        pressure = np.zeros_like(pressed.pressure)
+        pressure.reshape(-1)[nodes] = cut_to_load(values, self.load)
+        return self._loaded(pressure, pressed.effort)
 
     def _projected(self, pressure: Field, effort: Effort) -> Pressed:
         """Cut tension off a pressure, and compute its residual in single precision."""
-        pressure = cut_to_load(pressure, self.load)
-        return self._pressed(pressure, self.displace(pressure), effort + CONVOLUTION)
+        return self._loaded(cut_to_load(pressure, self.load), effort)
+
+    def _loaded(self, pressure: Field, effort: Effort) -> Pressed:
+        """Compute the residual of a pressure that carries the load in single precision."""
+        nodes: Nodes = (pressure > 0).reshape(-1).nonzero()[0]
+        values = pressure.reshape(-1)[nodes]
+        displacement = displaced_by(self.working, (nodes, values))
+        residual, shift = self._balanced(displacement, nodes, values)
+        return Pressed(pressure, residual, shift, effort + CONVOLUTION)
 
     def displace(self, pressure: Real, less: Real | None = None) -> Real:
         """Compute a displacement in single precision; the next call spoils it.
@@ -257,21 +318,62 @@ def _columns(blocks: Real) -> Real:
     return repeated
 
 
+def displaced_by(operator: FieldFilter, *loads: tuple[Nodes, Real]) -> Real:
+    """Compute the displacement of a whole patch by pressures on lists of nodes.
+
+    Parameters
+    ----------
+    operator : FieldFilter
+        The influence matrix, whose field is as large as the patch.
+    *loads : tuple of ndarray, shape (a,)
+        Flat indices of nodes and the pressure on them; later lists take precedence.
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Displacement, which the next use of the operator overwrites.
+    """
+    field = operator.field.reshape(-1)
+    clear(field)
+    for nodes, values in loads:
+        field[nodes] = values
+    operator.transform()
+    return operator.field
+
+
 def cut_to_load(pressure: Field, load: float) -> Field:
     """Return max(p - c, 0) with the constant c that leaves a load."""
-    above = pressure.reshape(-1)
-    constant = (float(above.sum()) - load) / above.size
+    values = pressure.reshape(-1)
+    constant = _bound(values, load)
+    if values.size > SAMPLE:
+        some = values[:: values.size // SAMPLE]
+        share = load * some.size / values.size
+        high = values[values > _constant(some, share, _bound(some, share))]
+        constant = max(constant, _bound(high, load))
+    cut: Field = pressure - _constant(values, load, constant)
+    np.maximum(cut, 0, out=cut)
+    carried = float(cut.sum())
+    if not carried > 0:
+        cut.reshape(-1)[np.argmax(pressure)] = carried = load
+    cut *= load / carried
+    return cut
+
+
+def _bound(values: Values, load: float) -> float:
+    """Return the constant that leaves a load on all of these; that of `cut_to_load` is no lower."""
+    return (float(values.sum()) - load) / values.size if values.size else -math.inf
+
+
+def _constant(values: Values, load: float, bound: float) -> float:
+    """Find the constant c with which max(p - c, 0) carries a load, from a bound below it."""
+    above, constant = values, bound
     for _ in range(50):  # each time from fewer nodes, so that the constant only rises
         left = above[above > constant]
         if len(left) in {0, len(above)}:  # none, where the load is lost to rounding
             break
         above = left
-        constant = (float(above.sum()) - load) / len(above)
-    cut: Field = np.maximum(pressure - constant, 0)
-    if not cut.any():
-        cut.reshape(-1)[np.argmax(pressure)] = load
-    cut *= load / float(cut.sum())
-    return cut
+        constant = _bound(above, load)
+    return constant
 
 
 def touching_nodes(pressed: Pressed) -> int:
