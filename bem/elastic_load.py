@@ -6,6 +6,7 @@ conjugate gradients on whole fields start from coarser cells, or from the pressu
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from bem.whole_patch import (
     Pressed,
     Steps,
     WholePatch,
+    approach,
     press_under_load,
     touching_nodes,
 )
@@ -29,10 +31,10 @@ from bem.whole_patch import (
 # Finds a start on coarser cells, or none, and the work that this took.
 Coarser = Callable[[], tuple[Start | None, Effort]]
 
-# Projected steps at most that lead to a contact set for dense algebra; its share of the largest set
-# that is worth factorising at which no further step is taken; and the share from which on none is,
-# because steps will not remove that many nodes.
-FEW_STEPS, ENOUGH, TOO_MANY = 3, 0.7, 1.2
+# Share of the largest set that is worth factorising for which no further step is taken before, and
+# the violation, over the displacement, from which none is taken for larger ones: a set that lacks
+# nodes is factorised twice.
+VERY_FEW, NEARLY = 0.4, 0.12
 
 # Share of nodes in contact up to which lists of them take less time than whole fields.
 LISTED = 0.22
@@ -80,18 +82,11 @@ def press_elastic(
     else:
         residual = start.residual.reshape(shape).astype(np.float32)
         pressed = Pressed(start.pressure.reshape(shape), residual, start.shift, start.effort)
-    solved = not pressed.residual.any()
-    if problem.hardness is None and not solved:
-        pressed = _with_few_nodes(whole, pressed)
-        settled = _settled_with_few(patch, load, pressed, rtol)
+    converged = not pressed.residual.any()
+    if not converged:
+        settled, converged = _settled(patch, whole, pressed, rtol)
         if settled is not None:
             return settled, True
-    converged = solved or press_under_load(
-        _steps(whole, pressed),
-        rtol=rtol,
-        least=1e-3 * patch.depth,
-        max_iterations=problem.max_iterations,
-    )
     if patch.keep_displacement:
         patch.operators.field = whole.displacement
     iterate = _listed(pressed)
@@ -99,10 +94,37 @@ def press_elastic(
     return iterate, converged
 
 
-def _steps(whole: WholePatch, pressed: Pressed) -> Steps:
-    """Return the steps that take less time for the contact of a start."""
-    listed = touching_nodes(pressed) <= LISTED * whole.below.size
-    return OnLists(whole, pressed) if listed else OnFields(whole, pressed)
+def _settled(
+    patch: Patch, whole: WholePatch, pressed: Pressed, rtol: float
+) -> tuple[Iterate | None, bool]:
+    """Solve under a load from a start: return the solution of dense algebra, or improve the start.
+
+    Returns
+    -------
+    iterate : Iterate or None
+        The solution of dense algebra, if that served.
+    converged : bool
+        Whether the tolerance is met.
+    """
+    steps: Steps
+    if touching_nodes(pressed) > LISTED * whole.below.size:
+        steps = OnFields(whole, pressed)
+    else:
+        steps = listed = OnLists(whole, pressed)
+        if patch.problem.hardness is None:
+            approach(steps, partial(_few_enough, listed, few_nodes(whole.below.size)))
+            settled = _settled_with_few(patch, whole.load, listed, rtol)
+            if settled is not None:
+                return settled, True
+    approach(steps)
+    most = patch.problem.max_iterations
+    return None, press_under_load(steps, rtol=rtol, least=1e-3 * patch.depth, max_iterations=most)
+
+
+def _few_enough(steps: OnLists, few: int, violation: float) -> bool:
+    """Return whether a contact set is small enough for dense algebra, and nearly the right one."""
+    touching = steps.touching()
+    return touching <= VERY_FEW * few or (violation <= NEARLY and touching <= few)
 
 
 def _listed(pressed: Pressed) -> Iterate:
@@ -150,20 +172,12 @@ def _presses_flat(patch: Patch, load: float) -> bool:
     return load / heights.size >= FLAT * slope / 2
 
 
-def _with_few_nodes(whole: WholePatch, pressed: Pressed) -> Pressed:
-    """Take projected steps until a contact set is small enough for dense algebra, if it can be."""
-    few = few_nodes(whole.below.size)
-    for _ in range(FEW_STEPS):
-        if not ENOUGH * few < touching_nodes(pressed) <= TOO_MANY * few:
-            break
-        pressed = whole.stepped(pressed)
-    return pressed
-
-
-def _settled_with_few(patch: Patch, load: float, pressed: Pressed, rtol: float) -> Iterate | None:
+def _settled_with_few(patch: Patch, load: float, steps: OnLists, rtol: float) -> Iterate | None:
     """Solve under a load by dense algebra; None if too many nodes touch, or it does not succeed."""
-    if not 0 < touching_nodes(pressed) <= few_nodes(pressed.pressure.size):
+    pressed = steps.pressed
+    if not 0 < steps.touching() <= few_nodes(pressed.residual.size):
         return None
+    steps.finish()
     operators, iterate = patch.operators.for_few(load), _listed(pressed)
     iterate.pressure = iterate.pressure.copy()
     accepted = rtol * (pressed.shift if pressed.shift > 0 else 1e-3 * patch.depth) / 2

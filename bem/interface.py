@@ -1,7 +1,7 @@
 """The influence matrix of a patch without edges, as the solver applies it."""
 
 import math
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Self
 
 import numpy as np
@@ -17,9 +17,9 @@ from bem.selection import Selection
 from bem.spacing import Boundary
 from bem.spectrum import even_filter, inverse_filter, spectral_filter, wave_numbers
 
-# Largest contact set worth factorising: this share of the grid's nodes to the power, at most so
-# many, because the cost of a factor grows with the cube of the set.
-FEW_SHARE, FEW_POWER, MOST_FEW = 0.105, 5 / 6, 1100
+# Largest contact set worth factorising, the least of these factors times powers of the grid's nodes:
+# the cost of a factor grows with the cube of the set, that of iterations with the grid.
+FEW = (0.105, 5 / 6), (5.4, 0.4)
 
 
 class Interface(HalfSpace):
@@ -64,7 +64,11 @@ class Interface(HalfSpace):
         self.norm = double.largest
         self._double = Selection(double, nodes)
         self._working = Selection(spectral_filter(shape, boundary, aspect, "float32"), nodes)
-        self._preconditioner = interface_preconditioner(shape, boundary, aspect, self._nodes)
+
+    @cached_property
+    def _preconditioner(self) -> LevelPreconditioner:  # type: ignore[override]
+        """The approximate inverse, which dense algebra does without."""
+        return interface_preconditioner(*self._patch, self._nodes)
 
     def among(self, some: Nodes) -> Self:
         """Return the same patch restricted to some of its nodes."""
@@ -92,7 +96,7 @@ class Interface(HalfSpace):
 
 def few_nodes(nodes: int) -> int:
     """Return the largest contact set worth factorising on a grid of some nodes."""
-    return min(int(FEW_SHARE * nodes**FEW_POWER), MOST_FEW)
+    return min(int(factor * nodes**power) for factor, power in FEW)
 
 
 class InterfaceMatrix:

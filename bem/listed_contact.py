@@ -10,7 +10,7 @@ import numpy as np
 from bem.arrays import Nodes, Real, Values
 from bem.iterate import CONVOLUTION, inner
 from bem.vectors import SHORT, Pass, each
-from bem.whole_patch import ADVANCE, Pressed, WholePatch, displaced_by
+from bem.whole_patch import ADVANCE, APPROACH, Pressed, WholePatch, cut_to_load, displaced_by
 
 
 class OnLists:
@@ -37,6 +37,12 @@ class OnLists:
         """Return the largest penetration, or gap under pressure."""
         gaps = self._residual[self._nodes] * (self._values > 0)
         return max(float(self._residual.max()), -float(gaps.min()), 0.0)
+
+    def touching(self) -> int:
+        """Count the nodes that are under pressure or would penetrate."""
+        touching = self._residual > 0
+        touching[self._nodes[self._values > 0]] = True
+        return int(np.count_nonzero(touching))
 
     def renew(self) -> None:
         """Recompute the residual in double precision."""
@@ -148,7 +154,7 @@ class OnLists:
 
     def _cut_off_tension(self) -> None:
         """Set negative pressures to zero, step ahead on the next contact set, and keep the load."""
-        before, values, load = self._nodes, self._values, self._patch.load
+        before, values = self._nodes, self._values
         self._exchange(before[values > 0])
         pressure = np.maximum(self._values, 0)
         pressure += ADVANCE * self._correct(self._residual[self._nodes])
@@ -156,7 +162,11 @@ class OnLists:
         carried = float(pressure.sum())
         if not carried > 0:
             pressure, carried = np.ones_like(pressure), float(pressure.size)
-        pressure *= load / carried
+        pressure *= self._patch.load / carried
+        self._take_over(before, values, pressure)
+
+    def _take_over(self, before: Nodes, values: Values, pressure: Values) -> None:
+        """Replace the pressure on the last contact set by that on the present one."""
         spread, after = self._spread, self._nodes
         spread[before] = -values
         spread[after] += pressure
@@ -165,7 +175,15 @@ class OnLists:
         self._values = pressure
         self.pressed.effort += CONVOLUTION
         moved = self._residual[after] - self._image[after]
-        self._move(np.float32(1), -inner(pressure, moved) / load)
+        self._move(np.float32(1), -inner(pressure, moved) / self._patch.load)
+
+    def approach_step(self) -> None:
+        """Take a projected step of the approximate inverse."""
+        before, values = self._nodes, self._values
+        self._exchange(before[values > 0])
+        pressure = self._values + APPROACH * self._correct(self._residual[self._nodes])
+        self._take_over(before, values, cut_to_load(pressure, self._patch.load))
+        self._stepped = False
 
 
 def _run(run: Pass, size: int) -> None:
