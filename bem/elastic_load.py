@@ -107,12 +107,13 @@ def _settled(
         Whether the tolerance is met.
     """
     steps: Steps
-    if touching_nodes(pressed) > LISTED * whole.below.size:
+    few = few_nodes(whole.below.size)
+    if touching_nodes(pressed) > max(LISTED * whole.below.size, few):
         steps = OnFields(whole, pressed)
     else:
         steps = listed = OnLists(whole, pressed)
         if patch.problem.hardness is None:
-            approach(steps, partial(_few_enough, listed, few_nodes(whole.below.size)))
+            approach(steps, partial(_few_enough, listed, few))
             settled = _settled_with_few(patch, whole.load, listed, rtol)
             if settled is not None:
                 return settled, True

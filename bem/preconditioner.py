@@ -74,10 +74,13 @@ class Preconditioner:
 
         The weights belong to all blocks: they make means of the weighted sums of values.
         """
-        columns = self._inverse.field.shape[1]
+        field = self._inverse.field
+        columns = field.shape[1]
         if self._known is not None:
             places = self._known[some]
-            blocks = _all_blocks(self._inverse.field.shape)[places]
+            blocks = _all_blocks(field.shape)[places]
+        elif self._nodes is None and self._shape == field.shape and field.size < SHORT:
+            places, blocks = some, _all_blocks(field.shape)[some]
         else:
             nodes = some if self._nodes is None else take(self._nodes, some)
             places, blocks = places_and_blocks(self._shape, columns, nodes, BLOCK)
