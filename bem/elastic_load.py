@@ -13,7 +13,6 @@ import numpy as np
 from bem.arrays import Field
 from bem.edgeless_patch import Patch
 from bem.equilibrium import Start
-from bem.first_contact import settle_few
 from bem.interface import few_nodes
 from bem.iterate import Effort, Iterate
 from bem.nearly_full import press_nearly_full
@@ -84,9 +83,7 @@ def press_elastic(
         pressed = Pressed(start.pressure.reshape(shape), residual, start.shift, start.effort)
     converged = not pressed.residual.any()
     if not converged:
-        settled, converged = _settled(patch, whole, pressed, rtol)
-        if settled is not None:
-            return settled, True
+        converged = _settled(patch, whole, pressed, rtol)
     if patch.keep_displacement:
         patch.operators.field = whole.displacement
     iterate = _listed(pressed)
@@ -94,32 +91,19 @@ def press_elastic(
     return iterate, converged
 
 
-def _settled(
-    patch: Patch, whole: WholePatch, pressed: Pressed, rtol: float
-) -> tuple[Iterate | None, bool]:
-    """Solve under a load from a start: return the solution of dense algebra, or improve the start.
-
-    Returns
-    -------
-    iterate : Iterate or None
-        The solution of dense algebra, if that served.
-    converged : bool
-        Whether the tolerance is met.
-    """
+def _settled(patch: Patch, whole: WholePatch, pressed: Pressed, rtol: float) -> bool:
+    """Improve a start under a load; return whether the tolerance is met."""
     steps: Steps
-    few = few_nodes(whole.below.size)
+    few, most = few_nodes(whole.below.size), patch.problem.max_iterations
     if touching_nodes(pressed) > max(LISTED * whole.below.size, few):
         steps = OnFields(whole, pressed)
     else:
         steps = listed = OnLists(whole, pressed)
         if patch.problem.hardness is None:
             approach(steps, partial(_few_enough, listed, few))
-            settled = _settled_with_few(patch, whole.load, listed, rtol)
-            if settled is not None:
-                return settled, True
+            listed.factorise(few, most - pressed.effort.iterations)
     approach(steps)
-    most = patch.problem.max_iterations
-    return None, press_under_load(steps, rtol=rtol, least=1e-3 * patch.depth, max_iterations=most)
+    return press_under_load(steps, rtol=rtol, least=1e-3 * patch.depth, max_iterations=most)
 
 
 def _few_enough(steps: OnLists, few: int, violation: float) -> bool:
@@ -171,22 +155,3 @@ def _presses_flat(patch: Patch, load: float) -> bool:
     along, across = np.diff(heights[:, ::SAMPLED], axis=0), np.diff(heights[::SAMPLED], axis=1)
     slope = math.hypot(float(along.std()), float(across.std()) / patch.problem.aspect)
     return load / heights.size >= FLAT * slope / 2
-
-
-def _settled_with_few(patch: Patch, load: float, steps: OnLists, rtol: float) -> Iterate | None:
-    """Solve under a load by dense algebra; None if too many nodes touch, or it does not succeed."""
-    pressed = steps.pressed
-    if not 0 < steps.touching() <= few_nodes(pressed.residual.size):
-        return None
-    steps.finish()
-    operators, iterate = patch.operators.for_few(load), _listed(pressed)
-    iterate.pressure = iterate.pressure.copy()
-    accepted = rtol * (pressed.shift if pressed.shift > 0 else 1e-3 * patch.depth) / 2
-    settle_few(operators, patch.below, iterate, accepted, patch.problem.max_iterations)
-    pressed.effort = iterate.effort
-    carried = bool(iterate.pressure.any())
-    if not (iterate.exact and carried and iterate.violation() <= rtol * iterate.shift):
-        return None
-    if patch.keep_displacement:
-        patch.operators.field = operators.field
-    return iterate

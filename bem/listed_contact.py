@@ -5,12 +5,23 @@ corrections are therefore lists of the nodes in contact here; only transforms an
 which shows where further nodes come to touch, take the whole patch.
 """
 
+from contextlib import suppress
+
 import numpy as np
 
 from bem.arrays import Nodes, Real, Values
-from bem.iterate import CONVOLUTION, inner
+from bem.factor import CONTACT_SETS, ContactFactor
+from bem.first_contact import far_field_law
+from bem.interface import InterfaceMatrix
+from bem.iterate import CONVOLUTION, Effort, inner
+from bem.sections import on_one_blas_thread
 from bem.vectors import SHORT, Pass, each
 from bem.whole_patch import ADVANCE, APPROACH, Pressed, WholePatch, cut_to_load, displaced_by
+
+
+# Largest gap of a node that is factorised with the contact set, over the violation: the set may lack
+# some nodes.
+MARGIN = 0.3
 
 
 class OnLists:
@@ -22,6 +33,11 @@ class OnLists:
         The influence matrix under the load.
     pressed : Pressed
         A start, improved in place; its pressure is out of date until `finish`.
+
+    Attributes
+    ----------
+    exact : bool
+        Whether the residual has been recomputed in double precision from the pressure.
     """
 
     def __init__(self, patch: WholePatch, pressed: Pressed) -> None:
@@ -31,7 +47,7 @@ class OnLists:
         pressure = pressed.pressure.reshape(-1)
         self._nodes: Nodes = pressure.nonzero()[0]
         self._values: Values = pressure[self._nodes]
-        self._stepped = False
+        self._stepped = self.exact = False
 
     def violation(self) -> float:
         """Return the largest penetration, or gap under pressure."""
@@ -44,6 +60,49 @@ class OnLists:
         touching[self._nodes[self._values > 0]] = True
         return int(np.count_nonzero(touching))
 
+    def factorise(self, few: int, most_sets: int) -> None:
+        """Solve by dense algebra on the contact set, and on nodes that are nearly in contact.
+
+        Nodes that the set lacks penetrate then; further steps take them in.
+
+        Parameters
+        ----------
+        few : int
+            Largest set worth factorising.
+        most_sets : int
+            Bound on the contact sets, which count as iterations.
+        """
+        violation, pressed = self.violation(), self.pressed
+        before = self._nodes, self._values, pressed.residual, pressed.shift
+        near = self._residual > -MARGIN * violation
+        near[self._nodes[self._values > 0]] = True
+        nodes: Nodes = near.nonzero()[0]
+        if not 0 < len(nodes) <= few or most_sets < 1:
+            return
+        # Steps solve nearly singular matrices and depths beyond single precision.
+        with suppress(np.linalg.LinAlgError, FloatingPointError), np.errstate(over="raise"):
+            values = self._solved_on(nodes, min(most_sets, CONTACT_SETS))
+            if values.any():
+                self._nodes, self._values = nodes, values
+                self.renew()
+        if not self.violation() <= violation:
+            self._nodes, self._values, pressed.residual, pressed.shift = before
+            self._residual, self.exact = pressed.residual.reshape(-1), False
+
+    @on_one_blas_thread()
+    def _solved_on(self, nodes: Nodes, most_sets: int) -> Values:
+        """Return the pressure on some nodes alone."""
+        self._spread[self._nodes] = self._values
+        order = np.lexsort((-self._residual[nodes], -self._spread[nodes]))
+        self._spread[self._nodes] = 0
+        some, values = nodes[order], np.empty(len(nodes))
+        factor = ContactFactor(InterfaceMatrix(*self._patch.patch, "float32"), some)
+        law = far_field_law(0.0, 0.0, self._patch.load)
+        solved, sets = factor.solve(self._patch.below.reshape(-1)[some], law, most_sets)
+        self.pressed.effort += Effort(iterations=sets)
+        values[order] = solved
+        return values
+
     def renew(self) -> None:
         """Recompute the residual in double precision."""
         pressed, patch = self.pressed, self._patch
@@ -53,7 +112,7 @@ class OnLists:
         pressed.residual, pressed.shift = patch.press_on(self._nodes, self._values)
         pressed.effort += CONVOLUTION
         self._residual = pressed.residual.reshape(-1)
-        self._stepped = False
+        self._stepped, self.exact = False, True
 
     def _whole(self) -> Values:
         """Return the pressure on the whole patch."""
@@ -167,6 +226,7 @@ class OnLists:
 
     def _take_over(self, before: Nodes, values: Values, pressure: Values) -> None:
         """Replace the pressure on the last contact set by that on the present one."""
+        self.exact = False
         spread, after = self._spread, self._nodes
         spread[before] = -values
         spread[after] += pressure

@@ -415,9 +415,12 @@ class Steps(Protocol):
     ----------
     pressed : Pressed
         The pressure that they improve.
+    exact : bool
+        Whether its residual has been recomputed in double precision.
     """
 
     pressed: Pressed
+    exact: bool
 
     def violation(self) -> float:
         """Return the largest penetration, or gap under pressure."""
@@ -507,7 +510,7 @@ def press_under_load(steps: Steps, *, rtol: float, least: float, max_iterations:
 
 def _press(steps: Steps, rtol: float, least: float, max_iterations: int) -> bool:
     """Take the steps of `press_under_load`."""
-    pressed, exact, renewed, smallest_renewed, idle = steps.pressed, False, np.inf, np.inf, 0
+    pressed, exact, renewed, smallest_renewed, idle = steps.pressed, steps.exact, np.inf, np.inf, 0
     smallest, patience = np.inf, PATIENCE
     reduction, energy = REDUCTION, np.inf
     violation = steps.violation()
@@ -575,7 +578,7 @@ class OnFields:
 
     def __init__(self, patch: WholePatch, pressed: Pressed) -> None:
         self._patch, self.pressed = patch, pressed
-        self._stepped = False
+        self._stepped = self.exact = False
         self._sums = np.empty(len(patch.below))
 
     def violation(self) -> float:
