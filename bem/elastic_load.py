@@ -15,17 +15,10 @@ from bem.edgeless_patch import Patch
 from bem.equilibrium import Start
 from bem.interface import few_nodes
 from bem.iterate import Effort, Iterate
-from bem.nearly_full import press_nearly_full
 from bem.listed_contact import OnLists
-from bem.whole_patch import (
-    OnFields,
-    Pressed,
-    Steps,
-    WholePatch,
-    approach,
-    press_under_load,
-    touching_nodes,
-)
+from bem.nearly_full import press_nearly_full
+from bem.under_load import OnFields, Steps, approach, press_under_load
+from bem.whole_patch import Pressed, WholePatch, touching_nodes
 
 # Finds a start on coarser cells, or none, and the work that this took.
 Coarser = Callable[[], tuple[Start | None, Effort]]

@@ -10,15 +10,15 @@ from scipy import fft
 from bem.arrays import Nodes, Real
 from bem.convolution import FieldFilter, kept_filter
 from bem.factor import ContactFactor
-from bem.half_space import DOUBLE_SHARE, HalfSpace
+from bem.half_space import HalfSpace
 from bem.influence import ROWS
 from bem.preconditioner import BLOCK, LevelPreconditioner, block_means, whole_blocks
 from bem.selection import Selection
 from bem.spacing import Boundary
 from bem.spectrum import even_filter, inverse_filter, spectral_filter, wave_numbers
 
-# Largest contact set worth factorising, the least of these factors times powers of the grid's nodes:
-# the cost of a factor grows with the cube of the set, that of iterations with the grid.
+# Largest contact set worth factorising, the least of these factors times powers of the number of
+# nodes: the cost of a factor grows with the cube of the set, that of iterations with the grid.
 FEW = (0.105, 5 / 6), (5.4, 0.4)
 
 
@@ -74,24 +74,15 @@ class Interface(HalfSpace):
         """Return the same patch restricted to some of its nodes."""
         return type(self)(*self._patch, self._nodes[some])
 
-    def for_few(self, load: float) -> Self:
-        """Return a view under a load that factorises H where few nodes are in contact."""
-        other = self.under(load)
-        other.few_nodes = few_nodes(self._nodes.size)
-        return other
-
     def factor(self, nodes: Nodes) -> ContactFactor:
-        """Factorise H on some of the nodes.
+        """Leave sets of nodes to iterations; `bem.listed_contact` factorises under a load.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            If it is not positive definite in the precision that the number of nodes asks for.
+            Always.
         """
-        if not self.few_nodes:
-            raise np.linalg.LinAlgError(f"H of {len(nodes)} nodes is left to iterations")
-        dtype = "float64" if len(nodes) <= DOUBLE_SHARE * self.few_nodes else "float32"
-        return ContactFactor(InterfaceMatrix(*self._patch, dtype), self._nodes[nodes])
+        raise np.linalg.LinAlgError(f"H of {len(nodes)} nodes is left to iterations")
 
 
 def few_nodes(nodes: int) -> int:

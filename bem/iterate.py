@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from bem.arrays import Mask, Nodes, Values
+from bem.arrays import Mask, Nodes, Real, Values
 from bem.factor import ContactFactor
 from bem.vectors import combined, largest_of, scale, subtract_scaled, sum_of, where
 
@@ -224,7 +224,7 @@ def rescale(operators: Operators, interference: Values, iterate: Iterate) -> Non
     iterate.level(iterate.pressure, iterate.residual)
 
 
-def inner(a: Values, b: Values) -> float:
+def inner(a: Real, b: Real) -> float:
     """Compute an inner product without BLAS, whose threads would change its last bits."""
     if a.size < LONG:
         return float(np.einsum("i,i->", a, b))

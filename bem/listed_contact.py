@@ -15,17 +15,17 @@ from bem.first_contact import far_field_law
 from bem.interface import InterfaceMatrix
 from bem.iterate import CONVOLUTION, Effort, inner
 from bem.sections import on_one_blas_thread
+from bem.under_load import ADVANCE, APPROACH
 from bem.vectors import SHORT, Pass, each
-from bem.whole_patch import ADVANCE, APPROACH, Pressed, WholePatch, cut_to_load, displaced_by
+from bem.whole_patch import Pressed, WholePatch, cut_to_load, displaced_by
 
-
-# Largest gap of a node that is factorised with the contact set, over the violation: the set may lack
-# some nodes.
+# Largest gap of a node that is factorised with the contact set, over the violation: the set may
+# lack some nodes.
 MARGIN = 0.3
 
 
 class OnLists:
-    """The steps of a solve on lists of nodes, as `bem.whole_patch.Steps` describes them.
+    """The steps of a solve on lists of nodes, as `bem.under_load.Steps` describes them.
 
     Parameters
     ----------

@@ -9,7 +9,8 @@ import bem
 from bem.nearly_full import RADIUS, complementary, neighbour_matrix, press_nearly_full, widened
 from bem.spacing import Boundary
 from bem.spectrum import inverse_filter
-from bem.whole_patch import OnFields, WholePatch, press_under_load
+from bem.under_load import OnFields, press_under_load
+from bem.whole_patch import WholePatch
 
 EDGELESS: list[Boundary] = ["periodic", "mirror"]
 
