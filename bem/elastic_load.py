@@ -1,7 +1,8 @@
 """Elastic contact of a patch without edges under a load: the method that suits its share of nodes.
 
 Dense algebra solves contacts of few nodes, and sparse algebra contacts of few gaps. Between them,
-conjugate gradients on whole fields start from coarser cells, or from the pressure of full contact.
+projected steps and conjugate gradients, on lists of nodes while these are a small share and else on
+whole fields, start from coarser cells, or from the pressure of full contact.
 """
 
 import math

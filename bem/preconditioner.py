@@ -66,9 +66,7 @@ class Preconditioner:
         self._shape = shape
         self._known: Nodes | None = None
         self._nodes = None if nodes is None or is_whole(shape, nodes) else nodes
-        if (
-            nodes is not None and inverse.field.size < SHORT
-        ):  # long lists of places would take too much memory
+        if nodes is not None and inverse.field.size < SHORT:  # long lists take too much memory
             self._known = node_places(shape, inverse.field.shape[1], nodes)
 
     def _extension(self, some: Nodes) -> tuple[Nodes, Nodes, Real]:

@@ -26,11 +26,11 @@ PART = 2
 PHYSICS = 4
 """Number of the results: raised whenever a change of the code changes a deterministic column."""
 
-EDGELESS_PHYSICS = 5
-"""The same for scenes of patches without edges, whose results have changed once more."""
+EDGELESS_PHYSICS = 7
+"""The same for scenes of patches without edges, on grids of any size."""
 
 LARGE_PHYSICS = 6
-"""The same for scenes of `LARGE_NODES` or more, with edges or without."""
+"""The same for other scenes of `LARGE_NODES` or more."""
 
 LARGE_NODES = 10**6
 """Nodes of a grid from which on it is a large one: `bem.large_filter.LARGE_NODES`."""
@@ -47,6 +47,8 @@ PHYSICS_CHANGES: dict[int, str] = {
 
 EDGELESS_CHANGES: dict[int, str] = {
     5: "patches without edges of few nodes in contact, or of few gaps, are solved by dense algebra:"
+    " pressures differ within the tolerance, iterations and convolutions are fewer",
+    7: "patches without edges are approached by projected steps, small contacts on lists of nodes:"
     " pressures differ within the tolerance, iterations and convolutions are fewer",
 }
 """What changed in the results of patches without edges alone."""
@@ -369,16 +371,16 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
 
 def physics_of(scene: Scene) -> int:
     """Return the number of the results that this version computes for a scene."""
-    if _is_large(scene):
-        return LARGE_PHYSICS
-    return EDGELESS_PHYSICS if scene.edgeless else PHYSICS
+    if scene.edgeless:
+        return EDGELESS_PHYSICS
+    return LARGE_PHYSICS if _is_large(scene) else PHYSICS
 
 
 def changes_since(physics: int, scene: Scene) -> dict[int, str]:
     """Return how a scene's results differ from those of an earlier number, by the later numbers."""
     changes = PHYSICS_CHANGES | (EDGELESS_CHANGES if scene.edgeless else {})
     changes |= LARGE_CHANGES if _is_large(scene) else {}
-    return {number: change for number, change in changes.items() if number > physics}
+    return {number: changes[number] for number in sorted(changes) if number > physics}
 
 
 def _is_large(scene: Scene) -> bool:
