@@ -95,7 +95,7 @@ def _settled(patch: Patch, whole: WholePatch, pressed: Pressed, rtol: float) -> 
         steps = listed = OnLists(whole, pressed)
         if patch.problem.hardness is None:
             approach(steps, partial(_few_enough, listed, few))
-            listed.factorise(few, most - pressed.effort.iterations)
+            listed.factorise(few, most - pressed.effort.iterations, rtol)
     approach(steps)
     return press_under_load(steps, rtol=rtol, least=1e-3 * patch.depth, max_iterations=most)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from bem.arrays import Nodes, Real, Values
 from bem.factor import CONTACT_SETS, ContactFactor
-from bem.first_contact import far_field_law
+from bem.first_contact import OUTSIDE, RENEWALS, far_field_law
 from bem.interface import InterfaceMatrix
 from bem.iterate import CONVOLUTION, Effort, inner
 from bem.sections import on_one_blas_thread
@@ -60,7 +60,7 @@ class OnLists:
         touching[self._nodes[self._values > 0]] = True
         return int(np.count_nonzero(touching))
 
-    def factorise(self, few: int, most_sets: int) -> None:
+    def factorise(self, few: int, most_sets: int, rtol: float) -> None:
         """Solve by dense algebra on the contact set, and on nodes that are nearly in contact.
 
         Nodes that the set lacks penetrate then; further steps take them in.
@@ -71,6 +71,8 @@ class OnLists:
             Largest set worth factorising.
         most_sets : int
             Bound on the contact sets, which count as iterations.
+        rtol : float
+            Violation, over the displacement, down to half of which rounding is corrected [1].
         """
         violation, pressed = self.violation(), self.pressed
         before = self._nodes, self._values, pressed.residual, pressed.shift
@@ -81,27 +83,39 @@ class OnLists:
             return
         # Steps solve nearly singular matrices and depths beyond single precision.
         with suppress(np.linalg.LinAlgError, FloatingPointError), np.errstate(over="raise"):
-            values = self._solved_on(nodes, min(most_sets, CONTACT_SETS))
-            if values.any():
-                self._nodes, self._values = nodes, values
-                self.renew()
+            self._solve_on(nodes, min(most_sets, CONTACT_SETS), rtol)
         if not self.violation() <= violation:
             self._nodes, self._values, pressed.residual, pressed.shift = before
             self._residual, self.exact = pressed.residual.reshape(-1), False
 
     @on_one_blas_thread()
-    def _solved_on(self, nodes: Nodes, most_sets: int) -> Values:
-        """Return the pressure on some nodes alone."""
+    def _solve_on(self, nodes: Nodes, most_sets: int, rtol: float) -> None:
+        """Solve on some nodes alone; correct rounding where no node outside penetrates."""
         self._spread[self._nodes] = self._values
         order = np.lexsort((-self._residual[nodes], -self._spread[nodes]))
         self._spread[self._nodes] = 0
-        some, values = nodes[order], np.empty(len(nodes))
+        some, load = nodes[order], self._patch.load
         factor = ContactFactor(InterfaceMatrix(*self._patch.patch, "float32"), some)
-        law = far_field_law(0.0, 0.0, self._patch.load)
+        law = far_field_law(0.0, 0.0, load)
         solved, sets = factor.solve(self._patch.below.reshape(-1)[some], law, most_sets)
         self.pressed.effort += Effort(iterations=sets)
-        values[order] = solved
-        return values
+        violation = np.inf
+        for _ in range(RENEWALS):
+            if not solved.any():
+                raise np.linalg.LinAlgError
+            solved *= load / float(solved.sum())
+            self._nodes, self._values = nodes, np.empty(len(nodes))
+            self._values[order] = solved
+            self.renew()
+            last, violation = violation, self.violation()
+            accepted = rtol * self.pressed.shift / 2
+            if violation <= accepted or not violation < last / 2:
+                break
+            residual = self._residual[some].astype(np.float64)
+            if float(self._residual.max()) > max(accepted, float(residual.max()), OUTSIDE):
+                break
+            solved += factor.correct(residual, accepted, far_field_law(0.0, 0.0, 0.0))
+            np.maximum(solved, 0, out=solved)
 
     def renew(self) -> None:
         """Recompute the residual in double precision."""
