@@ -117,7 +117,7 @@ def test_reading_with_xarray_as_shown(tmp_path, monkeypatch):
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.toml").write_text("samples = 5\n[surface]\nnodes = 9\n")
-    assert cli.main(["run", "scene.toml", "-o", "paper.h5", "--rows", "0:4"]) == 0
+    assert cli.main(["run", "scene.toml", "-o", "quick.h5", "--rows", "0:4"]) == 0
     code, *_ = codes("python", READING)
     names: dict[str, object] = {}
     exec(code, names)
@@ -176,7 +176,7 @@ def test_stored_fields_are_read_as_shown(tmp_path, monkeypatch, pieces):
         heights = reader.column("heights")
     whole, in_pieces = codes("python", READING)[1:]
     shown: dict = {}
-    exec("import xarray\n" + (in_pieces if pieces else whole), shown)
+    exec(in_pieces if pieces else whole, shown)
     if pieces:
         assert list(shown["highest"].values) == list(heights.max(axis=(1, 2)))
     else:

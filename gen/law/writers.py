@@ -1,5 +1,6 @@
 """The files of a contact law, as far as they are asked for."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -8,8 +9,8 @@ from gen.law.contact_law import Law
 from gen.option_groups import Files
 
 
-def write(law: Law, files: Files, figure: Any) -> list[Path]:
-    """Write a law to the files asked for.
+def write(law: Law, files: Files, figure: Any) -> Iterator[Path]:
+    """Write a law to the files asked for, one after the other.
 
     Parameters
     ----------
@@ -20,10 +21,10 @@ def write(law: Law, files: Files, figure: Any) -> list[Path]:
     figure : matplotlib.figure.Figure or None
         Figure of `Files.empty_figure`.
 
-    Returns
-    -------
-    list of Path
-        The files that were written.
+    Yields
+    ------
+    Path
+        A file that has been written.
 
     Raises
     ------
@@ -32,16 +33,21 @@ def write(law: Law, files: Files, figure: Any) -> list[Path]:
     """
     if files.table is not None:
         table.write(files.table, law)
+        yield files.table
     if files.json is not None:
         json_file.write(files.json, law)
+        yield files.json
     if files.header is not None:
         c_header.write(files.header, law)
+        yield files.header
     if files.calculix is not None:
         finite_elements.write(files.calculix, law, "calculix", files.units)
+        yield files.calculix
     if files.abaqus is not None:
         finite_elements.write(files.abaqus, law, "abaqus", files.units)
+        yield files.abaqus
     if files.picture is not None:
         from gen.law.picture import draw
 
         draw(figure, law, files.picture)
-    return [output.path for output in files.outputs if output.path is not None]
+        yield files.picture

@@ -183,3 +183,22 @@ def test_what_cannot_be_is_refused_in_one_line(surfaces, run, capsys, arguments,
     assert word in capsys.readouterr().err.splitlines()[-1]
     assert Path("many/s0.npy").read_bytes() == before
     assert not Path("law.csv").exists()
+
+
+def test_a_law_says_where_few_nodes_touch(surfaces, run, capsys):
+    run("many/s0.npy", "--pressure", "0.001:100:12:log", "--csv", "few.csv")
+    said = capsys.readouterr().out
+    (end,) = re.findall(r"^up to (\S+) MPa fewer than 10 nodes touch", said, re.M)
+    found = table("few.csv")
+    touching = found.area_percent * np.load("many/s0.npy").size / 100
+    assert touching[found.pressure_MPa <= float(end) * 1.001].max() < 10
+    assert touching[found.pressure_MPa > float(end) * 1.001].min() >= 9.999
+    run("many/s0.npy", "--pressure", "100", "--csv", "many.csv")
+    assert "nodes touch" not in capsys.readouterr().out
+
+
+def test_a_flat_surface_has_no_law(surfaces, capsys):
+    np.save("flat.npy", np.zeros((9, 9)))
+    assert cli.main(["law", "flat.npy", "--side", "9", "--pressure", "1:10:3", "-o", "flat"]) == 2
+    assert "flat.npy: is flat" in capsys.readouterr().err
+    assert [path.name for path in Path().glob("flat*")] == ["flat.npy"]
