@@ -99,7 +99,7 @@ Scene = Annotated[
     str,
     typer.Argument(
         metavar="SCENE",
-        help="quick, paper, fine, paper-mirco, paper-yielding, extreme, or a TOML file.",
+        help="A shipped scene, as quick or paper, or the path of a TOML file.",
     ),
 ]
 NewDatabase = Annotated[
