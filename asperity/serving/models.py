@@ -92,6 +92,8 @@ class SolverModel:
         asked = question(self.scene, vectors, config)
         try:
             return solve_contact(asked.scene, asked.heights, hardness=asked.hardness, **asked.load)
+        except bem.OutOfRange as error:
+            raise InputError(str(error)) from None
         except (bem.NoSolution, bem.NotConverged) as error:
             raise Unsolved(str(error)) from None
         except MemoryError:

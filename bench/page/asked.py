@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import mean
 
-from bench.files import is_there
+from bench.files import is_there, read_toml
 from bench.table import read_table
 
 Row = dict[str, str]
@@ -100,26 +100,25 @@ def hertz(rows: list[Row]) -> str:
     )
 
 
-def _fastest_others(rows: list[Row], case: tuple[str, ...]) -> list[float]:
-    """Return the time of the fastest other solver over ours, for each case."""
+def _beside_others(rows: list[Row], case: tuple[str, ...]) -> str:
+    """Tell the time of the fastest other solver over ours, from the least of all cases on."""
     ratios: dict[tuple[str, ...], float] = {}
     for row in rows:
         if row["times_ours"] and row["solver"] not in NOT_OTHERS:
             key = tuple(row[name] for name in case)
             ratios[key] = min(ratios.get(key, float("inf")), float(row["times_ours"]))
-    return list(ratios.values())
+    least, most = min(ratios.values()), max(ratios.values())
+    return f"The fastest other solver takes {least:.2g} to {most:.2g} times our time."
 
 
 def peers(rows: list[Row]) -> str:
     """Time of the fastest other solver over ours on free patches."""
-    ratios = _fastest_others(rows, ("nodes", "hurst", "delta_um"))
-    return f"The fastest other solver takes {min(ratios):.2g} to {max(ratios):.2g} times our time."
+    return _beside_others(rows, ("nodes", "hurst", "delta_um"))
 
 
 def periodic(rows: list[Row]) -> str:
     """The same on periodic patches."""
-    ratios = _fastest_others(rows, ("nodes", "hurst", "mean_pressure"))
-    return f"The fastest other solver takes {min(ratios):.2g} to {max(ratios):.2g} times our time."
+    return _beside_others(rows, ("nodes", "hurst", "mean_pressure"))
 
 
 def stability(rows: list[Row]) -> str:
@@ -178,9 +177,9 @@ def coverage(rows: list[Row]) -> str:
     worst = min(judged, key=lambda row: float(row["covered_unflagged"]))
     return (
         f"In {met} of {len(judged)} shifted populations 90 % intervals hold at least 88 % of the"
-        f" rows without a flag, to within the error; least {worst['tested_on']} by"
-        f" {worst['trained_on']}, {100 * float(worst['covered_unflagged']):.0f} %. In"
-        f" {len(rows) - len(judged)} more all rows are flagged."
+        f" rows without a flag, to within the error. Least,"
+        f" {100 * float(worst['covered_unflagged']):.0f} %: rows of '{worst['tested_on']}', learnt"
+        f" from '{worst['trained_on']}'. In {len(rows) - len(judged)} more all rows are flagged."
     )
 
 
@@ -216,54 +215,15 @@ def cost(rows: list[Row]) -> str:
     )
 
 
-ASKED = (
-    Asked("How exact is a contact?", "hertz", "hertz.csv", "bench hertz -o DIR", hertz),
-    Asked("How fast, at equal accuracy?", "peers", "peers.csv", "bench peers -o DIR", peers),
-    Asked(
-        "How fast on periodic patches?",
-        "peers",
-        "periodic.csv",
-        "bench peers --boundary periodic -o DIR",
-        periodic,
-    ),
-    Asked(
-        "Does it bear stiff and extreme cases?",
-        "stability",
-        "*.csv",
-        "bench stability -o DIR",
-        stability,
-    ),
-    Asked("Do fine grids cost more steps?", "growth", "growth.csv", "bench growth -o DIR", growth),
-    Asked("How many ranks are of use?", "scale", "scale.csv", "bench scale -o DIR", scale),
-    Asked(
-        "How near do its models come to the paper's?",
-        "comparison",
-        "area/scores.csv",
-        "learn compare paper.h5 -o DIR --area-max 16.56",
-        models,
-    ),
-    Asked(
-        "How exact is a surrogate?",
-        "features",
-        "features.csv",
-        "bench features -o DIR --database paper.h5",
-        features,
-    ),
-    Asked(
-        "Does it know what it does not know?",
-        "coverage",
-        "coverage.csv",
-        "bench coverage -o DIR",
-        coverage,
-    ),
-    Asked("What of measured maps?", "scans", "scans.csv", "bench scans -o DIR", scans),
-    Asked("Is the accuracy asked for kept?", "grow", "grow.csv", "bench grow -o DIR", grow),
-    Asked(
-        "When does a surrogate pay?",
-        "cost",
-        "cost.csv",
-        "bench cost -o DIR --database paper.h5",
-        cost,
-    ),
+ANSWERS: dict[str, Callable[[list[Row]], str]] = {
+    each.__name__: each
+    for each in (
+        *(hertz, peers, periodic, stability, growth, scale),
+        *(models, features, coverage, scans, grow, cost),
+    )
+}
+ASKED = tuple(
+    Asked(**{**entry, "answer": ANSWERS[entry["answer"]]})
+    for entry in read_toml("page/asked")["asked"]
 )
-"""The questions, in the order of the page's chapters."""
+"""The questions of `asked.toml`, in the order of the page's chapters."""

@@ -4,7 +4,7 @@ import numpy as np
 
 from gen.arrays import Values
 from gen.runtime.errors import InputError
-from gen.runtime.numbers import magnitude, shown, values_from
+from gen.runtime.numbers import MAGNITUDES, magnitude, shown, values_from
 
 
 def deltas_from(text: str) -> Values:
@@ -30,7 +30,7 @@ def pressures_from(text: str) -> Values:
     InputError
         If the text is not made of numbers of 0 or more, or all are 0.
     """
-    advice = "give pressures of 0 MPa or more, not all 0, as 0:100:20"
+    advice = f"give pressures from 0 to {MAGNITUDES[1]:g} MPa, not all 0, as 0:100:20"
     values = numbers_from(text, "--pressure", advice)
     if not values.any() or not all(value == 0 or magnitude(value) for value in values):
         raise InputError(f"--pressure {shown(text)}: {advice}")

@@ -38,6 +38,10 @@ SurrogateFile = Annotated[
 ]
 
 
+LARGEST_NMAE = 1000.0
+"""Largest error to grow to [%]; a surrogate that always answers 0 has 100 %."""
+
+
 class Goal(NamedTuple):
     """What the surrogate is to be, and what it may cost.
 
@@ -189,8 +193,10 @@ def _order(output: Path, goal: Goal) -> Order:
     from learn.models import models_named
     from learn.request import Request
 
-    if not 0 < goal.nmae < float("inf"):
-        raise InputError(f"--nmae {goal.nmae:g}: give an error above 0 %, as 2")
+    if not 0 < goal.nmae <= LARGEST_NMAE:
+        raise InputError(
+            f"--nmae {goal.nmae:g}: give an error above 0 % and up to {LARGEST_NMAE:g} %, as 2"
+        )
     models_named([goal.model])
     if goal.blocks is not None and goal.features != "hybrid":
         raise InputError(f"--blocks {goal.blocks}: only hybrid features have blocks")

@@ -175,6 +175,7 @@ BAD = [
     ("Evaluate", {"name": "small", "input": [[0.7, 12.0], ["x"]]}, "InvalidInput", "input.1.0"),
     ("Evaluate", {"name": "small", "input": [[7.0, 12.0], [9.0]]}, "InvalidInput", "hurst"),
     ("Evaluate", {"name": "small", "input": [[0.7, 12.0], [-9.0]]}, "InvalidInput", "delta"),
+    ("Evaluate", {"name": "small", "input": [[0.7, 12.0], [1e308]]}, "InvalidInput", "1e+305"),
     ("Gradient", {"name": "learnt", "input": [[0.7, 12.0], [9.0]]}, "UnsupportedFeature", ""),
     ("ApplyHessian", {"name": "small"}, "UnsupportedFeature", "second"),
     ("Nothing", {}, "InvalidInput", "Nothing"),

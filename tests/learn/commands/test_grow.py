@@ -144,6 +144,7 @@ def test_a_signal_in_its_midst_leaves_a_growth_that_goes_on(number, grown, tmp_p
         (["quick", "-o", "my.h5"], "--output my.h5"),
         (["quick", "-o", "missing/my.surrogate"], "missing"),
         (["quick", "-o", "my.surrogate", "--nmae", "0"], "--nmae 0"),
+        (["quick", "-o", "my.surrogate", "--nmae", "1e308"], "--nmae 1e+308"),
         (["quick", "-o", "my.surrogate", "--budget", "soon"], "--budget 'soon'"),
         (["quick", "-o", "my.surrogate", "--hardness", "3"], "--hardness"),
         (["empty", "-o", "my.surrogate"], "holds no map"),
