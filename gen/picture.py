@@ -116,4 +116,8 @@ def _draw_times(axis: Any, columns: dict[str, NDArray[Any]]) -> None:
         ylabel="time of the solve [ms]",
     )
     # A single solve that waited for the machine must not flatten the rest of the picture.
-    axis.set_ylim(0, 1.3 * np.quantile(milliseconds, 0.99))
+    top = 1.3 * np.quantile(milliseconds, 0.99)
+    axis.set_ylim(0, top)
+    if slower := np.count_nonzero(milliseconds > top):
+        note = f"{slower} above, up to {milliseconds.max():.3g} ms"
+        axis.text(0.98, 0.97, note, ha="right", va="top", transform=axis.transAxes)

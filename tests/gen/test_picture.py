@@ -31,3 +31,13 @@ def test_a_database_shows_its_median_area(
     (title,) = (title for title in titles if title.startswith("contact at"))
     assert f"{np.median(areas):.3g} % of 289 nodes, the median of rows done" in title
     assert ("hardness 0.0" in title) == ("% yielded (cyan)" in title) == bool(hardness)
+
+
+def test_times_beyond_the_picture_are_counted() -> None:
+    axis = picture.new_figure(4, 3, dpi=50).subplots()
+    seconds = np.append(np.full(300, 0.01), [0.5, 0.7, np.nan])
+    columns = {"solve_seconds": seconds, "area_percent": np.linspace(0, 9, seconds.size)}
+    picture._draw_times(axis, columns)
+    (note,) = axis.texts
+    assert note.get_text() == "2 above, up to 700 ms"
+    assert axis.get_ylim()[1] < 500
