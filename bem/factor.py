@@ -171,8 +171,10 @@ class ContactFactor:
         """Return the pressure under u and the displacement that the law adds."""
         inside = forward
         if len(self._removed):
-            penetration = self._solved(self._routines.potrs, self._gram, self._columns.T @ forward)
-            inside = forward - self._columns @ penetration
+            penetration = self._solved(
+                self._routines.potrs, self._gram, _product(self._columns.T, forward)
+            )
+            inside = forward - _product(self._columns, penetration)
         pressures = self._solved(self._routines.trtrs, self._lower, inside, trans=1)
         pressures = pressures.astype(np.float64)
         pressures[self._removed] = 0
@@ -193,13 +195,13 @@ class ContactFactor:
         columns[first:] = self._solved(self._routines.trtrs, below, columns[first:])
         self._columns = np.concatenate([self._columns, columns], axis=1)
         self._removed = np.concatenate([self._removed, nodes])
-        self._gram = self._factorised(self._columns.T @ self._columns)
+        self._gram = self._factorised(_product(self._columns.T, self._columns))
 
     def _return(self, nodes: Mask) -> None:
         """Drop the columns of V of some removed nodes, which may then carry pressure again."""
         self._columns, self._removed = self._columns[:, ~nodes], self._removed[~nodes]
         if self._removed.size:
-            self._gram = self._factorised(self._columns.T @ self._columns)
+            self._gram = self._factorised(_product(self._columns.T, self._columns))
 
     def _factorised(self, matrix: Real) -> Real:
         """Return the lower Cholesky factor, which overwrites the matrix."""
@@ -245,3 +247,14 @@ def routines(precision: str) -> Routines:
     from scipy.linalg import lapack  # a tenth of a second, which most commands never need
 
     return Routines(*(getattr(lapack, precision + name) for name in Routines._fields))
+
+
+def _product(left: Real, right: Real) -> Real:
+    """Return left @ right; a pressure that is not finite is refused where it comes out.
+
+    BLAS may set the processor's flag of an invalid operation for numbers that no result contains,
+    of which numpy would warn.
+    """
+    with np.errstate(invalid="ignore"):
+        product: Real = left @ right
+    return product
