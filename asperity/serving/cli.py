@@ -1,8 +1,11 @@
 """The command `asperity serve`."""
 
+import asyncio
+import contextlib
+import os
 import signal
-from collections.abc import Sequence
-from typing import Annotated
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,6 +13,12 @@ from gen.runtime import command_line
 from gen.runtime.command_line import Version
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo
+
+if TYPE_CHECKING:
+    from aiohttp import web
+
+PATIENCE = 5.0
+"""Seconds that clients get to take their last answers after a second Ctrl-C."""
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
@@ -61,16 +70,49 @@ def serve(
     def tell(*_: object) -> None:
         echo(f"serving {', '.join(names)} at http://{host}:{port} until Ctrl-C")
 
+    ctrl_c = _CtrlC(workers.close)
+
     async def stop(_: web.Application) -> None:
         echo("stopping: questions under way are answered first; Ctrl-C again ends at once")
 
     served = Server(models, workers).app()
+    served.on_startup.append(ctrl_c.listen)
     served.on_shutdown.append(stop)
     try:
         web.run_app(served, host=host, port=port, print=tell, access_log=None)
-    except web.GracefulExit:  # a second Ctrl-C
-        raise typer.Exit(128 + signal.SIGINT) from None
     except OSError as error:
         raise InputError(f"http://{host}:{port}: {error.strerror or error}") from None
     finally:
         workers.close()
+    if ctrl_c.presses > 1:
+        raise typer.Exit(128 + signal.SIGINT)
+
+
+class _CtrlC:
+    """What Ctrl-C does to the server: the first lets it shut down, the second ends its workers.
+
+    Their questions are then answered with an error, so that the shutdown has nothing to wait for.
+
+    Attributes
+    ----------
+    presses : int
+        How often it was pressed.
+    """
+
+    def __init__(self, end_workers: Callable[[], None]) -> None:
+        self.presses = 0
+        self._end_workers = end_workers
+
+    async def listen(self, _: "web.Application") -> None:
+        """Take Ctrl-C from aiohttp, whose second one would leave its tasks unfinished."""
+        with contextlib.suppress(NotImplementedError):  # Windows: Python's own Ctrl-C
+            asyncio.get_running_loop().add_signal_handler(signal.SIGINT, self._press)
+
+    def _press(self) -> None:
+        from aiohttp import web
+
+        self.presses += 1
+        if self.presses == 1:
+            raise web.GracefulExit
+        self._end_workers()
+        asyncio.get_running_loop().call_later(PATIENCE, os._exit, 128 + signal.SIGINT)

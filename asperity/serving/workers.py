@@ -70,6 +70,7 @@ class Workers:
     def __init__(self, sources: Sequence[str], number: int) -> None:
         self._sources, self._number = tuple(sources), number
         self._pool = self._new_pool()
+        self._closed = False
 
     async def ask(self, call: Call) -> Any:
         """Answer a question on a free process.
@@ -77,26 +78,33 @@ class Workers:
         Raises
         ------
         Refusal
-            If the model refuses the question, or no process lives long enough to answer.
+            If the model refuses the question, no process lives long enough to answer, or the
+            processes are ended meanwhile.
         """
         for _ in range(ATTEMPTS):
+            if self._closed:
+                break
             pool = self._pool
             try:
                 with _deaf():  # processes that this starts inherit it: Ctrl-C is the server's
                     future = pool.submit(_answer, call)
                 return await asyncio.wrap_future(future)
             except BrokenProcessPool:
-                if pool is self._pool:  # the first of all calls that notice
+                if pool is self._pool and not self._closed:  # the first of all calls that notice
                     self._pool = self._new_pool()
                     pool.shutdown(wait=False)
-        raise Refusal("ModelError", "the process that computed the answer was killed")
+            except asyncio.CancelledError:
+                if not self._closed:  # the client is gone
+                    raise
+        who = "server" if self._closed else "process that computed the answer"
+        raise Refusal("ModelError", f"the {who} was ended")
 
     def close(self) -> None:
-        """End all processes."""
-        processes = list((self._pool._processes or {}).values())  # the shutdown forgets them
-        self._pool.shutdown(wait=False, cancel_futures=True)
-        for process in processes:
+        """End all processes; questions that they have not answered are refused."""
+        self._closed = True
+        for process in list((self._pool._processes or {}).values()):
             process.terminate()
+        self._pool.shutdown(cancel_futures=True)  # waits: a thread left behind complains at exit
 
     def _new_pool(self) -> ProcessPoolExecutor:
         """Start processes; not by forking, since this one has threads."""
