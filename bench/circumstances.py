@@ -1,5 +1,6 @@
 """Where, when and with what something was measured."""
 
+import hashlib
 import os
 import platform
 from contextlib import suppress
@@ -15,12 +16,19 @@ PACKAGES = (
 )
 """What may take part: the versions of those that are installed are written down."""
 
+ROOT = Path(__file__).resolve().parents[1]
+SOURCES = ("asperity", "bem", "bench", "gen", "learn")
+RESULTS = ROOT / "bench" / "results"
+CODE = frozenset({".py", ".toml", ".jinja", ".html"})
+"""Ends of the names of files that a state of the code consists of."""
+
 
 def circumstances() -> dict[str, Any]:
-    """Return date, commit, machine and versions of packages, to be kept beside a measurement."""
+    """Return date, commit, state of the code, machine and versions of packages."""
     return {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "commit": git_commit(),
+        "state": code_state(),
         "machine": {
             "processor": processor(),
             "cores": os.cpu_count(),
@@ -29,6 +37,23 @@ def circumstances() -> dict[str, Any]:
         },
         "versions": versions(PACKAGES),
     }
+
+
+def code_state(root: Path = ROOT) -> str:
+    """Return a hash of the code, which documents and results do not change.
+
+    It is that of the sorted paths and contents of all programs, settings and templates of the
+    packages under a folder, so it needs no git, and sees what is not committed.
+    """
+    digest = hashlib.sha256()
+    files = (path for name in SOURCES for path in (root / name).rglob("*"))
+    results = root / RESULTS.relative_to(ROOT)
+    code = (path for path in files if path.suffix in CODE and not path.is_relative_to(results))
+    for path in sorted(code):
+        content = path.read_bytes()
+        digest.update(f"{path.relative_to(root).as_posix()} {len(content)}\n".encode())
+        digest.update(content)
+    return digest.hexdigest()
 
 
 def processor() -> str:

@@ -20,7 +20,7 @@ def run(
     """Make all reports, and one page of them: DIR/index.html, which needs no network.
 
     Every part runs in turn as a command of its own, in DIR/PART, and stays where the same command
-    has made it from the same inputs, with the same commit and packages: after Ctrl-C the same
+    has made it from the same inputs, with the same code and packages: after Ctrl-C the same
     command goes on. A short run leaves alone what a full one has made. Exit code 1 if a check
     failed or a part could not be made.
     """
@@ -65,7 +65,7 @@ def paper(
     """Draw the paper's figures and tables anew, its numbers beside ours.
 
     What needs a comparison or costs is left out without them. Deviations are named, and explained
-    where that is known. A part stays where it was made from the same inputs, with the same commit
+    where that is known. A part stays where it was made from the same inputs, with the same code
     and packages: after Ctrl-C the same command goes on.
     """
     from bench.paper.report import write_report

@@ -1,6 +1,7 @@
 """One self-contained page: pictures and tables stand in the file itself."""
 
 import base64
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -57,9 +58,30 @@ def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
     said: dict[str, Any] = {"chapters": {chapter: list(each) for chapter, each in chapters}}
     folders = {each.part.folder or each.part.name: inputs.folder(each.part) for each in shown}
     said["asked"] = lines(lambda name: folders.get(name, inputs.output / name))
+    said["states"] = states([each.record for each in shown if each.contents])
     said |= {"made": circumstances(), "judged": sum(len(each.verdicts) for each in shown)}
     said |= {"failures": sum(each.failures for each in shown)}
     return rendered("page/page.html", said, markup=True)
+
+
+def states(records: Sequence[Record | None]) -> str:
+    """Say in one line whether all parts are of one state of the code, or which are of another.
+
+    None stands for a part without a record; nothing is said where there is no part.
+    """
+    found = Counter(record.state if record else "" for record in records)
+    known = [(state, number) for state, number in found.most_common() if state]
+    unknown = f"{found['']} of an unknown one" if found[""] else ""
+    if not known:
+        return "The state of the code is unknown of all parts." if records else ""
+    (state, number), *others = known
+    if number == len(records):
+        return f"All parts are of one state of the code, {state[:10]}."
+    told = [f"{number} of the state {state[:10]}" for state, number in others]
+    return (
+        f"{number} of {len(records)} parts are of the state {state[:10]} of the code,"
+        f" {', '.join([*told, unknown] if unknown else told)}."
+    )
 
 
 def _shown(part: Part, inputs: Inputs) -> Shown:

@@ -12,7 +12,7 @@ from bench.files import is_there
 from bench.page.content import Content, Figure, Table, files_of, moved
 from gen.runtime import documents, output
 
-SAME = ("commit", "versions", "machine")  # what has to be as it was for something to stay
+SAME = ("state", "versions", "machine")  # what has to be as it was for something to stay
 # Ends of the names of files that say how something was made, and are nobody's input.
 NOT_READ = (".part.json", ".printed.txt")
 
@@ -35,6 +35,7 @@ class Record(documents.Document):
     inputs: dict[str, int]
     created: str
     commit: str
+    state: str = ""  # of the code; empty in records of before it was written down
     machine: Machine
     versions: dict[str, str]
 
@@ -52,7 +53,7 @@ class Making:
     sources: Mapping[str, Path]
 
     def stays(self) -> bool:
-        """Say whether the record is of the same command, inputs, commit, packages and machine."""
+        """Say whether the record is of the same command, inputs, code, packages and machine."""
         found = read(self.path)
         if found is None or not found.finished:
             return False

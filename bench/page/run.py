@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
 
+from bench.circumstances import code_state
 from bench.databases import of_the_paper
 from bench.page.html import PAGE, write_page
 from bench.page.inputs import Inputs
@@ -40,8 +41,8 @@ class Outcome:
 def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> Outcome:
     """Make the parts that are not there yet.
 
-    A part stays as it is if the same command made it from the same inputs, with the same commit
-    and packages on the same machine. What the commands print to standard error is passed on;
+    A part stays as it is if the same command made it from the same inputs, with the same code and
+    packages on the same machine. What the commands print to standard error is passed on;
     `after` is called after each part that was made.
     """
     wanted = [part for part in parts if inputs.arguments(part)]
@@ -84,7 +85,7 @@ def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
     making, arguments = inputs.making(part), inputs.arguments(part)
     path = making.path
     told: list[str] = []
-    printed = path.with_name(f"{part.name}.printed.txt")
+    printed, state = path.with_name(f"{part.name}.printed.txt"), code_state()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.unlink(missing_ok=True)
@@ -95,9 +96,11 @@ def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
         raise InputError(f"{path.parent} cannot be written to: {error.strerror or error}") from None
     if not interruption.requested():
         crashed = any(line.startswith("Traceback") for line in told)
+        if changed := code_state() != state:
+            told.append("the code changed meanwhile: the same command makes it anew")
         making.write(
             code=code,
-            finished=code == 0 or (code == 1 and part.judges and not crashed),
+            finished=not changed and (code == 0 or (code == 1 and part.judges and not crashed)),
             seconds=round(time.monotonic() - began, 1),
             told=told[-5:],
         )

@@ -41,7 +41,7 @@ def kept(folder: Path, tolerance: float, rows: int) -> Labels:
     What is assigned to them is in the file at once. Its name tells scene, code and machine.
     """
     now = circumstances()  # times are those of one machine and one state of the code
-    key = f"{PHYSICS} {scene_of(tolerance).fingerprint()} {now['commit']} {now['machine']}"
+    key = f"{PHYSICS} {scene_of(tolerance).fingerprint()} {now['state']} {now['machine']}"
     name = hashlib.sha256(key.encode()).hexdigest()[:16]
     empty = np.full((rows, len(MEASURED) + 1), np.nan)
     path = folder / f"rtol-{tolerance:g}-{name}.f8"

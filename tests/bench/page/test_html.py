@@ -6,9 +6,11 @@ from pathlib import Path
 import pytest
 from page_parts import WRITE, inputs, makes, part, written
 
+from bench.circumstances import code_state
 from bench.page.content import Absent, Content, Figure, Table, Words
-from bench.page.html import write_page
+from bench.page.html import states, write_page
 from bench.page.parts import Part
+from bench.page.record import Machine, Record
 from bench.picture import new_figure, save
 
 
@@ -22,6 +24,32 @@ def test_a_part_that_cannot_be_shown_does_not_hide_the_others(tmp_path: Path) ->
     text = write_page([one, two], inputs(tmp_path)).read_text(encoding="utf-8")
     assert "none.csv: cannot be read as a table" in text
     assert "<p>x</p>" in text
+
+
+def test_page_says_which_parts_are_of_another_state(tmp_path: Path) -> None:
+    def of(state: str) -> Record:
+        return Record(
+            command="",
+            inputs={},
+            created="",
+            commit="",
+            machine=Machine(processor=""),
+            versions={},
+            state=state,
+        )
+
+    assert states([]) == ""
+    assert states([of("a" * 64), of("a" * 64)]) == (
+        "All parts are of one state of the code, aaaaaaaaaa."
+    )
+    assert states([None, of("")]) == "The state of the code is unknown of all parts."
+    assert states([None, of("b"), of("a"), of("a")]) == (
+        "2 of 4 parts are of the state a of the code, 1 of the state b, 1 of an unknown one."
+    )
+    one = part("one", WRITE)
+    makes(tmp_path, [one])
+    text = write_page([one], inputs(tmp_path)).read_text(encoding="utf-8")
+    assert f"All parts are of one state of the code, {code_state()[:10]}." in text
 
 
 def contents(folder: Path) -> list[Content]:

@@ -77,6 +77,19 @@ def test_a_crash_is_no_failed_check(tmp_path: Path, *, judges: bool, crashes: bo
     assert "code 1" in write_page([crashed], inputs(tmp_path)).read_text(encoding="utf-8")
 
 
+def test_what_was_made_while_the_code_changed_is_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    states = iter(["before", "after"])
+    monkeypatch.setattr(running, "code_state", lambda: next(states))
+    one = part("one", WRITE)
+    makes(tmp_path, [one])
+    monkeypatch.undo()
+    assert "the code changed meanwhile" in record(one, tmp_path).told[-1]
+    assert makes(tmp_path, [one]) == Outcome()
+    assert (tmp_path / "one" / "made.txt").read_text() == "xx"
+
+
 def test_a_short_run_leaves_a_full_one_alone(tmp_path: Path) -> None:
     both = part("both", WRITE.replace("'x'", "'short'"), full=WRITE.replace("'x'", "'full'"))
     makes(tmp_path, [both], full=True)
