@@ -10,6 +10,9 @@ from gen.runtime.errors import InputError
 DOI = re.compile(r"10\.\d{4,9}/\S+")
 """A digital object identifier without the address of its resolver (ISO 26324)."""
 
+LICENCE = re.compile(r"https?://\S+|[\w.+-]+( (AND|OR|WITH) [\w.+-]+)*", re.ASCII)
+"""An address, or an SPDX expression without brackets (SPDX 2.3, annex D)."""
+
 PREFIXES = ("https://doi.org/", "http://doi.org/", "doi:")
 """Beginnings that people put in front of an identifier."""
 
@@ -54,7 +57,7 @@ class About:
         Raises
         ------
         InputError
-            If the identifier is none, or a text has more than one line.
+            If an identifier is none, or a text has more than one line.
         """
         scene = reader.scene
         title = title or str(reader.attributes["title"])
@@ -64,6 +67,11 @@ class About:
         for option, text in (("title", title), ("creator", creator), ("licence", licence)):
             if not text.isprintable():
                 raise InputError(f"--{option} {text!r}: give a text of one line")
+        if licence and not LICENCE.fullmatch(licence):
+            raise InputError(
+                f"--licence {licence!r}: give an SPDX identifier as CC-BY-4.0, or an address that"
+                " begins with https://"
+            )
         return about
 
     @property

@@ -103,7 +103,7 @@ def _each(
 ) -> list[Points]:
     """Solve every surface under the same loads."""
     points = []
-    with RunProgress(len(surfaces), "surfaces") as progress:
+    with RunProgress(len(surfaces), f"surfaces at given {load}") as progress:
         for surface in surfaces:
             points.append(solved(surface, load, loads.tolist(), bodies, stiffness=stiffness))
             progress.advance(1, 0)

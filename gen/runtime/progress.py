@@ -25,7 +25,7 @@ class RunProgress:
     total : int
         Number of rows of this run.
     noun : str
-        Plural noun for the rows.
+        Plural noun for the rows, which words that tell it from others may follow.
     work : float, optional
         Expected cost of all rows in any unit, from which the remaining time follows; by default
         all rows cost the same.
@@ -103,7 +103,7 @@ class RunProgress:
         """Return rate, failures and remaining time in words."""
         elapsed = max(time.monotonic() - self._began, 1e-9)
         left = elapsed * (self._work / self._worked - 1) if self._worked else 0.0
-        rate = f"{self._here / elapsed:.3g} {self._noun}/s"
+        rate = f"{self._here / elapsed:.3g} {self._noun.partition(' ')[0]}/s"
         return f"{rate}, {self._failed} failed, {_duration(max(left, 0.0))} left"
 
 

@@ -200,6 +200,20 @@ def test_the_card_says_what_kind_of_bodies_and_patch(tmp_path):
     assert "free edges" not in text
 
 
+@pytest.mark.parametrize("licence", ["my own", "CC-BY-4.0,", "MIT or Apache-2.0", "ftp://a.b"])
+def test_licences_that_nobody_can_look_up_are_refused(folder, tmp_path, capsys, licence):
+    line = ["export", str(folder / "a.h5"), "-o", str(tmp_path / "out"), "--licence", licence]
+    assert cli.main(line) == 2
+    assert capsys.readouterr().err.startswith(f"gen: --licence {licence!r}: give an SPDX ident")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("licence", ["MIT OR Apache-2.0", "https://example.org/licence"])
+def test_licences_that_can_be_looked_up_are_kept(folder, licence):
+    with Reader(folder / "a.h5") as reader:
+        assert About.of(reader, "", "", licence, "").licence == licence
+
+
 @pytest.mark.parametrize("doi", ["zenodo.12", "10.1/x y", "https://example.org/10.1"])
 def test_identifiers_that_are_none_are_refused(folder, tmp_path, capsys, doi):
     line = ["export", str(folder / "a.h5"), "-o", str(tmp_path / "out"), "--doi", doi]
