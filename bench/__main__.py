@@ -13,8 +13,8 @@ app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
 COMMANDS = (
     *(page.run, page.page, page.paper, page.unstated),
-    *(solver.solver, solver.peers, solver.growth, solver.threads),
-    *(solver.hertz, solver.theory, solver.stability),
+    *(solver.solver, solver.peers, solver.growth, solver.yielding),
+    *(solver.threads, solver.hertz, solver.theory, solver.stability),
     *(surrogates.models, surrogates.tolerance, surrogates.generalisation),
     *(surrogates.coverage, surrogates.scans),
     *(surrogates.grow, surrogates.features),

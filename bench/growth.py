@@ -104,6 +104,7 @@ def require_nested(nodes: Sequence[int]) -> None:
 
 def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
     """Press the same surfaces with the same mean pressure on each grid, as means over surfaces."""
+    require_nested(nodes)
     rows = []
     for hardness, size in product(HARDNESSES, nodes):
         contacts = [
@@ -121,13 +122,15 @@ def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
     return rows
 
 
-def report(costs: Sequence[Row], pressed: Sequence[Row]) -> Report:
-    """Make a report of the rows of `cost` and of `pressures`."""
-    return Report(
-        {"growth": costs, "yielding": pressed},
-        pictures={"growth": _cost_picture(costs), "yielding": _pressure_picture(pressed)},
-        text=f"{formatted(COLUMNS, costs)}\n\n{verdict(costs)}",
-    )
+def report(costs: Sequence[Row]) -> Report:
+    """Make a report of the rows of `cost`."""
+    text = f"{formatted(COLUMNS, costs)}\n\n{verdict(costs)}"
+    return Report({"growth": costs}, pictures={"growth": _cost_picture(costs)}, text=text)
+
+
+def yielding_report(pressed: Sequence[Row]) -> Report:
+    """Make a report of the rows of `pressures`."""
+    return Report({"yielding": pressed}, pictures={"yielding": _pressure_picture(pressed)})
 
 
 def verdict(costs: Sequence[Row]) -> str:

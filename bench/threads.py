@@ -21,6 +21,7 @@ from bem.convolution import displacement_filter
 from bem.workers import Workers, led_by
 from bench import peer_threads
 from bench.growth import RTOL, SIDE, displacement_at, require_nested, surface
+from bench.picture import new_figure
 from bench.report import Report, remark
 from bench.table import formatted
 from gen.arrays import Heights
@@ -171,7 +172,30 @@ def report(rows: Sequence[Row], peers: Sequence[Row] | None = None) -> Report:
     if peers is not None:
         text += f"\n\n{peer_threads.table(peers)}"
     tables = {"threads": rows} | ({"threads-peers": peers} if peers else {})
-    return Report(tables, text=text)
+    return Report(tables, pictures={"threads": draw(rows)}, text=text)
+
+
+def draw(rows: Sequence[Row]) -> Any:
+    """Draw gains over the contact: measured, of copies, and estimates for more threads."""
+    figure = new_figure(5.5, 4.0)
+    panel = figure.subplots()
+    for color, size in enumerate(sorted({row["nodes"] for row in rows})):
+        mine = [row for row in rows if row["nodes"] == size]
+        area = [row["area_percent"] for row in mine]
+        label, style = (
+            f"{size:,} nodes a side, {mine[0]['threads']} threads",
+            {"color": f"C{color}"},
+        )
+        panel.plot(area, [row["copies"] for row in mine], "-", lw=1, **style)
+        panel.plot(area, [row["gain"] for row in mine], "o", label=label, **style)
+        for many, marker in zip(RECKONED, "s^", strict=True):
+            reckoned = [row[f"reckoned_{many}"] for row in mine]
+            name = f"the same, {many} threads (estimate)"
+            panel.plot(area, reckoned, marker, mfc="none", label=name, **style)
+    panel.set(xscale="log", xlabel="nodes in contact [%]", ylabel="times as fast as one thread")
+    panel.set_ylim(0, None)
+    panel.legend(fontsize="small")
+    return figure
 
 
 def verdict(rows: Sequence[Row]) -> str:

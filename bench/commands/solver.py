@@ -81,15 +81,31 @@ def growth(
 ) -> None:
     """Measure how convolutions, time and memory of a solve grow with the grid.
 
-    At 1, 10 and 50 % of the nodes in contact; then how area and mean pressure depend on the grid,
-    with a hardness and without. Some minutes. Prints a table, writes DIR/growth.csv and
-    DIR/yielding.csv, and a picture of each.
+    At 1, 10 and 50 % of the nodes in contact. Some minutes. Prints a table, writes DIR/growth.csv
+    and DIR/growth.png.
     """
-    from bench.growth import cost, pressures, report
+    from bench.growth import cost, report
 
-    require_place(output, "growth.csv", "growth.png", "yielding.csv", "yielding.png")
-    sizes = numbers("nodes", nodes, int)
-    tell(output, report(cost(sizes, surfaces), pressures(sizes, surfaces)))
+    require_place(output, "growth.csv", "growth.png")
+    tell(output, report(cost(numbers("nodes", nodes, int), surfaces)))
+
+
+def yielding(
+    output: Folder,
+    nodes: str = option(
+        "129,257,513,1025", "Nodes a side of the grids, each 2^k + 1.", metavar="N,..."
+    ),
+    surfaces: int = option(3, "Surfaces, each of its own seed.", min=1),
+) -> None:
+    """Measure how area and mean pressure depend on the grid, with a hardness and without.
+
+    The same surfaces under the same mean pressure: DIR/yielding.csv and DIR/yielding.png. Some
+    minutes.
+    """
+    from bench.growth import pressures, yielding_report
+
+    require_place(output, "yielding.csv", "yielding.png")
+    tell(output, yielding_report(pressures(numbers("nodes", nodes, int), surfaces)))
 
 
 def threads(
@@ -104,12 +120,13 @@ def threads(
 
     Beside it what as many copies of the transforms alone reach, and estimates for more threads by
     Amdahl's law, from the part of the solve that threads share. On a quiet machine a minute at
-    1,025 nodes. Prints a table, writes DIR/threads.csv and, with --peers, DIR/threads-peers.csv.
+    1,025 nodes. Prints a table, writes DIR/threads.csv and .png and, with --peers,
+    DIR/threads-peers.csv.
     """
     from bench import peer_threads
     from bench.threads import measure, report
 
-    require_place(output, "threads.csv", *(["threads-peers.csv"] if peers else []))
+    require_place(output, "threads.csv", "threads.png", *(["threads-peers.csv"] if peers else []))
     sizes, shares = numbers("nodes", nodes, int), numbers("percents", percents, float)
     rows = measure(sizes, shares, number, rounds)
     others = peer_threads.measure(sizes, number, rounds) if peers else None

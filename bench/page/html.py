@@ -11,7 +11,7 @@ from typing import Any
 from bench.circumstances import circumstances
 from bench.files import content_of
 from bench.page.asked import lines
-from bench.page.content import Content, Figure, Table, tables_of
+from bench.page.content import Absent, Content, Figure, Table, tables_of
 from bench.page.inputs import Inputs, typed
 from bench.page.parts import Part
 from bench.page.record import Record, read
@@ -31,6 +31,7 @@ class Shown:
     record: Record | None
     contents: Sequence[dict[str, Any]] = ()
     absent: str = ""
+    how: str = ""  # command that makes it, where no record says what did
 
     @property
     def verdicts(self) -> list[bool]:
@@ -88,19 +89,18 @@ def _shown(part: Part, inputs: Inputs) -> Shown:
     """Return what a part holds; what cannot be shown does not hide the other parts."""
     found = read(inputs.making(part).path)
     folder = inputs.folder(part)
-    compared = folder == inputs.files["comparison"] and folder.is_dir()
-    if found is None and not compared:
-        return Shown(part, None, absent=f"Not here. It is made by: {_how(part, inputs)}")
     if found is not None and not found.finished:
         told = found.told[-1] if found.told else "it said nothing"
         return Shown(part, found, absent=f"{found.command}: code {found.code}, {told}")
     try:
         contents = [_prepared(each) for each in part.show(folder)]
     except (InputError, ModuleNotFoundError) as error:
-        return Shown(part, found, absent=str(error))
-    if not contents:
-        return Shown(part, None, absent=f"{folder} holds nothing to show")
-    return Shown(part, found, contents)
+        if found is not None:
+            return Shown(part, found, absent=str(error))
+        contents = []
+    if all(each["kind"] == Absent.__name__ for each in contents):
+        return Shown(part, None, absent=f"Not here. It is made by: {_how(part, inputs)}")
+    return Shown(part, found, contents, how="" if found else _how(part, inputs))
 
 
 def _how(part: Part, inputs: Inputs) -> str:

@@ -87,17 +87,20 @@ ROWS = 1500  # rows of the paper preset that a short run generates; a full one g
 
 CHAPTERS = {
     "The contact solver: error against run time": (
-        *("work_precision/solver", "peers/peers", "growth", "hertz", "theory"),
+        *("work_precision/solver", "peers/peers", "growth", "hertz"),
     ),
+    "Bodies that yield": ("yielding", "peers/hardness"),
+    "Patches without edges, and theory": ("peers/periodic", "theory"),
     "Stiff and extreme cases": ("stability/stability",),
+    "Cores": ("threads",),
     "The farm": ("scale/scale",),
     "Surrogates: what they are worth, and what they cost": (
         *("page/comparison", "page/tuning", "page/grids", "surrogates/models"),
-        *("surrogates/features", "surrogates/tolerance"),
-        *("surrogates/generalisation", "surrogates/coverage"),
-        *("populations/scans", "populations/grow"),
+        *("surrogates/features", "surrogates/tolerance", "populations/grow"),
         *("surrogates/cost", "surrogates/throughput", "memory"),
     ),
+    "Surrogates under shift": ("surrogates/generalisation", "surrogates/coverage"),
+    "Measured maps": ("populations/scans",),
     "The paper, side by side": ("paper/paper", "paper/unstated"),
     "Benchmarks": ("benchmarks",),
 }

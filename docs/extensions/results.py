@@ -15,7 +15,7 @@ import tables
 from sphinx.application import Sphinx
 
 from bench.page.content import Figure, Table, Words
-from bench.page.inputs import Inputs
+from bench.page.inputs import Inputs, typed
 from bench.page.parts import PARTS, Part
 from bench.page.record import read
 from bench.page.table import tabulated
@@ -60,7 +60,8 @@ def _made(part: Part) -> str:
     """Return how a report was made: its command, processor, day and commit."""
     found = read(INPUTS.making(part).path)
     if found is None:
-        return f"Made by `python {part.full}`." if part.full else ""
+        command = typed(INPUTS.arguments(part)).replace(str(RESULTS), "report")
+        return f"Made by `{command.replace('report/none.h5', 'paper.h5')}`."
     command = re.sub(r"\S*/none\.h5", "paper.h5", found.command).replace(f"{RESULTS}/", "")
     return (
         f"Made by `{command}` on {found.machine.processor}, {found.created[:10]},"

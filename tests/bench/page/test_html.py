@@ -14,10 +14,22 @@ from bench.page.record import Machine, Record
 from bench.picture import new_figure, save
 
 
-def test_a_part_that_cannot_be_shown_does_not_hide_the_others(tmp_path: Path) -> None:
-    def without_file(folder: Path) -> list[Content]:
-        return [Table(folder / "none.csv", "Nothing.")]
+def without_file(folder: Path) -> list[Content]:
+    return [Table(folder / "none.csv", "Nothing.")]
 
+
+def test_a_part_without_a_record_is_shown_and_says_so(tmp_path: Path) -> None:
+    one = part("one", "-m bench hertz -o {folder}")
+    (tmp_path / "one").mkdir()
+    (tmp_path / "one" / "made.txt").write_text("by hand")
+    text = write_page([one], inputs(tmp_path)).read_text(encoding="utf-8")
+    assert "<p>by hand</p>" in text
+    assert "No record says when and where this was made" in text
+    assert f"python -m bench hertz -o {tmp_path / 'one'}</code>" in text
+    assert "The state of the code is unknown of all parts." in text
+
+
+def test_a_part_that_cannot_be_shown_does_not_hide_the_others(tmp_path: Path) -> None:
     one = Part("one", "First", "No table", WRITE, WRITE, without_file)
     two = part("two", WRITE)
     makes(tmp_path, [one, two])
@@ -78,7 +90,7 @@ def contents(folder: Path) -> list[Content]:
 def shown(tmp_path: Path) -> Path:
     """A page with everything on it."""
     one = Part("one", "First", "All kinds", WRITE, WRITE, contents)
-    two = Part("two", "Second", "Not made", "", WRITE, contents)
+    two = Part("two", "Second", "Not made", "", WRITE, without_file)
     makes(tmp_path, [one])
     return write_page([one, two], inputs(tmp_path))
 
