@@ -34,5 +34,16 @@ def is_there(path: Path) -> bool:
     return path.is_file() or _packed(path).is_file()
 
 
+def named(folder: Path, name: str) -> list[Path]:
+    """List the files of a name, in which a * stands for several that are there, compressed or not.
+
+    Compressed ones have the names that they have without that.
+    """
+    if "*" not in name:
+        return [folder / name]
+    packed = (path.with_suffix("") for path in folder.glob(name + COMPRESSED))
+    return sorted({*folder.glob(name), *packed})
+
+
 def _packed(path: Path) -> Path:
     return path.with_name(path.name + COMPRESSED)

@@ -6,6 +6,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from bench.report import Report
+from bench.table import formatted
 from gen import database
 from gen.generation.sample import compute_rows
 from gen.scene import Scene, Store, flags, load
@@ -14,12 +16,12 @@ from gen.schema import row_bytes
 SAMPLES = 64  # rows of a round
 
 COLUMNS = {
-    "`[store]`": "`{name}`",
-    "ms per sample": "{milliseconds:+.2f}",
-    "time with / without": "{middle:.3f} ({low:.3f} to {high:.3f})",
+    "`[store]`": "`{column}`",
+    "ms per sample": "{more_ms:+.2f}",
+    "time with / without": "{ratio:.3f} ({ratio_low:.3f} to {ratio_high:.3f})",
     "bytes per sample": "{bytes:,}",
 }
-"""The table that stands in `docs/how-to/reading.md`."""
+"""The table as it is printed."""
 
 
 def measure(scene_name: str, rounds: int) -> list[dict[str, Any]]:
@@ -40,15 +42,20 @@ def measure(scene_name: str, rounds: int) -> list[dict[str, Any]]:
         ratios = [with_it / without for without, with_it in pairs]
         costs.append(
             {
-                "name": name,
-                "milliseconds": 1e3 * median(b - a for a, b in pairs) / SAMPLES,
-                "low": min(ratios),
-                "middle": median(ratios),
-                "high": max(ratios),
+                "column": name,
+                "more_ms": 1e3 * median(b - a for a, b in pairs) / SAMPLES,
+                "ratio": median(ratios),
+                "ratio_low": min(ratios),
+                "ratio_high": max(ratios),
                 "bytes": row_bytes(asked) - row_bytes(plain),
             }
         )
     return costs
+
+
+def report(costs: list[dict[str, Any]]) -> Report:
+    """Make a report of the rows of `measure`."""
+    return Report({"outputs": costs}, text=formatted(COLUMNS, costs))
 
 
 def _seconds(scene: Scene) -> float:

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.report import Report
 from bench.scale.launch import answer, launch
 from bench.scale.probe import empty_rows
 from bench.table import markdown
@@ -82,6 +83,25 @@ def markdown_table(spec: Spec, measured: Sequence[tuple[int, Seconds]]) -> str:
         lines.append((str(ranks), _rate(spec, single), _rate(spec, parallel), ratio))
     header = ("ranks", "single writer, MB/s", "parallel writer, MB/s", "parallel / single")
     return markdown(header, lines)
+
+
+def report(spec: Spec, measured: Sequence[tuple[int, Seconds]]) -> Report:
+    """Make a report: times of each writer [s] and its rate [MB/s], medians and extremes."""
+    rows = [
+        {
+            "ranks": ranks,
+            "writer": writer,
+            "rows": spec.rows,
+            "megabytes": spec.megabytes,
+            "median_s": median(times),
+            "rate_MB_s": spec.megabytes / median(times),
+            "lowest_MB_s": spec.megabytes / max(times),
+            "highest_MB_s": spec.megabytes / min(times),
+        }
+        for ranks, seconds in measured
+        for writer, times in seconds.items()
+    ]
+    return Report({"writers": rows}, text=markdown_table(spec, measured))
 
 
 def _rate(spec: Spec, seconds: list[float]) -> str:

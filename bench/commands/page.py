@@ -16,6 +16,7 @@ def run(
         None, "Folder of learn compare and tune; made if left out.", metavar="DIR"
     ),
     only: list[str] | None = PARTS,
+    plan: bool = option(False, "List the parts with their times, and make nothing.", "--plan"),
 ) -> int:
     """Make all reports, and one page of them: DIR/index.html, which needs no network.
 
@@ -25,8 +26,12 @@ def run(
     failed or a part could not be made.
     """
     from bench.page.inputs import Inputs
+    from bench.page.run import planned
     from bench.page.run import run as make
 
+    if plan:
+        typer.echo(planned(Inputs(output, database, comparison, full), only or ()))
+        return 0
     path, outcome = make(Inputs(output, database, comparison, full), only or ())
     typer.echo(path)
     if outcome.signal:
@@ -47,6 +52,28 @@ def page(
     from bench.page.run import page as write
 
     typer.echo(write(Inputs(folder, None, comparison, full)))
+
+
+def publish(
+    folder: Path = typer.Argument(help="Folder of `bench run --full`."),
+    target: Path = typer.Argument(help="Folder of published results: bench/results."),
+    comparison: Path | None = option(None, "Comparison that it was made with.", metavar="DIR"),
+    mixed: bool = option(
+        False, "Results of several states of the code may stand there.", "--mixed"
+    ),
+) -> None:
+    """Copy what a run has made into the folder of published results.
+
+    Tables, pictures, words and records of all finished parts, large tables compressed; folders all
+    of whose parts were made lose their earlier files. Refused are parts that were not finished,
+    results of several states of the code, and more than 6 MB.
+    """
+    from bench.page.inputs import Inputs
+    from bench.page.parts import PARTS as ALL
+    from bench.page.publish import publish as copy
+
+    for path in copy(ALL, Inputs(folder, None, comparison, full=True), target, mixed=mixed):
+        typer.echo(path)
 
 
 def paper(

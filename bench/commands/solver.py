@@ -162,6 +162,20 @@ def theory(
     tell(output, report(compare(nodes, surfaces)))
 
 
+def calculix(output: Folder) -> int:
+    """Press two blocks with laws between them in CalculiX, and compare with the laws' tables.
+
+    Closure, pressure and jump of the temperature: DIR/calculix.csv and DIR/calculix.png. Needs
+    `ccx`. Exit code 0 if all are within 1 %, 1 otherwise.
+    """
+    from bench.calculix import measure, report
+
+    require_place(output, "calculix.csv", "calculix.png")
+    rows = measure(output)
+    tell(output, report(rows))
+    return 0 if all(row["verdict"] == "passed" for row in rows) else 1
+
+
 def stability(
     output: FolderIfAny = None,
     full: bool = option(False, "The slow cases too.", "--full"),

@@ -212,6 +212,21 @@ def throughput(
     tell(output, calls.report(calls.throughput(asked, surfaces)))
 
 
+def yielding_surrogate(
+    output: Folder,
+    rows: int = option(3000, "Rows of the scene paper-yielding.", min=100),
+) -> None:
+    """Measure what a surrogate of bodies that yield is worth: DIR/yielding-surrogate.csv.
+
+    Generates a database in DIR/databases, goes on there after Ctrl-C, and fits it as `learn fit`
+    does. Minutes.
+    """
+    from bench.surrogates.yielding import measure, report
+
+    require_place(output, "yielding-surrogate.csv")
+    tell(output, report(measure(output, rows)))
+
+
 def memory(
     output: FolderIfAny = None,
     model: list[str] | None = option(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import mean
 
-from bench.files import is_there, read_toml
+from bench.files import is_there, named, read_toml
 from bench.table import read_table
 
 Row = dict[str, str]
@@ -78,7 +78,7 @@ def _answer(asked: Asked, folder: Folders) -> str:
 
 def _paths(home: Path, name: str) -> Iterator[Path]:
     """Yield the tables that are there."""
-    for path in sorted(home.glob(name)) if "*" in name else [home / name]:
+    for path in named(home, name):
         if is_there(path):
             yield path
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-from bench.files import content_of, is_there, read_toml
+from bench.files import content_of, is_there, named, read_toml
 from bench.page.content import Absent, Content, Figure, Table, Words
 from bench.table import read_table
 
@@ -23,7 +23,8 @@ class Part:
 
     `quick` and `full` are arguments of the Python interpreter in a short and in a full run, empty
     if the part does not belong to that run. A run fills in {folder}, {database}, {comparison},
-    {cost} and {fine}; words in brackets are left out where the file that they name is not there.
+    {cost}, {fine} and {concentrated}; words in brackets are left out where the file that they name
+    is not there.
     """
 
     name: str
@@ -66,7 +67,7 @@ def _contents(entry: Mapping[str, Any], folder: Path) -> Iterator[Content]:
     """
     (kind,) = entry.keys() & {"figure", "table", "words"}
     name, command = entry[kind], entry.get("command", "")
-    for path in sorted(folder.glob(name)) if "*" in name else [folder / name]:
+    for path in named(folder, name):
         caption = " ".join(entry.get("caption", "").replace("{target}", path.parent.name).split())
         if "absent" in entry and not (is_there(path) and read_table(path)[1]):
             yield Absent(entry["absent"], entry["how"].format(folder=folder))
@@ -89,13 +90,15 @@ CHAPTERS = {
     "The contact solver: error against run time": (
         *("work_precision/solver", "peers/peers", "growth", "hertz"),
     ),
-    "Bodies that yield": ("yielding", "peers/hardness"),
+    "Bodies that yield": ("yielding", "peers/hardness", "surrogates/yielding-surrogate"),
     "Patches without edges, and theory": ("peers/periodic", "theory"),
     "Stiff and extreme cases": ("stability/stability",),
-    "Cores": ("threads",),
-    "The farm": ("scale/scale",),
+    "Laws in CalculiX": ("calculix",),
+    "Cores": ("threads", "scale/speedup"),
+    "The farm": ("page/databases", "outputs", "scale/scale", "writers", "faults"),
     "Surrogates: what they are worth, and what they cost": (
-        *("page/comparison", "page/tuning", "page/grids", "surrogates/models"),
+        *("page/comparison", "page/tuning", "page/grids"),
+        *("page/comparison-hybrid", "page/comparison-concentrated", "surrogates/models"),
         *("surrogates/features", "surrogates/tolerance", "populations/grow"),
         *("surrogates/cost", "surrogates/throughput", "memory"),
     ),

@@ -17,6 +17,7 @@ from typing import TextIO
 
 from bench.circumstances import code_state
 from bench.databases import of_the_paper
+from bench.page.estimate import plan, seconds, told
 from bench.page.html import PAGE, write_page
 from bench.page.inputs import Inputs
 from bench.page.parts import PARTS, ROWS, Part
@@ -57,7 +58,7 @@ def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> 
                 remark(f"{heading}: is there")
                 code = kept.code
             else:
-                remark(f"{heading}: {inputs.making(part).command}")
+                remark(f"{heading} ({told(seconds(part, inputs))}): {inputs.making(part).command}")
                 code = _run(part, inputs, interruption)
                 if interruption.requested():
                     break
@@ -163,6 +164,12 @@ def run(inputs: Inputs, only: Sequence[str] = ()) -> tuple[Path, Outcome]:
         of_the_paper(inputs.database, inputs.files["database"].parent, rows)
     outcome = make(parts, inputs, lambda: write_page(PARTS, inputs))
     return write_page(PARTS, inputs), outcome
+
+
+def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
+    """List what a run would make, with the time that it is going to take, and make nothing."""
+    parts = [part for part in _chosen(only, inputs) if inputs.arguments(part)]
+    return plan(parts, inputs, [_kept(part, inputs) is not None for part in parts])
 
 
 def page(inputs: Inputs) -> Path:

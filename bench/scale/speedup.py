@@ -19,7 +19,7 @@ from pathlib import Path
 from statistics import mean, median
 from typing import Any
 
-from bench.report import remark
+from bench.report import Report, remark
 from bench.scale.launch import answer, launch
 from gen.generation.run import Request, generate_database
 from gen.generation.sample import compute_rows
@@ -69,6 +69,17 @@ def summary(turns: list[Turn]) -> str:
             f" {min(ratios):.2f} to {max(ratios):.2f})"
         )
     return "\n".join(lines)
+
+
+def report(turns: list[Turn]) -> Report:
+    """Make a report of the rounds: times of each run [s], and what they gain."""
+    names = {name: f"{name.replace(' ', '_')}_s" for name in turns[0]}
+    rows = [
+        {"round": number, **{names[name]: seconds for name, seconds in turn.items()}}
+        | {what.partition(":")[0]: gain(turn) for what, gain in GAINS.items()}
+        for number, turn in enumerate(turns, 1)
+    ]
+    return Report({"speedup": rows}, text=summary(turns))
 
 
 def generate(

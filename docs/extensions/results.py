@@ -19,6 +19,7 @@ from bench.page.inputs import Inputs, typed
 from bench.page.parts import PARTS, Part
 from bench.page.record import read
 from bench.page.table import tabulated
+from gen.runtime.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = tables.RESULTS
@@ -43,6 +44,17 @@ def report(name: str, _: list[str], folder: Path) -> str:
     if part is None:
         raise KeyError(name)
     blocks = [_made(part)]
+    try:
+        return "\n\n".join([*blocks, *_shown(part, folder)])
+    except InputError:
+        if read(INPUTS.making(part).path) is not None:
+            raise
+        return "\n\n".join([*blocks, "It has not been published yet."])
+
+
+def _shown(part: Part, folder: Path) -> list[str]:
+    """Return the contents of a report."""
+    blocks = []
     for content in part.show(INPUTS.folder(part)):
         if isinstance(content, Figure):
             picture = relpath(content.picture, folder)
@@ -53,7 +65,7 @@ def report(name: str, _: list[str], folder: Path) -> str:
         elif isinstance(content, Words):
             fenced = f"```text\n{content.text}\n```"
             blocks.append(fenced if content.typed else _plain(content.text))
-    return "\n\n".join(blocks)
+    return blocks
 
 
 def _made(part: Part) -> str:

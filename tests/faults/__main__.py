@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 
+from bench.table import write_rows
 from gen.runtime import command_line, farm, startup
 from tests.faults.campaign import KINDS, ROUNDS, campaign
-from tests.faults.table import line, summary
+from tests.faults.table import by_kind, line, summary
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
@@ -24,6 +25,9 @@ def faults(
     minutes: Annotated[float, typer.Option(min=0.0, help="No round begins later.")] = 30.0,
     only: Annotated[
         list[str] | None, typer.Option(metavar="KIND", help="A kind of the table, alone.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="DIR", help="Write faults.csv there.")
     ] = None,
 ) -> int:
     """Disturb runs at random and see whether anything is lost, wrong or done twice.
@@ -46,6 +50,8 @@ def faults(
             done.append(interrupted)
             typer.echo(line(len(done), interrupted))
     typer.echo(summary(done))
+    if output is not None:
+        write_rows(output / "faults.csv", by_kind(done))
     missed = wanted - sum(interrupted.hit for interrupted in done)
     if missed > 0:
         typer.echo(f"{missed} of {wanted} faults could not be injected")

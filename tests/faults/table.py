@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Sequence
+from typing import Any
 
 from rich import box
 from rich.console import Console
@@ -20,19 +21,35 @@ def line(number: int, done: Round) -> str:
     )
 
 
+def by_kind(rounds: Sequence[Round]) -> list[dict[str, Any]]:
+    """Rows of a table: faults of each kind, and what came of them."""
+    most = max((done.after for done in rounds), default=0)
+    rows = []
+    for kind in KINDS:
+        mine = [done for done in rounds if done.kind == kind]
+        hits = [done for done in mine if done.hit]
+        if mine:
+            rows.append(
+                {
+                    "kind": kind,
+                    "injected": len(hits),
+                    "partly_done": sum(0 < e.before < most or 0 < e.after < most for e in hits),
+                    "longest_end_s": max(done.seconds for done in mine),
+                    "wrong": _faults(mine),
+                    "verdict": "failed" if _faults(mine) else "passed",
+                }
+            )
+    return rows
+
+
 def summary(rounds: Sequence[Round]) -> str:
     """A table by kind, and the verdict in words."""
     table = Table(box=box.SIMPLE_HEAD, title_justify="left")
     for title in ("kind", "injected", "file partly done", "longest end [s]", "faults"):
         table.add_column(title, justify="left" if title == "kind" else "right")
-    for kind in KINDS:
-        mine = [done for done in rounds if done.kind == kind]
-        hits = [done for done in mine if done.hit]
-        if mine:
-            rows = max((done.after for done in rounds), default=0)
-            partly = sum(0 < done.before < rows or 0 < done.after < rows for done in hits)
-            longest = max(done.seconds for done in mine)
-            table.add_row(kind, str(len(hits)), str(partly), f"{longest:.1f}", str(_faults(mine)))
+    for row in by_kind(rounds):
+        kind, injected, partly, longest, wrong, _ = row.values()
+        table.add_row(kind, str(injected), str(partly), f"{longest:.1f}", str(wrong))
     text = io.StringIO()
     Console(file=text, width=120).print(table)
     injected = sum(done.hit for done in rounds)

@@ -10,6 +10,7 @@ from bench.__main__ import app as bench
 from bench.page.inputs import Inputs
 from bench.page.parts import PARTS, Part
 from learn.cli import app as learn
+from tests.faults.__main__ import app as faults
 
 
 def test_names_of_parts_are_those_of_their_folders() -> None:
@@ -29,7 +30,8 @@ def _assert_a_command(given: Inputs, each: Part) -> None:
         assert arguments[0] == "-m"
         if arguments[1] == "pytest":
             continue
-        program: Any = {"bench": bench, "learn": learn}[arguments[1]]
-        command = typer.main.get_command(program).commands[arguments[2]]
+        program: Any = {"bench": bench, "learn": learn, "tests.faults": faults}[arguments[1]]
+        command: Any = typer.main.get_command(program)
+        command = getattr(command, "commands", {}).get(arguments[2], command)
         known = {option for parameter in command.params for option in parameter.opts}
         assert {word for word in arguments[3:] if word.startswith("-")} <= known, arguments

@@ -1,19 +1,18 @@
 """Surface interactions of laws, as text and as CalculiX reads them."""
 
-import re
 import shutil
-import subprocess
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from bench.calculix import QUANTITIES, pressed
 from gen import cli
 from gen.law import finite_elements
 from gen.law.finite_elements import UNITS
 
 STEEL = ["--young", "210e3", "--poisson", "0.3", "--hardness", "2000"]
-E, CONDUCTIVITY, HOT = 210e3, 50.0, 100.0
+CONDUCTIVITY = 50.0  # as in `bench.calculix`
 
 
 @pytest.fixture(scope="module")
@@ -115,89 +114,17 @@ def test_full_contact_ends_the_tables(tmp_path, capsys):
     assert "closes nowhere below full contact" in capsys.readouterr().err
 
 
-DECK = """*NODE, NSET=ALL
-{nodes}
-*ELEMENT, TYPE=C3D8, ELSET=BLOCKS
-1, 1, 2, 3, 4, 5, 6, 7, 8
-2, 9, 10, 11, 12, 13, 14, 15, 16
-*NSET, NSET=BOTTOM
-1, 2, 3, 4
-*NSET, NSET=TOP
-13, 14, 15, 16
-*NSET, NSET=FACES
-5, 9
-*SURFACE, NAME=LOWER
-1, S2
-*SURFACE, NAME=UPPER
-2, S1
-*MATERIAL, NAME=STEEL
-*ELASTIC
-{young}, 0.
-*CONDUCTIVITY
-{conductivity}
-*SOLID SECTION, ELSET=BLOCKS, MATERIAL=STEEL
-*INCLUDE, INPUT=steel-on-steel-calculix.inp
-*CONTACT PAIR, INTERACTION=STEEL_ON_STEEL_CALCULIX, TYPE=SURFACE TO SURFACE
-UPPER, LOWER
-*INITIAL CONDITIONS, TYPE=TEMPERATURE
-ALL, 0.
-"""
-STEP = """*STEP, INC=200
-*COUPLED TEMPERATURE-DISPLACEMENT, STEADY STATE
-0.1, 1.
-*BOUNDARY
-ALL, 1, 2
-BOTTOM, 3, 3
-BOTTOM, 11, 11, 0.
-TOP, 3, 3, {down}
-TOP, 11, 11, {hot}
-*NODE PRINT, NSET=FACES, FREQUENCY=1000
-U, NT
-*NODE PRINT, NSET=TOP, TOTALS=ONLY, FREQUENCY=1000
-RF
-*END STEP
-"""
-
-
-def pressed(folder, closures, pressures):
-    """Press two blocks of 1 mm with CalculiX; return closures, pressures, temperatures."""
-    corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    points = [(x, y, z) for z in (0, 1, 1, 2) for x, y in corners]
-    nodes = "\n".join(f"{1 + n}, {x}., {y}., {z}." for n, (x, y, z) in enumerate(points))
-    steps = [
-        STEP.format(down=f"{-(closure + 2 * pressure / E):.12g}", hot=HOT)
-        for closure, pressure in zip(closures, pressures, strict=True)
-    ]
-    deck = DECK.format(nodes=nodes, young=E, conductivity=CONDUCTIVITY) + "".join(steps)
-    (folder / "blocks.inp").write_text(deck)
-    done = subprocess.run(
-        ["ccx", "blocks"], cwd=folder, capture_output=True, text=True, timeout=120, check=False
-    )
-    assert done.returncode == 0, done.stdout[-2000:]
-    return (folder / "blocks.dat").read_text()
-
-
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX: apt-get install calculix-ccx")
 def test_calculix_presses_two_blocks_as_the_table_says(law):
     folder, table = law
-    chosen = table.iloc[1:6]
-    pressures, closures = chosen.pressure_MPa.to_numpy(), 1e-3 * chosen.closure_um.to_numpy()
-    found = np.array(
-        [
-            [float(number) for number in line.split()]
-            for line in pressed(folder, closures, pressures).splitlines()
-            if re.fullmatch(r"[-+ 0-9.E]+", line) and line.strip()
-        ],
-        dtype=object,
-    )
-    for step, (pressure, closure) in enumerate(zip(pressures, closures, strict=True)):
-        low, high, cold, warm, force = found[5 * step : 5 * step + 5]
-        assert -force[2] == pytest.approx(pressure, rel=0.01)
-        assert low[3] - high[3] == pytest.approx(closure, rel=0.01)
-        flux = CONDUCTIVITY * (HOT - warm[1])
-        jump = warm[1] - cold[1]
-        per_area = 1e3 * chosen.conductance_W_per_mm2_K.iloc[step]
-        assert jump == pytest.approx(flux / per_area, rel=0.01)
+    rows = table.iloc[1:6].to_dict("records")
+    found = pressed(folder, rows)
+    assert [row["pressure_MPa"] for row in found] == [row["pressure_MPa"] for row in rows]
+    for row in found:
+        for name in QUANTITIES:
+            assert row[f"{name}_calculix"] == pytest.approx(row[name], rel=0.01)
+    softer = [row | {"pressure_MPa": 2 * row["pressure_MPa"]} for row in rows]  # of another law
+    assert min(abs(row["pressure_MPa_off"]) for row in pressed(folder, softer)) > 1
 
 
 @pytest.mark.parametrize("points", [2, 3, 8, 19, 20, 21, 41, 200])

@@ -1,0 +1,217 @@
+"""Laws as CalculiX uses them: two blocks pressed on each other beside the table of the law.
+
+The blocks touch on one face of a millimetre squared, with the closure, pressure and conductance of
+the law between them; each pressure of the law is a step. What CalculiX prints is compared with the
+rows of the table: closure and pressure of the contact, and the jump of the temperature across it
+beside flux over conductance.
+"""
+
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.picture import new_figure
+from bench.report import Report, remark
+from bench.table import formatted, read_table
+from gen.cli import main as gen
+from gen.runtime.errors import InputError
+from gen.runtime.output import make_folder
+from gen.surface import generate
+
+Row = dict[str, Any]
+
+YOUNG, CONDUCTIVITY, HOT = 210e3, 50.0, 100.0  # MPa, W/(m K), K
+STEEL = ("--young", f"{YOUNG:g}", "--poisson", "0.3", "--conductivity", f"{CONDUCTIVITY:g}")
+HARDNESSES = (None, 2000.0)  # MPa
+PRESSURES = "5:320:7:log"  # MPa
+SURFACES = {"Hurst exponent 0.8": (0.8, 129), "Hurst exponent 0.5": (0.5, 129)}
+SIDE, SIGMA0 = 200.0, 0.5  # um
+ALLOWED = 1.0  # % between the table and CalculiX
+LAW = ("closure_um", "pressure_MPa", "conductance_W_per_mm2_K")
+QUANTITIES = ("closure_um", "pressure_MPa", "jump_K")
+SECONDS = 120.0  # most that CalculiX may take
+
+COLUMNS = {
+    "surface": "{surface}",
+    "hardness [MPa]": "{hardness_MPa}",
+    "pressure [MPa]": "{pressure_MPa:.4g}",
+    "closure off [%]": "{closure_um_off:.1e}",
+    "pressure off [%]": "{pressure_MPa_off:.1e}",
+    "temperature jump off [%]": "{jump_K_off:.1e}",
+    "verdict": "{verdict}",
+}
+
+DECK = """*NODE, NSET=ALL
+{nodes}
+*ELEMENT, TYPE=C3D8, ELSET=BLOCKS
+1, 1, 2, 3, 4, 5, 6, 7, 8
+2, 9, 10, 11, 12, 13, 14, 15, 16
+*NSET, NSET=BOTTOM
+1, 2, 3, 4
+*NSET, NSET=TOP
+13, 14, 15, 16
+*NSET, NSET=FACES
+5, 9
+*SURFACE, NAME=LOWER
+1, S2
+*SURFACE, NAME=UPPER
+2, S1
+*MATERIAL, NAME=STEEL
+*ELASTIC
+{young}, 0.
+*CONDUCTIVITY
+{conductivity}
+*SOLID SECTION, ELSET=BLOCKS, MATERIAL=STEEL
+*INCLUDE, INPUT=steel-on-steel-calculix.inp
+*CONTACT PAIR, INTERACTION=STEEL_ON_STEEL_CALCULIX, TYPE=SURFACE TO SURFACE
+UPPER, LOWER
+*INITIAL CONDITIONS, TYPE=TEMPERATURE
+ALL, 0.
+"""
+STEP = """*STEP, INC=200
+*COUPLED TEMPERATURE-DISPLACEMENT, STEADY STATE
+0.1, 1.
+*BOUNDARY
+ALL, 1, 2
+BOTTOM, 3, 3
+BOTTOM, 11, 11, 0.
+TOP, 3, 3, {down}
+TOP, 11, 11, {hot}
+*NODE PRINT, NSET=FACES, FREQUENCY=1000
+U, NT
+*NODE PRINT, NSET=TOP, TOTALS=ONLY, FREQUENCY=1000
+RF
+*END STEP
+"""
+
+
+def pressed(folder: Path, law: Sequence[Mapping[str, float]]) -> list[Row]:
+    """Press two blocks with CalculiX by rows of a law; its files `steel-on-steel` are in a folder.
+
+    Returns
+    -------
+    list of dict
+        For each row of the law its closure [um], pressure [MPa] and the jump of temperature that
+        its conductance asks for [K], those of CalculiX with the end `_calculix`, and by how much
+        they are off with the end `_off` [%].
+
+    Raises
+    ------
+    InputError
+        If there is no CalculiX, or it fails.
+    """
+    if shutil.which("ccx") is None:
+        raise InputError("there is no CalculiX (ccx): apt-get install calculix-ccx")
+    corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    points = [(x, y, z) for z in (0, 1, 1, 2) for x, y in corners]
+    nodes = "\n".join(f"{1 + n}, {x}., {y}., {z}." for n, (x, y, z) in enumerate(points))
+    downs = [-(1e-3 * row["closure_um"] + 2 * row["pressure_MPa"] / YOUNG) for row in law]
+    deck = DECK.format(nodes=nodes, young=YOUNG, conductivity=CONDUCTIVITY)
+    steps = (STEP.format(down=f"{down:.12g}", hot=HOT) for down in downs)
+    (folder / "blocks.inp").write_text(deck + "".join(steps), encoding="utf-8")
+    done = subprocess.run(
+        ["ccx", "blocks"], cwd=folder, capture_output=True, text=True, timeout=SECONDS, check=False
+    )
+    if done.returncode:
+        raise InputError(f"CalculiX failed with code {done.returncode}: {done.stdout[-200:]!r}")
+    return _compared(law, (folder / "blocks.dat").read_text(encoding="utf-8"))
+
+
+def _compared(law: Sequence[Mapping[str, float]], printed: str) -> list[Row]:
+    """Return the rows of `pressed` from what CalculiX has printed: five lines of numbers a step."""
+    lines = [
+        [float(number) for number in line.split()]
+        for line in printed.splitlines()
+        if re.fullmatch(r"[-+ 0-9.E]+", line) and line.strip()
+    ]
+    if len(lines) != 5 * len(law):
+        raise InputError(f"CalculiX printed {len(lines)} lines for {len(law)} steps")
+    rows = []
+    for step, row in enumerate(law):
+        low, high, cold, warm, force = lines[5 * step : 5 * step + 5]
+        flux = CONDUCTIVITY * (HOT - warm[1])  # mW / mm2
+        wanted = {
+            "closure_um": row["closure_um"],
+            "pressure_MPa": row["pressure_MPa"],
+            "jump_K": flux / (1e3 * row["conductance_W_per_mm2_K"]),
+        }
+        found = (1e3 * (low[3] - high[3]), -force[2], warm[1] - cold[1])
+        both = list(zip(QUANTITIES, found, strict=True))
+        theirs = {f"{name}_calculix": each for name, each in both}
+        off = {f"{name}_off": 100 * (each / wanted[name] - 1) for name, each in both}
+        rows.append(wanted | theirs | off)
+    return rows
+
+
+def measure(folder: Path) -> list[Row]:
+    """Compute the laws of all surfaces and hardnesses, and press each in CalculiX."""
+    rows = []
+    for (name, (hurst, nodes)), hardness in ((s, h) for s in SURFACES.items() for h in HARDNESSES):
+        home = folder / "decks" / f"hurst-{hurst:g}-{'elastic' if hardness is None else 'yielding'}"
+        for row in pressed(home, law_of(home, hurst, nodes, hardness)):
+            passed = all(abs(row[f"{each}_off"]) <= ALLOWED for each in QUANTITIES)
+            said = {"surface": name, "hardness_MPa": hardness or "", **row}
+            rows.append(said | {"verdict": "passed" if passed else "failed"})
+        remark(f"{name}, hardness {hardness}: pressed")
+    return rows
+
+
+def law_of(
+    folder: Path, hurst: float, nodes: int, hardness: float | None
+) -> list[dict[str, float]]:
+    """Write the files of a law by `gen law` into a folder, and return the rows that count.
+
+    The first row, without load, and the last are left out: CalculiX needs points on both sides.
+    """
+    make_folder(folder)
+    heights = generate("diamond-square", nodes, hurst, SIGMA0, np.random.default_rng(0))
+    np.save(folder / "surface.npy", heights)
+    yields = () if hardness is None else ("--hardness", f"{hardness:g}")
+    path = folder / "steel-on-steel"
+    given = (f"{folder / 'surface.npy'}", "--side", f"{SIDE:g}", "--pressure", PRESSURES)
+    with redirect_stdout(StringIO()):
+        code = gen(["law", *given, *STEEL, *yields, "-o", f"{path}"])
+    if code:
+        raise InputError(f"{path}: gen law failed with code {code}")
+    table = read_table(path.with_suffix(".csv"))[1]
+    rows = [row for row in table if row["against"] == "pressure_MPa"]
+    return [{name: float(row[name]) for name in LAW} for row in rows[1:-1]]
+
+
+def report(rows: Sequence[Row]) -> Report:
+    """Make a report of the rows of `measure`."""
+    failed = sum(row["verdict"] != "passed" for row in rows)
+    said = f"{len(rows) - failed} of {len(rows)} steps within {ALLOWED:g} % of the table"
+    text = f"{formatted(COLUMNS, rows)}\n\n{said}"
+    return Report({"calculix": rows}, pictures={"calculix": _picture(rows)}, text=text)
+
+
+def _picture(rows: Sequence[Row]) -> Any:
+    """Draw pressure and temperature jump over the closure: lines of the table, dots of CalculiX."""
+    figure = new_figure(9, 4)
+    names = {"pressure_MPa": "pressure [MPa]", "jump_K": "temperature jump [K]"}
+    for panel, (column, label) in zip(figure.subplots(1, 2), names.items(), strict=True):
+        cases = sorted({(row["surface"], row["hardness_MPa"] or 0) for row in rows})
+        for number, (surface, hardness) in enumerate(cases):
+            mine = [
+                r for r in rows if (r["surface"], r["hardness_MPa"] or 0) == (surface, hardness)
+            ]
+            name = f"{surface}, {f'{hardness:g} MPa' if hardness else 'elastic'}"
+            style = {"color": f"C{number}"}
+            closures = [row["closure_um"] for row in mine]
+            panel.plot(closures, [row[column] for row in mine], "-", label=name, **style)
+            theirs = [row["closure_um_calculix"] for row in mine]
+            panel.plot(
+                theirs, [row[f"{column}_calculix"] for row in mine], "o", mfc="none", **style
+            )
+        panel.set(xlabel="closure [um]", ylabel=label, yscale="log")
+    figure.axes[1].set_ylim(0.5, None)
+    figure.axes[1].legend(fontsize="small", loc="lower left")
+    return figure

@@ -1,0 +1,45 @@
+"""What a run is going to take, by the records of earlier ones."""
+
+from collections.abc import Sequence
+
+from bench.circumstances import RESULTS
+from bench.page.inputs import Inputs
+from bench.page.parts import Part
+from bench.page.record import read
+
+
+def seconds(part: Part, inputs: Inputs) -> float | None:
+    """Return what a part took [s]: here, by the same command, else when it was published.
+
+    None where no record tells. What is published is of a full run, and tells nothing of a short
+    one.
+    """
+    making = inputs.making(part)
+    here = read(making.path)
+    if here is not None and here.finished and here.command == making.command:
+        return here.seconds
+    folder = part.folder or part.name
+    there = read(RESULTS / folder / f"{part.name}.part.json") if inputs.full else None
+    return there.seconds if there is not None and there.seconds else None
+
+
+def told(time: float | None) -> str:
+    """Say a time in a few characters."""
+    if time is None:
+        return "not known"
+    return f"{time:.0f} s" if time < 100 else f"{time / 60:.0f} min"
+
+
+def plan(parts: Sequence[Part], inputs: Inputs, kept: Sequence[bool]) -> str:
+    """List the parts of a run with their times, those that stay as they are, and the sum."""
+    times = [seconds(part, inputs) for part in parts]
+    lines = [
+        f"{part.name:24} {'is there' if stays else told(time):>9}  {part.title}"
+        for part, time, stays in zip(parts, times, kept, strict=True)
+    ]
+    left = [time for time, stays in zip(times, kept, strict=True) if not stays]
+    known = sum(time for time in left if time is not None)
+    unknown = sum(time is None for time in left)
+    more = f" and {unknown} of an unknown time" if unknown else ""
+    lines.append(f"{len(left)} parts to make: {told(known)} by earlier records{more}")
+    return "\n".join(lines)
