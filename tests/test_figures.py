@@ -1,16 +1,28 @@
 """Figures in the text of README.md and docs/ are those of `bench/results`.
 
-Tables come from there when the manual is built (`tests/test_results.py`). A sentence with figures
-stands here with the numbers that the files give, so that neither changes without the other.
+Tables come from there when the manual is built (`tests/test_results.py`). `figures.toml` says for
+each figure of a sentence which cell of a table it is, which test below or elsewhere computes it, or
+why it needs none: so no number of a page changes alone, and no new one comes without a source.
 """
 
 import csv
+import json
+import lzma
 import re
+import tomllib
+from fnmatch import fnmatch
 from pathlib import Path
 from statistics import mean
+from typing import Any
 
+import numpy as np
 import pytest
 from pages import PAGES, ROOT
+
+from bench.benchmarks import SOLVES
+from gen.generation.plan import parameters
+from gen.generation.sample import surface_of
+from gen.scene import Scene
 
 RESULTS = ROOT / "bench" / "results"
 OTHERS = {"bem", "paper's NNLS"}
@@ -22,15 +34,134 @@ def rows(name: str) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def stated(page: str, sentence: str) -> list[float]:
-    """Return the numbers of a sentence, in which `#` stands for each of them.
+NUMBER = r"(-?[\d,]*\d(?:\.\d+)?)"
+UNITS = r"%|times\b|-fold|s\b|ms\b|milliseconds|seconds|minutes|min\b|h\b|hours|[GMk]i?B\b"
+FIGURE = re.compile(rf"\d[\d.,]*\s?(?:{UNITS})")
+"""What counts as a figure of a page: a number with one of these units."""
 
-    Blanks and ends of lines are the same.
-    """
+FIGURES: dict[str, list[dict[str, Any]]] = tomllib.loads(
+    (ROOT / "tests" / "figures.toml").read_text(encoding="utf-8")
+)
+ENTRIES = [entry for entries in FIGURES.values() for entry in entries]
+
+
+def pattern(sentence: str) -> re.Pattern[str]:
+    """Return what finds a sentence, in which `#` stands for each number; blanks are the same."""
     words = r"\s+".join(re.escape(word) for word in sentence.split())
-    (found,) = re.findall(words.replace(r"\#", r"(-?[\d,]*\d(?:\.\d+)?)"), PAGES[page])
-    texts = (found,) if isinstance(found, str) else found
-    return [float(text.replace(",", "")) for text in texts]
+    return re.compile(words.replace(r"\#", NUMBER))
+
+
+def stated(page: str, sentence: str) -> list[float]:
+    """Return the numbers of a sentence."""
+    (found,) = pattern(sentence).finditer(PAGES[page])
+    return [float(text.replace(",", "")) for text in found.groups()]
+
+
+def prose(text: str) -> str:
+    """Return a page with blanks in the place of code, so that all else stays where it is."""
+    code = r"^```.*?^```$|`[^`]*`|^ {4}[^\n]*"
+    return re.sub(code, lambda m: re.sub(r"\S", " ", m[0]), text, flags=re.DOTALL | re.MULTILINE)
+
+
+def figures_without_a_source(page: str, text: str) -> list[str]:
+    """Return the figures of a page that stand in none of the sentences of `figures.toml`."""
+    sentences = [pattern(entry["says"]) for entry in ENTRIES if entry["page"] == page]
+    told = [found.span() for each in sentences for found in each.finditer(text)]
+    return [
+        found[0]
+        for found in FIGURE.finditer(prose(text))
+        if not any(start <= found.start() and found.end() <= stop for start, stop in told)
+    ]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_figure_of_a_page_has_a_source(page: str) -> None:
+    missing = figures_without_a_source(page, PAGES[page])
+    assert not missing, f"{page}: tell in tests/figures.toml where these come from: {missing}"
+
+
+def test_a_figure_without_a_source_is_found() -> None:
+    text = PAGES["README.md"] + "\nIt is 17 times faster, in `3 s`, by 4 %.\n\n    took 5 s\n"
+    assert figures_without_a_source("README.md", text) == ["17 times", "4 %"]
+    changed = PAGES["README.md"].replace("pressure within 1 %", "pressure well within 1 %")
+    assert figures_without_a_source("README.md", changed) == ["1 %"]
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda e: f"{e['page']}: {e['says'].strip()[:40]}")
+def test_every_sentence_is_on_its_page_and_its_source_is_there(entry: dict[str, Any]) -> None:
+    assert len(pattern(entry["says"]).findall(PAGES[entry["page"]])) == 1
+    kinds = entry.keys() & {"cells", "test", "command", "because"}
+    assert len(kinds) == 1
+    if "test" in entry:
+        path, _, name = entry["test"].partition("::")
+        assert f"\ndef {name}(" in (ROOT / path).read_text(encoding="utf-8")
+    elif "command" in entry:
+        assert entry["command"] in " ".join(PAGES[entry["page"]].split())
+
+
+def value(cell: dict[str, Any]) -> float:
+    """Return the value of a cell as `figures.toml` describes it."""
+
+    def wanted(row: dict[str, str]) -> bool:
+        pairs = [(row[name], want) for name, want in cell["where"].items()]
+        return all(fnmatch(text, want.lstrip("!")) != want.startswith("!") for text, want in pairs)
+
+    found = [float(row[cell["column"]]) for row in rows(cell["file"]) if wanted(row)]
+    assert found, f"no row of {cell}"
+    if "of" not in cell:
+        assert len(found) == 1, f"{len(found)} rows of {cell}"
+    return cell.get("times", 1) * {"mean": mean, "min": min, "max": max}[cell.get("of", "min")](
+        found
+    )
+
+
+@pytest.mark.parametrize("entry", FIGURES["measured"], ids=lambda e: e["says"].strip()[:40])
+def test_figures_are_those_of_their_cells(entry: dict[str, Any]) -> None:
+    (found,) = pattern(entry["says"]).finditer(PAGES[entry["page"]])
+    for text, cell in zip(found.groups(), entry["cells"], strict=True):
+        digits = len(text.partition(".")[2])
+        assert text.replace(",", "") == f"{value(cell):.{digits}f}", cell
+
+
+def test_a_contact_takes_as_long_as_is_said() -> None:
+    (milliseconds,) = stated("README.md", "[some # ms](docs/results/trust.md)")
+    (row,) = (row for row in rows("benchmarks/times.csv") if row["case"] == "solve paper: 2e-07")
+    assert milliseconds == round(float(row["median_ms"]) / SOLVES)
+
+
+def test_simulated_times_are_as_near_as_is_said() -> None:
+    near, of, percent = stated(
+        "docs/how-to/cluster.md", "Here # of # real times were within # % of the simulated ones"
+    )
+    errors = [abs(float(row["relative_error"])) for row in rows("scale/validation.csv")]
+    assert [near, of] == [sum(each <= percent / 100 for each in errors), len(errors)]
+
+
+def test_the_papers_optimum_of_kernel_ridge_is_as_good_as_is_said() -> None:
+    packed = RESULTS / "comparison" / "area" / "trials" / "kernel-ridge.jsonl.xz"
+    _, *trials = map(json.loads, lzma.decompress(packed.read_bytes()).decode().splitlines())
+    folds: dict[str, list[float]] = {}
+    for trial in trials:
+        if trial["rows"] == max(each["rows"] for each in trials):
+            folds.setdefault(trial["candidate"], []).append(trial["r2"])
+    scores = {candidate: 100 * mean(each) for candidate, each in folds.items() if len(each) == 5}
+    theirs = max(score for candidate, score in scores.items() if "gamma=5.0," in candidate)
+    said = stated("docs/results/models.md", "gamma = 5, R2 over the folds is # % instead of # %")
+    assert said == [round(theirs, 2), round(max(scores.values()), 2)]
+
+
+def test_searches_are_faster_as_is_said() -> None:
+    found = {
+        row["case"]: float(row["more"].rpartition("scikit_learn_over_ours ")[2])
+        for row in rows("benchmarks/times.csv")
+        if row["case"].startswith("search: ") and row["size"] == "paper"
+    }
+    said = stated(
+        "docs/results/models.md",
+        "It is # (forest), # (AdaBoost), # (gradient boosting) and # (XGBoost) times faster there",
+    )
+    names = "random-forest", "adaboost", "gradient-boost", "xgboost"
+    assert said == [round(found[f"search: {name}"], 1) for name in names]
 
 
 def test_the_paper_needed_as_long_as_is_said() -> None:
@@ -40,16 +171,26 @@ def test_the_paper_needed_as_long_as_is_said() -> None:
 
 
 def test_hertz_is_met_as_closely_as_is_said() -> None:
-    force = {
-        (row["solution"], row["nodes"]): float(row["force_uN"])
-        for row in rows("hertz/hertz.csv")
-        if float(row["delta_um"]) == 1.0
-    }
+    force, area = (
+        {
+            (row["solution"], row["nodes"]): float(row[name])
+            for row in rows("hertz/hertz.csv")
+            if float(row["delta_um"]) == 1.0
+        }
+        for name in ("force_uN", "area_percent")
+    )
     said, nodes, _ = stated(
         "README.md", "force within # % (# nodes a side, # um) | `bench/results/hertz/hertz.csv`"
     )
     error = abs(force["uniform-pressure", f"{nodes:.0f}"] / force["hertz", ""] - 1)
     assert said / 2 < 100 * error <= said
+    (said,) = stated(
+        "docs/results/reports.md", "cell, gives the force within # % at an indentation"
+    )
+    ours = [force[each] for each in force if each[0] == "uniform-pressure"]
+    assert all(abs(100 * (each / force["hertz", ""] - 1)) < said for each in ours)
+    (said,) = stated("docs/results/unstated.md", "Concentrated forces lack # % of the area")
+    assert said == round(100 * (1 - area["concentrated-force", f"{nodes:.0f}"] / area["hertz", ""]))
 
 
 def test_all_extreme_cases_pass_that_are_counted() -> None:
@@ -201,6 +342,18 @@ def test_the_costs_of_the_grid_are_those_measured() -> None:
     names = "gaussian-process", "xgboost", "kernel-ridge", "random-forest", "gradient-boost"
     said = [largest, xgboost, ridge, forest, boosting]
     assert said == pytest.approx([peak[name] for name in names], abs=0.06)
+
+
+def test_as_many_rows_lie_beyond_full_contact_as_is_said() -> None:
+    """Of 600 rows, so to within three standard errors."""
+    (percent,) = stated("docs/how-to/boundaries.md", "of the paper these are # % of the rows")
+    scene = Scene.parse(
+        'samples = 600\n[contact]\nboundary = "periodic"\n[surface]\nnodes = 129\n', "the page"
+    )
+    plan = parameters(scene, 0, 600)
+    full = [(h := surface_of(scene, plan, row)).max() - h.mean() for row in range(600)]
+    found = 100 * float(np.mean(plan.load > np.array(full)))
+    assert percent == pytest.approx(found, abs=6)
 
 
 def test_files_that_the_text_names_are_there() -> None:
