@@ -5,7 +5,6 @@ each figure of a sentence which cell of a table it is, which test below or elsew
 why it needs none: so no number of a page changes alone, and no new one comes without a source.
 """
 
-import csv
 import json
 import lzma
 import re
@@ -20,6 +19,8 @@ import pytest
 from pages import PAGES, ROOT
 
 from bench.benchmarks import SOLVES
+from bench.files import named
+from bench.table import read_table
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.scene import Scene
@@ -30,8 +31,8 @@ OTHERS = {"bem", "paper's NNLS"}
 
 
 def rows(name: str) -> list[dict[str, str]]:
-    with (RESULTS / name).open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+    """Read a table of the results, compressed or not."""
+    return read_table(RESULTS / name)[1]
 
 
 NUMBER = r"(-?[\d,]*\d(?:\.\d+)?)"
@@ -197,7 +198,7 @@ def test_all_extreme_cases_pass_that_are_counted() -> None:
     passed, cases = stated("README.md", "| stiff and extreme cases | # of # pass |")
     found = [
         row
-        for path in (RESULTS / "stability").glob("*.csv")
+        for path in named(RESULTS / "stability", "*.csv")
         for row in rows(f"stability/{path.name}")
     ]
     assert cases == len(found)

@@ -27,6 +27,7 @@ INPUTS = Inputs(RESULTS, RESULTS / "none.h5", RESULTS / "comparison", full=True)
 BLOCK = re.compile(r"^```\{(result|report)\} (\S+)\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE)
 
 LONG = 25  # rows from which on a table of a report scrolls instead of filling the page
+LONGEST = 1000  # rows of a table that are put into a page at most; the page of all reports has all
 
 
 def result(name: str, listed: list[str], _: Path) -> str:
@@ -91,10 +92,12 @@ def _rows(content: Table) -> str:
     """Return a table; its file can be downloaded, and a long one scrolls."""
     lines = tabulated(content)
     header = [cell.text for cell in lines.titles]
-    rows = [[_plain(cell.text) for cell in row] for row in lines.rows]
+    rows = [[_plain(cell.text) for cell in row] for row in lines.rows[:LONGEST]]
     text = "\n".join(f"| {' | '.join(row)} |" for row in [header, ["---"] * len(header), *rows])
     name = "long" if len(rows) > LONG else "wide"
-    return f":::{{container}} {name}-table\n\n{text}\n:::"
+    more = len(lines.rows) - len(rows)
+    left_out = f"\n\n{more:,} further rows are in `{content.data.name}`." if more else ""
+    return f":::{{container}} {name}-table\n\n{text}\n:::{left_out}"
 
 
 def _plain(text: str) -> str:
