@@ -233,18 +233,18 @@ class Filter:
     def transform(self) -> None:
         """Filter `field`[:, :ny] in place; the rest must be zero and is undefined afterwards."""
         try:
-            self._transform()
+            if self._shared:
+                self._transform_shared()
+                return
+            self._rows_in[0].execute()
+            _filter_columns(self._lists[0])
+            self._rows_out[0].execute()
         except BaseException:  # on Ctrl-C, for example: the filter is used again
             self._waves.fill(0)
             raise
 
-    def _transform(self) -> None:
-        """Transform rows, filter columns, transform rows back."""
-        if not self._shared:
-            self._rows_in[0].execute()
-            _filter_columns(self._lists[0])
-            self._rows_out[0].execute()
-            return
+    def _transform_shared(self) -> None:
+        """Transform rows, filter columns, transform rows back, each in pieces."""
         team = workers()
         if team.threads > len(self._lists):
             with unforked():

@@ -39,6 +39,9 @@ ROWS = 64
 # takes a single subtraction, and the table four times the memory.
 MIRRORED_NODES = 2**20
 
+# Largest grid of which many such tables are kept: boxes of one grid have many shapes.
+FEW_NODES = 2**15
+
 
 def influence_coefficients(
     shape: tuple[int, int], kernel: Kernel = "uniform-pressure", aspect: float = 1.0
@@ -190,7 +193,8 @@ class InfluenceMatrix:
         self.dtype = np.dtype(dtype)
         self._shape = shape
         self._mirrored = shape[0] * shape[1] <= MIRRORED_NODES
-        self._coefficients = _coefficients(shape, kernel, aspect, dtype, self._mirrored)
+        tabulated = _few_coefficients if shape[0] * shape[1] <= FEW_NODES else _coefficients
+        self._coefficients = tabulated(shape, kernel, aspect, dtype, self._mirrored)
 
     def between(self, nodes: Nodes, loaded: Nodes) -> Real:
         """Return the (a, b) displacements of (a,) nodes by unit pressure on (b,) loaded nodes."""
@@ -201,24 +205,39 @@ class InfluenceMatrix:
         """Return the lower triangle of the (n, n) matrix of (n,) nodes, in Fortran's order."""
         n = len(nodes)
         matrix = np.empty((n, n), self.dtype)
+        if self._mirrored:
+            here, there = self._indices(nodes, nodes)
         for first in range(0, n, ROWS):
             rows = slice(first, first + ROWS)
-            offsets = self._offsets(nodes[rows], nodes[first:])
+            if self._mirrored:
+                offsets = np.subtract.outer(here[rows], there[first:])
+            else:
+                offsets = self._offsets(nodes[rows], nodes[first:])
             np.take(self._coefficients, offsets, out=matrix[rows, first:], mode="clip")
         return matrix.T
 
+    def _indices(self, nodes: Nodes, loaded: Nodes) -> tuple[Nodes, Nodes]:
+        """Return (a,) and (b,) numbers whose differences are indices into the mirrored table."""
+        rows, columns = self._shape
+        beyond = columns - 1  # columns of the table, less those of the grid
+        centre = (rows - 1) * (columns + beyond) + beyond
+        here = nodes // columns
+        here *= beyond
+        here += nodes
+        there = loaded // columns
+        there *= beyond
+        there += loaded
+        there -= centre
+        return here, there
+
     def _offsets(self, nodes: Nodes, loaded: Nodes) -> Nodes:
         """Return the (a, b) indices into the table for the offsets of (a,) from (b,) nodes."""
-        rows, columns = self._shape
-        here, there = np.divmod(nodes, columns), np.divmod(loaded, columns)
         if self._mirrored:
-            width = 2 * columns - 1
-            centre = (rows - 1) * width + columns - 1
-            offsets: Nodes = np.subtract.outer(
-                here[0] * width + here[1], there[0] * width + there[1] - centre
-            )
-            return offsets
-        offsets = np.abs(np.subtract.outer(here[0], there[0]))
+            indices: Nodes = np.subtract.outer(*self._indices(nodes, loaded))
+            return indices
+        columns = self._shape[1]
+        here, there = np.divmod(nodes, columns), np.divmod(loaded, columns)
+        offsets: Nodes = np.abs(np.subtract.outer(here[0], there[0]))
         offsets *= columns
         offsets += np.abs(np.subtract.outer(here[1], there[1]))
         return offsets
@@ -235,3 +254,11 @@ def _coefficients(
         table = np.concatenate([table[:, :0:-1], table], axis=1)
     table.setflags(write=False)
     return table.reshape(-1)
+
+
+@lru_cache(maxsize=32)
+def _few_coefficients(
+    shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str, mirrored: bool
+) -> Real:
+    """Return the table of a small grid, of which many are kept."""
+    return _coefficients.__wrapped__(shape, kernel, aspect, dtype, mirrored)

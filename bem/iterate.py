@@ -7,7 +7,7 @@ never carry pressure.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -85,8 +85,7 @@ class Operators(Protocol):
         """
 
 
-@dataclass(frozen=True)
-class Effort:
+class Effort(NamedTuple):
     """The work that a solve has taken; efforts add up.
 
     Attributes
@@ -100,7 +99,7 @@ class Effort:
     iterations: int = 0
     convolutions: int = 0
 
-    def __add__(self, other: "Effort") -> "Effort":
+    def __add__(self, other: "Effort") -> "Effort":  # type: ignore[override]
         """Return the sum of both efforts."""
         return Effort(self.iterations + other.iterations, self.convolutions + other.convolutions)
 
@@ -169,7 +168,8 @@ class Iterate:
         def measure(piece: slice) -> float:
             residual = self.residual[piece]
             in_contact = residual * (self.pressure[piece] > 0)
-            return max(float(residual.max(initial=0.0)), -float(in_contact.min(initial=0.0)))
+            largest = np.maximum.reduce(residual, initial=0.0)
+            return max(float(largest), -float(np.minimum.reduce(in_contact, initial=0.0)))
 
         return largest_of(measure, self.residual.size)
 

@@ -80,7 +80,7 @@ def _short_integers(largest: int) -> type[np.signedinteger[Any]]:
     return np.int32 if largest <= np.iinfo(np.int32).max else np.int64
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def _all_places(shape: tuple[int, int], across: int) -> Nodes:
     """Tabulate the places of all nodes of a small grid."""
     return np.arange(shape[0] * across).reshape(shape[0], across)[:, : shape[1]].reshape(-1)

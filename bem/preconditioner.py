@@ -64,10 +64,12 @@ class Preconditioner:
     ) -> None:
         self._inverse, self._means = inverse, means
         self._shape = shape
-        self._known: Nodes | None = None
+        self._field, self._sums = inverse.field.reshape(-1), means.field.reshape(-1)
+        self._known: tuple[Nodes, Nodes] | None = None
         self._nodes = None if nodes is None or is_whole(shape, nodes) else nodes
         if nodes is not None and inverse.field.size < SHORT:  # long lists take too much memory
-            self._known = node_places(shape, inverse.field.shape[1], nodes)
+            places = node_places(shape, inverse.field.shape[1], nodes)
+            self._known = places, _all_blocks(inverse.field.shape).take(places, mode="clip")
 
     def _extension(self, some: Nodes) -> tuple[Nodes, Nodes, Real]:
         """Return the places of nodes[some] in the field of the inverse, their blocks and weights.
@@ -77,24 +79,23 @@ class Preconditioner:
         field = self._inverse.field
         columns = field.shape[1]
         if self._known is not None:
-            places = self._known[some]
-            blocks = _all_blocks(field.shape)[places]
+            places, blocks = (known.take(some, mode="clip") for known in self._known)
         elif self._nodes is None and self._shape == field.shape and field.size < SHORT:
             places, blocks = some, _all_blocks(field.shape)[some]
         else:
             nodes = some if self._nodes is None else take(self._nodes, some)
             places, blocks = places_and_blocks(self._shape, columns, nodes, BLOCK)
-        return places, blocks, 1 / (self._mean(blocks) + VACANT)
+        weights = self._mean(blocks) + VACANT
+        return places, blocks, np.divide(1, weights, out=weights)
 
     def restricted_to(self, some: Nodes) -> Callable[[Values], Values]:
         """Return the approximate inverse on nodes[some], which is symmetric positive definite."""
         places, blocks, weights = self._extension(some)
         inverse = self._inverse
-        field = inverse.field.reshape(-1)
 
         def precondition(residual: Values) -> Values:
             _fill_blocks(inverse.field, weights * self._mean(blocks, residual))
-            put(residual, places, field)
+            put(residual, places, self._field)
             inverse.transform()
             return self._gather(places, blocks, weights)
 
@@ -103,20 +104,18 @@ class Preconditioner:
     def _gather(self, places: Nodes, blocks: Nodes, weights: Real) -> Values:
         """Apply the transpose of the extension to the field of the inverse, which it spoils."""
         inverse, means = self._inverse, self._means
-        field = inverse.field.reshape(-1)
         gathered = np.empty(places.size)
-        take_out(field, places, gathered)
+        take_out(self._field, places, gathered)
         np.multiply(weights, block_sums(inverse.field), out=means.field)
         means.transform()
-        add_taken(gathered, means.field.reshape(-1), blocks)
+        add_taken(gathered, self._sums, blocks)
         return gathered
 
     def _mean(self, blocks: Nodes, values: Values | None = None) -> Real:
         """Compute the weighted means at all blocks of values, or of ones, in some blocks."""
         means = self._means
         if blocks.size < SHORT:
-            sums = np.bincount(blocks, weights=values, minlength=means.field.size)
-            means.field[:] = sums.reshape(means.shape)
+            self._sums[:] = np.bincount(blocks, values, self._sums.size)
         else:
             _sum_by_rows(means.field, blocks, values)
         means.transform()
@@ -257,7 +256,7 @@ def _sum_by_rows(field: Real, blocks: Nodes, values: Values | None) -> None:
     workers().share(add_up, range(len(firsts)))
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def _all_blocks(shape: tuple[int, int]) -> Nodes:
     """Tabulate the blocks of all entries of a small field."""
     blocks = np.arange(shape[0] * shape[1] // BLOCK**2).reshape(-1, shape[1] // BLOCK)
@@ -267,6 +266,9 @@ def _all_blocks(shape: tuple[int, int]) -> Nodes:
 def _fill_blocks(field: Real, values: Real) -> None:
     """Set every node of a block to the block's value."""
     rows = field.reshape(len(values), BLOCK, -1)
+    if field.size < SHORT:
+        rows[:] = values.repeat(BLOCK, axis=1)[:, np.newaxis]
+        return
 
     def fill(some: slice) -> None:
         rows[some] = np.repeat(values[some], BLOCK, axis=1)[:, np.newaxis]
@@ -282,9 +284,7 @@ def block_sums(field: Real, factors: Real | None = None) -> Real:
 
     def add_up(some: slice) -> None:
         here = blocks[some] if weights is None else blocks[some] * weights[some]
-        rows = here[:, 0] + here[:, 1]
-        for node in range(2, BLOCK):
-            rows += here[:, node]
+        rows = np.add.reduce(here, axis=1)
         np.add(rows[:, ::BLOCK], rows[:, 1::BLOCK], out=sums[some])
         for node in range(2, BLOCK):
             sums[some] += rows[:, node::BLOCK]

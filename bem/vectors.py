@@ -104,11 +104,9 @@ _SCRATCH = _Scratch()
 def take(values: Real, nodes: Nodes, out: Real | None = None) -> Real:
     """Return values[nodes], in `out` if it is given; the nodes must exist."""
     if nodes.size < SHORT:
-        if out is None:
-            return values[nodes]
-        if out.dtype == values.dtype:
+        if out is None or out.dtype == values.dtype:
             return values.take(nodes, out=out, mode="clip")
-        out[:] = values[nodes]
+        out[:] = values.take(nodes, mode="clip")
         return out
     taken = np.empty(nodes.size, values.dtype) if out is None else out
     same = taken.dtype == values.dtype
@@ -146,7 +144,7 @@ def put(values: Real, places: Nodes, field: Real) -> None:
 def take_out(field: Real, places: Nodes, out: Values) -> None:
     """Move field[places] to `out` and leave zeros behind."""
     if places.size < SHORT:
-        out[:] = field[places]
+        out[:] = field.take(places, mode="clip")
         field[places] = 0
         return
 
@@ -163,7 +161,7 @@ def take_out(field: Real, places: Nodes, out: Values) -> None:
 def add_taken(target: Values, values: Real, nodes: Nodes) -> None:
     """Add values[nodes] to the target."""
     if nodes.size < SHORT:
-        target += values[nodes]
+        target += values.take(nodes, mode="clip")
         return
 
     def run(piece: slice) -> None:
@@ -204,7 +202,8 @@ def add_product(target: Real, factor: float, values: Real) -> None:
 def add_taken_product(target: Values, factor: float, values: Real, nodes: Nodes) -> None:
     """Add factor times values[nodes], of either precision, to the target."""
     if nodes.size < SHORT:
-        target += np.multiply(values[nodes], factor, dtype=np.float64)
+        taken = values.take(nodes, mode="clip")
+        target += np.multiply(taken, factor, dtype=np.float64)
         return
 
     def run(piece: slice) -> None:
@@ -239,6 +238,9 @@ def scale_and_add(target: Values, factor: float, values: Values) -> None:
 
 def keep_positive(target: Values) -> None:
     """Set negative entries to zero."""
+    if target.size < SHORT:
+        np.maximum(target, 0, out=target)
+        return
 
     def run(piece: slice) -> None:
         np.maximum(target[piece], 0, out=target[piece])
@@ -248,6 +250,9 @@ def keep_positive(target: Values) -> None:
 
 def scale(target: Values, factor: float) -> None:
     """Multiply the target by a factor."""
+    if target.size < SHORT:
+        target *= factor
+        return
 
     def run(piece: slice) -> None:
         target[piece] *= factor
@@ -257,6 +262,9 @@ def scale(target: Values, factor: float) -> None:
 
 def subtract_scaled(values: Values, factor: float, other: Values) -> Values:
     """Return values - factor * other, in the place of the other vector."""
+    if other.size < SHORT:
+        other *= factor
+        return np.subtract(values, other, out=other)
 
     def run(piece: slice) -> None:
         here = other[piece]
@@ -277,7 +285,8 @@ def largest_magnitude(values: Values) -> float:
 
     def measure(piece: slice) -> float:
         here = values[piece]
-        return max(float(here.max(initial=0.0)), -float(here.min(initial=0.0)))
+        most, least = np.maximum.reduce(here, initial=0.0), np.minimum.reduce(here, initial=0.0)
+        return max(float(most), -float(least))
 
     return largest_of(measure, values.size)
 
