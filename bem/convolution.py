@@ -19,8 +19,9 @@ from bem.sections import unforked
 from bem.vectors import pieces
 from bem.workers import workers
 
-# Memory of the filters that all threads keep for later solves.
-KEPT_BYTES = 256 * 2**20
+# Memory of the filters that all threads keep for later solves: those of a grid of 2,049 nodes a
+# side and of the coarser grids that it starts from.
+KEPT_BYTES = 512 * 2**20
 
 # Filters that a thread keeps whatever their memory is: one solve needs as many.
 FEWEST_KEPT = 4

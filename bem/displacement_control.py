@@ -79,6 +79,10 @@ def on_rigid_far_field(
         )
         if converged:
             return unfold(problem, delta, touching, iterate)
+    pace, spent = FROM_NEAR, Effort()
+    if near is None and min(touching.shape) >= NESTED:
+        near, spent = _on_coarser_grid(problem, delta)
+        pace = NESTED_PACE
     operators = HalfSpace(
         touching.shape,
         problem.kernel,
@@ -86,10 +90,6 @@ def on_rigid_far_field(
         touching.nodes,
         keep_field=keep_displacement,
     )
-    pace, spent = FROM_NEAR, Effort()
-    if near is None and min(touching.shape) >= NESTED:
-        near, spent = _on_coarser_grid(problem, delta)
-        pace = NESTED_PACE
     start = _usable_start(problem, operators, touching, delta, near)
     del near  # as large as the grid
     if start is None:

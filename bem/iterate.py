@@ -139,7 +139,7 @@ class Iterate:
 
     pressure: Values
     residual: Values
-    effort: Effort = Effort()
+    effort: Effort = field(default_factory=Effort)
     exact: bool = False
     shift: float = 0.0
     stalled: bool = False

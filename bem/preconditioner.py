@@ -20,7 +20,16 @@ from bem.convolution import FieldFilter, Filter, kept_filter
 from bem.influence import Kernel, influence_coefficients
 from bem.iterate import inner
 from bem.places import is_whole, node_places, places_and_blocks
-from bem.vectors import PIECE, SHORT, add_taken, each_row, put, take, take_out
+from bem.vectors import (
+    SHORT,
+    add_taken,
+    each_row,
+    is_short,
+    piece_length,
+    put,
+    take,
+    take_out,
+)
 from bem.workers import workers
 
 # The following four were chosen by the iterations of conjugate gradients on the paper's surfaces,
@@ -114,7 +123,7 @@ class Preconditioner:
     def _mean(self, blocks: Nodes, values: Values | None = None) -> Real:
         """Compute the weighted means at all blocks of values, or of ones, in some blocks."""
         means = self._means
-        if blocks.size < SHORT:
+        if is_short(blocks.size):
             self._sums[:] = np.bincount(blocks, values, self._sums.size)
         else:
             _sum_by_rows(means.field, blocks, values)
@@ -238,7 +247,7 @@ def _sum_by_rows(field: Real, blocks: Nodes, values: Values | None) -> None:
         A value for each node, None for ones.
     """
     rows, columns = field.shape
-    many = max(PIECE * rows // blocks.size, 1)
+    many = max(piece_length(blocks.size) * rows // blocks.size, 1)
     firsts = list(range(0, rows, many))
     bounds = [
         *(bisect_left(blocks, first, key=lambda block: block // columns) for first in firsts),
@@ -263,6 +272,12 @@ def _all_blocks(shape: tuple[int, int]) -> Nodes:
     return blocks.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1).reshape(-1)
 
 
+@lru_cache(maxsize=8)
+def _all_columns(columns: int) -> Nodes:
+    """Tabulate the columns of blocks that the columns of a field lie in."""
+    return np.arange(columns) // BLOCK
+
+
 def _fill_blocks(field: Real, values: Real) -> None:
     """Set every node of a block to the block's value."""
     rows = field.reshape(len(values), BLOCK, -1)
@@ -270,8 +285,10 @@ def _fill_blocks(field: Real, values: Real) -> None:
         rows[:] = values.repeat(BLOCK, axis=1)[:, np.newaxis]
         return
 
-    def fill(some: slice) -> None:
-        rows[some] = np.repeat(values[some], BLOCK, axis=1)[:, np.newaxis]
+    columns = _all_columns(field.shape[1])
+
+    def fill(some: slice) -> None:  # `repeat` would not let other threads go on
+        rows[some] = values[some].take(columns, axis=1, mode="clip")[:, np.newaxis]
 
     each_row(fill, len(values), BLOCK * field.shape[1])
 

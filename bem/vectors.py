@@ -22,7 +22,20 @@ PIECE = 2**16
 # Entries of a vector from which on it is cut into pieces.
 SHORT = 2 * PIECE
 
+# Entries from which on several threads share a vector all the same, and those of its pieces.
+SHARED, SHARED_PIECE = 2**15, 2**14
+
 Pass = Callable[[slice], None]
+
+
+def is_short(size: int) -> bool:
+    """Return whether the plain expression takes less time than pieces of vectors of a size."""
+    return size < SHARED or (size < SHORT and workers().threads == 1)
+
+
+def piece_length(size: int) -> int:
+    """Return the entries of a piece of vectors of a size."""
+    return PIECE if size >= SHORT else SHARED_PIECE
 
 
 @lru_cache(maxsize=64)
@@ -35,7 +48,7 @@ def pieces(size: int, length: int) -> list[slice]:
 
 def each(run: Pass, size: int) -> None:
     """Run a pass over all pieces of vectors of a size."""
-    workers().share(run, pieces(size, PIECE))
+    workers().share(run, pieces(size, piece_length(size)))
 
 
 def each_row(run: Pass, rows: int, columns: int) -> None:
@@ -48,7 +61,7 @@ def each_row(run: Pass, rows: int, columns: int) -> None:
 
 def clear(field: Real) -> None:
     """Set a flat field to zero."""
-    if field.size < SHORT:
+    if is_short(field.size):
         field.fill(0)
     else:
         each(lambda piece: field[piece].fill(0), field.size)
@@ -56,7 +69,7 @@ def clear(field: Real) -> None:
 
 def combined(by: np.ufunc, a: Values, b: Values, out: Values | None = None) -> Values:
     """Return a function of two vectors entry by entry, in `out` if it is given."""
-    if a.size < SHORT:
+    if is_short(a.size):
         result: Values = by(a, b, out=out)
         return result
     whole = np.empty_like(a) if out is None else out
@@ -66,7 +79,7 @@ def combined(by: np.ufunc, a: Values, b: Values, out: Values | None = None) -> V
 
 def largest_of(measure: Callable[[slice], float], size: int) -> float:
     """Return the largest number that a measure finds in any piece; nan if there is one."""
-    if size < SHORT:
+    if is_short(size):
         return measure(slice(0, size))
     found: list[float] = []
     each(lambda piece: found.append(measure(piece)), size)
@@ -103,7 +116,7 @@ _SCRATCH = _Scratch()
 
 def take(values: Real, nodes: Nodes, out: Real | None = None) -> Real:
     """Return values[nodes], in `out` if it is given; the nodes must exist."""
-    if nodes.size < SHORT:
+    if is_short(nodes.size):
         if out is None or out.dtype == values.dtype:
             return values.take(nodes, out=out, mode="clip")
         out[:] = values.take(nodes, mode="clip")
@@ -126,7 +139,7 @@ def take(values: Real, nodes: Nodes, out: Real | None = None) -> Real:
 
 def put(values: Real, places: Nodes, field: Real) -> None:
     """Set field[places] to values of either precision."""
-    if places.size < SHORT:
+    if is_short(places.size):
         field[places] = values if values.dtype == field.dtype else values.astype(field.dtype)
         return
 
@@ -143,7 +156,7 @@ def put(values: Real, places: Nodes, field: Real) -> None:
 
 def take_out(field: Real, places: Nodes, out: Values) -> None:
     """Move field[places] to `out` and leave zeros behind."""
-    if places.size < SHORT:
+    if is_short(places.size):
         out[:] = field.take(places, mode="clip")
         field[places] = 0
         return
@@ -160,7 +173,7 @@ def take_out(field: Real, places: Nodes, out: Values) -> None:
 
 def add_taken(target: Values, values: Real, nodes: Nodes) -> None:
     """Add values[nodes] to the target."""
-    if nodes.size < SHORT:
+    if is_short(nodes.size):
         target += values.take(nodes, mode="clip")
         return
 
@@ -175,7 +188,7 @@ def add_taken(target: Values, values: Real, nodes: Nodes) -> None:
 
 def add_scaled(target: Values, factor: float, values: Values) -> None:
     """Add factor times values to the target."""
-    if target.size < SHORT:
+    if is_short(target.size):
         target += factor * values
         return
 
@@ -193,7 +206,8 @@ def add_product(target: Real, factor: float, values: Real) -> None:
     def run(some: slice) -> None:
         here = values[some]
         room = _SCRATCH.room(here.size, "d").reshape(here.shape)
-        np.multiply(here, factor, out=room, dtype=np.float64)
+        room[:] = here
+        room *= factor
         target[some] += room
 
     each_row(run, *target.shape)
@@ -201,7 +215,7 @@ def add_product(target: Real, factor: float, values: Real) -> None:
 
 def add_taken_product(target: Values, factor: float, values: Real, nodes: Nodes) -> None:
     """Add factor times values[nodes], of either precision, to the target."""
-    if nodes.size < SHORT:
+    if is_short(nodes.size):
         taken = values.take(nodes, mode="clip")
         target += np.multiply(taken, factor, dtype=np.float64)
         return
@@ -215,7 +229,8 @@ def add_taken_product(target: Values, factor: float, values: Real, nodes: Nodes)
             target[piece] += taken
             return
         room = _SCRATCH.room(here.size, "d")
-        np.multiply(taken, factor, out=room, dtype=np.float64)
+        room[:] = taken
+        room *= factor
         target[piece] += room
 
     each(run, nodes.size)
@@ -223,7 +238,7 @@ def add_taken_product(target: Values, factor: float, values: Real, nodes: Nodes)
 
 def scale_and_add(target: Values, factor: float, values: Values) -> None:
     """Multiply the target by a factor and add values."""
-    if target.size < SHORT:
+    if is_short(target.size):
         target *= factor
         target += values
         return
@@ -238,7 +253,7 @@ def scale_and_add(target: Values, factor: float, values: Values) -> None:
 
 def keep_positive(target: Values) -> None:
     """Set negative entries to zero."""
-    if target.size < SHORT:
+    if is_short(target.size):
         np.maximum(target, 0, out=target)
         return
 
@@ -250,7 +265,7 @@ def keep_positive(target: Values) -> None:
 
 def scale(target: Values, factor: float) -> None:
     """Multiply the target by a factor."""
-    if target.size < SHORT:
+    if is_short(target.size):
         target *= factor
         return
 
@@ -262,7 +277,7 @@ def scale(target: Values, factor: float) -> None:
 
 def subtract_scaled(values: Values, factor: float, other: Values) -> Values:
     """Return values - factor * other, in the place of the other vector."""
-    if other.size < SHORT:
+    if is_short(other.size):
         other *= factor
         return np.subtract(values, other, out=other)
 
@@ -293,7 +308,7 @@ def largest_magnitude(values: Values) -> float:
 
 def where(test: Callable[[slice], Mask], size: int) -> Nodes:
     """Return the positions at which a test of pieces holds, in ascending order."""
-    if size < SHORT:
+    if is_short(size):
         nodes: Nodes = test(slice(0, size)).nonzero()[0]
         return nodes
     found: dict[int, Nodes] = {}

@@ -8,9 +8,9 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from contextvars import copy_context
+from queue import SimpleQueue
 from typing import Any, TypeVar
 
 from bem.sections import unforked
@@ -28,13 +28,13 @@ class Workers:
     ----------
     threads : int
         Number of threads, the calling one included.
-    pool : Executor, optional
-        Pool of the helpers; None for a single thread.
+    helpers : Helpers, optional
+        The other threads; None for a single thread.
     """
 
-    def __init__(self, threads: int = 1, pool: ThreadPoolExecutor | None = None) -> None:
+    def __init__(self, threads: int = 1, helpers: "Helpers | None" = None) -> None:
         self.threads = threads
-        self._pool = pool
+        self._helpers = helpers
 
     def share(self, work: Callable[[Piece], None], pieces: Sequence[Piece]) -> None:
         """Do some work on each of the pieces, in any order, and return when all are done.
@@ -46,7 +46,7 @@ class Workers:
         pieces : sequence
             The pieces. A single piece stays on the calling thread.
         """
-        if self._pool is None or len(pieces) < 2:
+        if self._helpers is None or len(pieces) < 2:
             for piece in pieces:
                 work(piece)
             return
@@ -60,16 +60,79 @@ class Workers:
                     return
                 work(piece)
 
-        helpers: list[Future[None]] = []
+        jobs: list[_Job] = []
+        errors: list[BaseException | None] = []
         try:
             for _ in pieces[1 : self.threads]:
-                helpers += [self._pool.submit(copy_context().run, draw)]
+                jobs.append(self._helpers.give(draw))  # noqa: PERF401  known on Ctrl-C too
             draw()
         finally:  # on Ctrl-C too: nobody may still write when the caller goes on
             left.clear()
-            wait(helpers)
-        for helper in helpers:
-            helper.result()
+            errors += [job.ended() for job in jobs]
+        for error in errors:
+            if error is not None:
+                raise error
+
+
+class _Job:
+    """Work that a helper begins, unless the thread that gave it asks for its end before."""
+
+    def __init__(self, work: Callable[[], None]) -> None:
+        self._context, self._work = copy_context(), work
+        self._claim = threading.Lock()
+        self._end: SimpleQueue[BaseException | None] = SimpleQueue()
+
+    def begin(self) -> None:
+        """Do the work, unless it is no longer wanted."""
+        if not self._claim.acquire(blocking=False):
+            return
+        error = None
+        try:
+            self._context.run(self._work)
+        except BaseException as raised:  # raised again on the thread that waits
+            error = raised
+        self._end.put(error)
+
+    def ended(self) -> BaseException | None:
+        """Return the error of the work, None if there was none, when nobody is at it any more."""
+        return None if self._claim.acquire(blocking=False) else self._end.get()
+
+
+class Helpers:
+    """Threads that wait for work: they start on it sooner than those of an executor.
+
+    Parameters
+    ----------
+    many : int
+        Number of threads.
+    """
+
+    def __init__(self, many: int) -> None:
+        self._jobs: SimpleQueue[_Job | None] = SimpleQueue()
+        self._threads = [
+            threading.Thread(target=self._help, name=f"bem_{number}", daemon=True)
+            for number in range(many)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def give(self, work: Callable[[], None]) -> _Job:
+        """Let the next thread that is free do some work."""
+        job = _Job(work)
+        self._jobs.put(job)
+        return job
+
+    def dismiss(self) -> None:
+        """Let the threads end, and wait until they have."""
+        for _ in self._threads:
+            self._jobs.put(None)
+        for thread in self._threads:
+            thread.join()
+
+    def _help(self) -> None:
+        """Do one piece of work after another."""
+        while (job := self._jobs.get()) is not None:
+            job.begin()
 
 
 class _Current(threading.local):
@@ -106,9 +169,12 @@ def on_threads(threads: int | None) -> Iterator[None]:
             yield
     else:
         with unforked():
-            pool = ThreadPoolExecutor(threads - 1, thread_name_prefix="bem")
-        with pool, led_by(Workers(threads, pool)):
-            yield
+            helpers = Helpers(threads - 1)
+        try:
+            with led_by(Workers(threads, helpers)):
+                yield
+        finally:
+            helpers.dismiss()
 
 
 @contextmanager

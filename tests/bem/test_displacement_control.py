@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bem
-from bem import displacement_control, equilibrium
+from bem import convolution, displacement_control, equilibrium
 from bem.influence import KERNELS, Kernel
 from bem.problem import pose
 from bench.references.surfaces import SURFACES, surface
@@ -33,6 +33,20 @@ def test_a_nested_start_changes_no_answer(
     assert nested.force == pytest.approx(plain.force, rel=1e-7)
     scale = plain.pressure.max()
     np.testing.assert_allclose(nested.pressure, plain.pressure, rtol=0, atol=1e-5 * scale)
+
+
+def test_a_grid_that_starts_from_coarser_ones_keeps_its_own_filters(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """They take longest to make, and a second load needs them again."""
+    monkeypatch.setattr(displacement_control, "NESTED", 20)
+    monkeypatch.setattr(displacement_control, "FEW_NODES", 0)
+    monkeypatch.setattr(convolution, "KEPT_BYTES", 0)
+    monkeypatch.setattr(convolution._FILTERS, "_kept", convolution._Kept())
+    bem.solve(ROUGH, SIDE, 2 * float(ROUGH.max() - ROUGH.min()))
+    shapes = [arguments[0] for _, *arguments in convolution._FILTERS._kept.filters]
+    assert shapes.count((65, 65)) == 2  # in both precisions
+    assert {shape[1] for shape in shapes} == {65}
 
 
 def test_a_peak_between_the_coarser_nodes_starts_from_nothing(

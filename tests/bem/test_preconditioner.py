@@ -108,7 +108,8 @@ def test_sums_over_blocks_in_pieces_are_those_of_the_whole_list(
     monkeypatch: pytest.MonkeyPatch, size: int, rows: tuple[int, int]
 ) -> None:
     """Rows of blocks ascend, blocks of a row may alternate; some rows have no node."""
-    monkeypatch.setattr(preconditioner, "PIECE", 16)
+    monkeypatch.setattr("bem.vectors.PIECE", 16)
+    monkeypatch.setattr("bem.vectors.SHARED_PIECE", 16)
     random = np.random.default_rng(size)
     row = np.sort(random.integers(*rows, size))
     blocks, values = 9 * row + random.integers(0, 9, size), random.standard_normal(size)

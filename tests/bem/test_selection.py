@@ -28,6 +28,7 @@ def test_selections_share_a_filter_and_agree_with_it(
     if cut:
         monkeypatch.setattr(vectors, "PIECE", 16)
         monkeypatch.setattr(vectors, "SHORT", 32)
+        monkeypatch.setattr(vectors, "SHARED", 32)
         monkeypatch.setattr("bem.selection.SHORT", 32)
         monkeypatch.setattr("bem.places.SHORT", 32)
     operator = displacement_filter(SHAPE, "uniform-pressure", dtype=dtype)
@@ -68,7 +69,7 @@ def test_places_and_blocks_are_those_of_the_table(
     nodes = NODES["some"]
     expected = _all_places(SHAPE, across)[nodes]
     np.testing.assert_array_equal(node_places(SHAPE, across, nodes), expected)
-    monkeypatch.setattr(vectors, "PIECE", 16)
+    monkeypatch.setattr(vectors, "SHARED_PIECE", 16)
     monkeypatch.setattr("bem.places.SHORT", 1)
     np.testing.assert_array_equal(node_places(SHAPE, across, nodes), expected)
     places, blocks = places_and_blocks(SHAPE, across, nodes, 4)

@@ -7,13 +7,18 @@ from bem import vectors
 from bem.workers import on_threads
 
 
+def cut_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cut vectors of 16 entries, and on several threads those of 10, into pieces."""
+    for name, entries in {"PIECE": 8, "SHORT": 16, "SHARED": 10, "SHARED_PIECE": 4}.items():
+        monkeypatch.setattr(vectors, name, entries)
+
+
 @pytest.mark.parametrize("threads", [1, 3])
-@pytest.mark.parametrize("size", [1, 15, 16, 17, 100])
+@pytest.mark.parametrize("size", [1, 9, 10, 15, 16, 17, 100])
 def test_passes_in_pieces_are_the_plain_expressions(
     monkeypatch: pytest.MonkeyPatch, size: int, threads: int
 ) -> None:
-    monkeypatch.setattr(vectors, "PIECE", 8)
-    monkeypatch.setattr(vectors, "SHORT", 16)
+    cut_short(monkeypatch)
     random = np.random.default_rng(size)
     a, b = random.standard_normal((2, size))
     field = random.standard_normal(3 * size).astype(np.float32)
@@ -51,8 +56,7 @@ def test_passes_in_pieces_are_the_plain_expressions(
 
 
 def test_a_nan_is_the_largest_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(vectors, "PIECE", 8)
-    monkeypatch.setattr(vectors, "SHORT", 16)
+    cut_short(monkeypatch)
     for place in (0, 20, 39):
         values = np.arange(40.0)
         values[place] = np.nan
@@ -63,7 +67,7 @@ def test_a_nan_is_the_largest_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_sums_of_pieces_are_added_in_their_order(
     monkeypatch: pytest.MonkeyPatch, size: int
 ) -> None:
-    monkeypatch.setattr(vectors, "PIECE", 8)
+    cut_short(monkeypatch)
     values = np.random.default_rng(size).standard_normal(size)
     found = []
     for threads in (1, 3):
