@@ -19,9 +19,12 @@ from bem.sections import unforked
 from bem.vectors import pieces
 from bem.workers import workers
 
-# Memory of the filters that all threads keep for later solves: those of a grid of 2,049 nodes a
-# side and of the coarser grids that it starts from.
-KEPT_BYTES = 512 * 2**20
+# Memory of the filters that all threads keep for later solves.
+KEPT_BYTES = 256 * 2**20
+
+# The same over the memory of the largest filter, if that is more: a solve that starts from coarser
+# grids needs 3.2 times as much, and what it drops is what the next one begins with.
+KEPT_LARGEST = 4
 
 # Filters that a thread keeps whatever their memory is: one solve needs as many.
 FEWEST_KEPT = 4
@@ -440,10 +443,12 @@ class _Filters(threading.local):
 
     def _forget(self) -> None:
         """Drop this thread's oldest filters while those of all threads take too much memory."""
+        filters = self._kept.filters
+        bound = max(KEPT_BYTES, KEPT_LARGEST * max(made.bytes for made in filters.values()))
         with self._changing:
-            excess = sum(kept.bytes for kept in self._threads) - KEPT_BYTES
-        while excess > 0 and len(self._kept.filters) > FEWEST_KEPT:
-            _, oldest = self._kept.filters.popitem(last=False)
+            excess = sum(kept.bytes for kept in self._threads) - bound
+        while excess > 0 and len(filters) > FEWEST_KEPT:
+            _, oldest = filters.popitem(last=False)
             self._kept.bytes -= oldest.bytes
             excess -= oldest.bytes
 
