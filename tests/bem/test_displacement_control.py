@@ -42,6 +42,7 @@ def test_a_grid_that_starts_from_coarser_ones_keeps_its_own_filters(
     monkeypatch.setattr(displacement_control, "NESTED", 20)
     monkeypatch.setattr(displacement_control, "FEW_NODES", 0)
     monkeypatch.setattr(convolution, "KEPT_BYTES", 0)
+    monkeypatch.setattr(convolution, "KEPT_LARGEST", 0)
     monkeypatch.setattr(convolution._FILTERS, "_kept", convolution._Kept())
     bem.solve(ROUGH, SIDE, 2 * float(ROUGH.max() - ROUGH.min()))
     shapes = [arguments[0] for _, *arguments in convolution._FILTERS._kept.filters]
