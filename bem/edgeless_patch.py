@@ -65,7 +65,7 @@ class Patch:
             keep_field=self.keep_displacement,
         )
 
-    @property
+    @cached_property
     def depth(self) -> float:
         """Displacement at which the contact is full, if the bodies stay elastic [length]."""
         return -float(self.below.mean())

@@ -75,9 +75,7 @@ def press_elastic(
     else:
         residual = start.residual.reshape(shape).astype(np.float32)
         pressed = Pressed(start.pressure.reshape(shape), residual, start.shift, start.effort)
-    converged = not pressed.residual.any()
-    if not converged:
-        converged = _settled(patch, whole, pressed, rtol)
+    converged = pressed.converged or _settled(patch, whole, pressed, rtol)
     if patch.keep_displacement:
         patch.operators.field = whole.displacement
     iterate = _listed(pressed)
@@ -137,7 +135,10 @@ def _closed(patch: Patch, whole: WholePatch, full: Field, rtol: float) -> Presse
         return whole.closed(full)
     if patch.problem.hardness is not None:
         return None
-    return press_nearly_full(whole, full, rtol * patch.depth / 4)
+    pressed = press_nearly_full(whole, full, rtol * patch.depth / 4)
+    if pressed is not None:
+        pressed.converged = pressed.violation() <= rtol * pressed.shift
+    return pressed
 
 
 def _presses_flat(patch: Patch, load: float) -> bool:

@@ -103,6 +103,9 @@ class InterfaceMatrix:
         Second side of a cell over its first [1].
     dtype : str
         Precision of the entries, "float64" or "float32".
+    inverse : bool
+        Whether the matrix is the inverse of that of the whole patch on fields of zero mean instead:
+        its entries between these nodes.
 
     Attributes
     ----------
@@ -111,13 +114,19 @@ class InterfaceMatrix:
     """
 
     def __init__(
-        self, shape: tuple[int, int], boundary: Boundary, aspect: float, dtype: str = "float64"
+        self,
+        shape: tuple[int, int],
+        boundary: Boundary,
+        aspect: float,
+        dtype: str = "float64",
+        *,
+        inverse: bool = False,
     ) -> None:
         self.dtype = np.dtype(dtype)
         self._columns, self._mirrored = shape[1], boundary == "mirror"
         periods = (2 * shape[0], 2 * shape[1]) if self._mirrored else shape
         self._periods = periods
-        self._coefficients = _coefficients(periods, aspect, dtype)
+        self._coefficients = _coefficients(periods, aspect, dtype, inverse)
 
     def among(self, nodes: Nodes) -> Real:
         """Return the lower triangle of the (n, n) matrix of (n,) nodes, in Fortran's order."""
@@ -147,11 +156,18 @@ class InterfaceMatrix:
 
 
 @lru_cache(maxsize=4)
-def _coefficients(periods: tuple[int, int], aspect: float, dtype: str) -> Real:
-    """Tabulate the displacement by a unit pressure that repeats itself, for offsets either way."""
-    numbers = wave_numbers(periods, "periodic", aspect)
-    numbers[0, 0] = math.inf
-    table = fft.irfft2(2 / numbers, s=periods).astype(dtype)
+def _coefficients(
+    periods: tuple[int, int], aspect: float, dtype: str, inverse: bool = False
+) -> Real:
+    """Tabulate the displacement by a unit pressure that repeats itself, for offsets either way.
+
+    The inverse is the change of pressure by a unit displacement.
+    """
+    symbol = wave_numbers(periods, "periodic", aspect) / 2
+    if not inverse:
+        symbol[0, 0] = math.inf
+        symbol = 1 / symbol
+    table = fft.irfft2(symbol, s=periods).astype(dtype)
     twice = np.tile(table, (2, 2)).reshape(-1)
     twice.setflags(write=False)
     return twice

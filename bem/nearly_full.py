@@ -15,6 +15,7 @@ import numpy as np
 from scipy import fft
 
 from bem.arrays import Field, Mask, Nodes, Real
+from bem.few_gaps import Opened, open_few
 from bem.iterate import Effort
 from bem.spacing import Boundary
 from bem.spectrum import inverse_filter, wave_numbers
@@ -57,22 +58,29 @@ def press_nearly_full(whole: WholePatch, full: Field, accuracy: float) -> Presse
     Returns
     -------
     Pressed or None
-        The pressure, whose residual is the gaps; None if there are many gaps.
+        The pressure with its residual in double precision; None if there are many gaps.
     """
     tension = full < 0
     if np.count_nonzero(tension) > FEW_GAPS * full.size:
         return None
     accuracy = max(accuracy, ROUNDING * float(full.max()))
-    gaps = _Gaps(whole, full.astype(np.float32))
+    single = full.astype(np.float32)
+    opened = open_few(whole, single, accuracy)
+    if opened is None:
+        opened = _open_by_neighbours(whole, single, tension, accuracy)
+    pressure = np.maximum(full + opened.change, 0)
+    pressure.reshape(-1)[opened.nodes] = 0
+    return whole.press(pressure, Effort(convolutions=1 + opened.transforms))
+
+
+def _open_by_neighbours(whole: WholePatch, full: Real, tension: Mask, accuracy: float) -> Opened:
+    """Open gaps by solves on neighbours, until a transform leaves no tension or the bound is met."""
+    gaps = _Gaps(whole, full)
     gaps.admit(tension)
     for _ in range(TRANSFORMS):
         if gaps.solve() <= accuracy:
             break
-    pressure = np.maximum(full + gaps.change, 0)
-    pressure[gaps.opened > 0] = 0
-    pressure *= whole.load / float(pressure.sum())
-    shift = -float((gaps.opened + whole.below).mean())
-    return Pressed(pressure, -gaps.opened, shift, Effort(convolutions=gaps.transforms))
+    return Opened(np.flatnonzero(gaps.opened), gaps.change, gaps.transforms)
 
 
 class _Gaps:
@@ -85,7 +93,7 @@ class _Gaps:
     change : ndarray, shape (nx, ny)
         Change of the pressure by the gaps, as the last transform found it.
     transforms : int
-        Transforms so far, that of the pressure of full contact included.
+        Transforms so far.
     """
 
     def __init__(self, whole: WholePatch, full: Real) -> None:
@@ -94,7 +102,7 @@ class _Gaps:
         self._small = np.float32(SMALL_PRESSURE * whole.load / full.size)
         self._admitted = np.zeros(full.shape, np.bool_)
         self.opened, self.change = (np.zeros(full.shape, np.float32) for _ in range(2))
-        self.transforms = 1
+        self.transforms = 0
         self._error = -float(full.min())
 
     def admit(self, tension: Mask) -> None:

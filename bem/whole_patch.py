@@ -38,12 +38,15 @@ class Pressed:
         Displacement of the far field.
     effort : Effort
         Work so far.
+    converged : bool
+        Whether this is known to be the solution, from a residual in double precision.
     """
 
     pressure: Field
     residual: Real
     shift: float
     effort: Effort
+    converged: bool = False
 
     def violation(self) -> float:
         """Return the largest penetration, or gap under pressure."""
@@ -119,9 +122,15 @@ class WholePatch:
     def press(self, pressure: Field, effort: Effort) -> Pressed:
         """Scale a pressure to the load, and compute its residual in double precision."""
         pressure = pressure * (self.load / float(pressure.sum()))
-        displacement = self._double(pressure)
-        self.displacement = displacement if self._keep_displacement else None
-        return self._pressed(pressure, displacement, effort + CONVOLUTION)
+        displacement = self._double.field
+        displacement[:] = pressure
+        self._double.transform()
+        self.displacement = displacement.copy() if self._keep_displacement else None
+        exact = self.below - displacement
+        shift = -total(pressure, exact) / self.load
+        residual = np.empty(exact.shape, np.float32)
+        np.add(exact, shift, out=residual, casting="same_kind")
+        return Pressed(pressure, residual, shift, effort + CONVOLUTION)
 
     def press_on(self, nodes: Nodes, values: Values) -> tuple[Real, float]:
         """Compute the residual by a pressure on some nodes in double precision.
@@ -158,24 +167,19 @@ class WholePatch:
         each_row(subtract, *self.patch[0])
         return residual, shift
 
-    def _pressed(self, pressure: Field, displacement: Real, effort: Effort) -> Pressed:
-        """Return a pressure and its residual, which is rounded once the far field is in balance."""
-        pressed = Pressed(pressure, self.below - displacement, 0.0, effort)
-        self.level(pressed, pressure)
-        pressed.residual = pressed.residual.astype(np.float32)
-        return pressed
-
     def full_contact(self) -> Field:
         """Compute the pressure that closes all gaps, which is negative where it has to pull."""
-        pressure = inverse_filter(*self.patch)(self.below)
-        pressure += self.load / pressure.size
+        inverse = inverse_filter(*self.patch)
+        inverse.field[:] = self.below
+        inverse.transform()
+        pressure: Field = inverse.field + self.load / self.below.size
         return pressure
 
     def closed(self, pressure: Field) -> Pressed:
         """Return the pressure of full contact as the solution that it is where it pushes."""
         flat = np.zeros(pressure.shape, np.float32)
         self.displacement = self.below - self.below.mean()
-        return Pressed(pressure, flat, -float(self.below.mean()), CONVOLUTION)
+        return Pressed(pressure, flat, -float(self.below.mean()), CONVOLUTION, converged=True)
 
     def begin(self, pressure: Field, effort: Effort) -> Pressed:
         """Scale a pressure to the load, and compute its residual in single precision."""
