@@ -32,9 +32,13 @@ VERY_FEW, NEARLY = 0.4, 0.12
 # Share of nodes in contact up to which lists of them take less time than whole fields.
 LISTED = 0.22
 
-# Mean pressure, over the standard deviation of the pressure of full contact, from which a contact
-# may be full or nearly so; and the distance of the rows and columns that tell the slope.
-FLAT, SAMPLED = 1.2, 16
+# Mean pressure, over E* times the rms slope, up to which a start on the highest nodes is nearer than
+# one from full contact, and the share of nodes that it takes, over that mean pressure.
+LIGHT, PEAKS = 0.1, 8.0
+
+# The same mean pressure from which a contact may be full or nearly so; and the distance of the rows
+# and columns that tell the slope. The pressure of full contact varies by half of the slope.
+FLAT, SAMPLED = 0.6, 16
 
 
 def press_elastic(
@@ -113,7 +117,10 @@ def _listed(pressed: Pressed) -> Iterate:
 def _first(patch: Patch, whole: WholePatch, rtol: float, coarser: Coarser | None) -> Pressed:
     """Start a solve under a load: the solution itself where the contact is full, or nearly so."""
     full, pressed, spent = None, None, Effort()
-    if coarser is None or _presses_flat(patch, whole.load):
+    load = _relative_load(patch, whole.load)
+    if coarser is None and load <= LIGHT:
+        return whole.start_on_peaks(PEAKS * load)
+    if coarser is None or load >= FLAT:
         full = whole.full_contact()
         pressed = _closed(patch, whole, full, rtol)
     if pressed is None and coarser is not None:
@@ -141,12 +148,10 @@ def _closed(patch: Patch, whole: WholePatch, full: Field, rtol: float) -> Presse
     return pressed
 
 
-def _presses_flat(patch: Patch, load: float) -> bool:
-    """Guess whether a load may press the surface flat, from the slopes of some rows and columns.
-
-    The pressure of full contact varies by half of the rms slope.
-    """
+def _relative_load(patch: Patch, load: float) -> float:
+    """Return the mean pressure over E* times the rms slope of some rows and columns [1]."""
     heights = patch.below.reshape(patch.problem.heights.shape)
     along, across = np.diff(heights[:, ::SAMPLED], axis=0), np.diff(heights[::SAMPLED], axis=1)
-    slope = math.hypot(float(along.std()), float(across.std()) / patch.problem.aspect)
-    return load / heights.size >= FLAT * slope / 2
+    rows, columns = (float((d * d).sum()) / max(d.size, 1) for d in (along, across))
+    slope = math.sqrt(rows + columns / patch.problem.aspect**2)
+    return load / heights.size / slope if slope > 0 else math.inf

@@ -45,7 +45,7 @@ class OnLists:
         self._residual: Real = pressed.residual.reshape(-1)
         self._spread = np.zeros(self._residual.size)
         pressure = pressed.pressure.reshape(-1)
-        self._nodes: Nodes = pressure.nonzero()[0]
+        self._nodes: Nodes = (pressure > 0).nonzero()[0]
         self._values: Values = pressure[self._nodes]
         self._stepped = self.exact = False
 

@@ -300,8 +300,10 @@ def block_sums(field: Real, factors: Real | None = None) -> Real:
     sums = np.empty((len(blocks), field.shape[1] // BLOCK), field.dtype)
 
     def add_up(some: slice) -> None:
-        here = blocks[some] if weights is None else blocks[some] * weights[some]
-        rows = np.add.reduce(here, axis=1)
+        if weights is None:
+            rows = np.add.reduce(blocks[some], axis=1)
+        else:
+            rows = np.einsum("ijk,ijk->ik", blocks[some], weights[some])
         np.add(rows[:, ::BLOCK], rows[:, 1::BLOCK], out=sums[some])
         for node in range(2, BLOCK):
             sums[some] += rows[:, node::BLOCK]

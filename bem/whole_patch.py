@@ -20,7 +20,8 @@ from bem.spacing import Boundary
 from bem.spectrum import inverse_filter, spectral_filter
 from bem.vectors import clear, each_row
 
-# Values from which the constant of `cut_to_load` is guessed first.
+# Values from which the constant of `cut_to_load` is guessed first, and a height that a share of the
+# nodes exceeds.
 SAMPLE = 1024
 
 
@@ -126,11 +127,7 @@ class WholePatch:
         displacement[:] = pressure
         self._double.transform()
         self.displacement = displacement.copy() if self._keep_displacement else None
-        exact = self.below - displacement
-        shift = -total(pressure, exact) / self.load
-        residual = np.empty(exact.shape, np.float32)
-        np.add(exact, shift, out=residual, casting="same_kind")
-        return Pressed(pressure, residual, shift, effort + CONVOLUTION)
+        return self._pressed(pressure, displacement, effort)
 
     def press_on(self, nodes: Nodes, values: Values) -> tuple[Real, float]:
         """Compute the residual by a pressure on some nodes in double precision.
@@ -152,20 +149,26 @@ class WholePatch:
         displacement = displaced_by(self._double, (nodes, values))
         if self._keep_displacement:
             self.displacement = displacement.copy()
-        return self._balanced(displacement, nodes, values)
+        gaps = self.below.reshape(-1)[nodes] - displacement.reshape(-1)[nodes]
+        shift = -inner(values, gaps) / float(values.sum())
+        return self._residual(displacement, shift), shift
 
-    def _balanced(self, displacement: Real, nodes: Nodes, values: Values) -> tuple[Real, float]:
-        """Return the residual once the far field is in balance with a pressure on some nodes."""
-        here = self.below.reshape(-1)[nodes] - displacement.reshape(-1)[nodes]
-        shift = -inner(values, here) / float(values.sum())
+    def _pressed(self, pressure: Field, displacement: Real, effort: Effort) -> Pressed:
+        """Return a pressure that carries the load, with its residual in balance."""
+        work = total(pressure, displacement) - total(pressure, self.below)
+        shift = work / self.load
+        return Pressed(pressure, self._residual(displacement, shift), shift, effort + CONVOLUTION)
+
+    def _residual(self, displacement: Real, shift: float) -> Real:
+        """Return the residual at a displacement of the far field, rounded at the end."""
         residual = np.empty(self.below.shape, np.float32)
 
         def subtract(some: slice) -> None:
             rows = self.below[some] - displacement[some]
             np.add(rows, shift, out=residual[some], casting="same_kind")
 
-        each_row(subtract, *self.patch[0])
-        return residual, shift
+        each_row(subtract, *residual.shape)
+        return residual
 
     def full_contact(self) -> Field:
         """Compute the pressure that closes all gaps, which is negative where it has to pull."""
@@ -193,13 +196,25 @@ class WholePatch:
         """
         return self._loaded(cut_to_load(pressure, self.load), CONVOLUTION)
 
+    def start_on_peaks(self, share: float) -> Pressed:
+        """Press some share of the nodes, the highest ones, as deep as a plane at their foot would.
+
+        The approximate inverse finds the pressure on them, of which a constant is subtracted, and
+        tension cut off, until it carries the load.
+        """
+        heights = self.below.reshape(-1)
+        sample = heights[:: heights.size // SAMPLE | 1]
+        number = min(int(share * sample.size) + 1, sample.size)
+        foot = np.partition(sample, -number)[-number]
+        nodes: Nodes = (heights >= foot).nonzero()[0]
+        values = self.preconditioner.restricted_to(nodes)(heights[nodes] - foot)
+        pressure = np.zeros(self.below.shape)
+        pressure.reshape(-1)[nodes] = cut_to_load(values, self.load)
+        return self._loaded(pressure, Effort())
+
     def _loaded(self, pressure: Field, effort: Effort) -> Pressed:
         """Compute the residual of a pressure that carries the load in single precision."""
-        nodes: Nodes = (pressure > 0).reshape(-1).nonzero()[0]
-        values = pressure.reshape(-1)[nodes]
-        displacement = displaced_by(self.working, (nodes, values))
-        residual, shift = self._balanced(displacement, nodes, values)
-        return Pressed(pressure, residual, shift, effort + CONVOLUTION)
+        return self._pressed(pressure, self.displace(pressure), effort)
 
     def displace(self, pressure: Real, less: Real | None = None) -> Real:
         """Compute a displacement in single precision; the next call spoils it.
@@ -220,9 +235,9 @@ class WholePatch:
         self.working.transform()
         return field
 
-    def level(self, pressed: Pressed, weights: Real) -> None:
-        """Shift the far field so that the weighted mean of the residual is zero."""
-        shift_by(pressed, -total(weights, pressed.residual) / load_of(weights))
+    def level(self, pressed: Pressed) -> None:
+        """Shift the far field so that the mean of the residual weighted by the pressure is zero."""
+        shift_by(pressed, -total(pressed.pressure, pressed.residual) / self.load)
 
     def set_contact(self, touching: Callable[[slice], Mask]) -> None:
         """Take a contact set for `inside` and `correct`, as a test of rows of the grid."""
