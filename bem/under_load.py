@@ -27,7 +27,7 @@ APPROACH, APPROACH_ON_FIELDS = 2 / 3, 0.8
 APPROACH_STEPS, NEARER, NEAR = 4, 0.7, 5e-3
 
 # Shares of the tolerance at which the far field is in balance, and that conjugate gradients reach.
-BALANCED, REACHED = 0.9, 0.55
+BALANCED, REACHED = 0.9, 0.8
 
 # Factor by which conjugate gradients reduce the residual before the contact set is checked.
 REDUCTION = 0.45
