@@ -1,8 +1,9 @@
 """Elastic contact of a patch without edges under a load: the method that suits its share of nodes.
 
-Dense algebra solves contacts of few nodes, and sparse algebra contacts of few gaps. Between them,
-projected steps and conjugate gradients, on lists of nodes while these are a small share and else on
-whole fields, start from coarser cells, or from the pressure of full contact.
+Dense algebra solves contacts of few nodes or few gaps, and sparse algebra those of more gaps.
+Between them, projected steps and conjugate gradients, on lists of nodes while these are a small
+share and else on whole fields, start from coarser cells, on the highest nodes, or from the pressure
+of full contact.
 """
 
 import math
@@ -32,8 +33,8 @@ VERY_FEW, NEARLY = 0.4, 0.12
 # Share of nodes in contact up to which lists of them take less time than whole fields.
 LISTED = 0.22
 
-# Mean pressure, over E* times the rms slope, up to which a start on the highest nodes is nearer than
-# one from full contact, and the share of nodes that it takes, over that mean pressure.
+# Mean pressure, over E* times the rms slope, up to which a start on the highest nodes is nearer to
+# the solution than one from full contact, and the share of nodes that it takes, over this pressure.
 LIGHT, PEAKS = 0.1, 8.0
 
 # The same mean pressure from which a contact may be full or nearly so; and the distance of the rows

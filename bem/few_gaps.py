@@ -58,8 +58,8 @@ def open_few(whole: WholePatch, full: Real, accuracy: float) -> Opened | None:
     Returns
     -------
     Opened or None
-        The open nodes; None if more than `FEW_OPEN` nodes open, if the sets do not come to an end, or if
-        the grid is so large that a table of its coefficients does not pay.
+        The open nodes; None if more than `FEW_OPEN` nodes open, if the sets do not come to an end,
+        or if the grid is so large that a table of its coefficients does not pay.
     """
     nodes: Nodes = (full < 0).reshape(-1).nonzero()[0]
     if len(nodes) > FEW_OPEN or full.size >= SHORT:
@@ -82,8 +82,10 @@ def open_few(whole: WholePatch, full: Real, accuracy: float) -> Opened | None:
             return Opened(nodes, change.copy(), transforms)
         more: Nodes = (pressure < 0).nonzero()[0]
         pressure[nodes] = left
-        nodes, values = np.append(nodes, more), np.append(values, np.zeros_like(full, shape=len(more)))
+        nodes, values = (
+            np.append(nodes, more),
+            np.append(values, np.zeros_like(full, shape=len(more))),
+        )
         if len(nodes) > FEW_OPEN:
             return None
     return None
-

@@ -74,7 +74,7 @@ def press_nearly_full(whole: WholePatch, full: Field, accuracy: float) -> Presse
 
 
 def _open_by_neighbours(whole: WholePatch, full: Real, tension: Mask, accuracy: float) -> Opened:
-    """Open gaps by solves on neighbours, until a transform leaves no tension or the bound is met."""
+    """Open gaps by solves on neighbours until a transform leaves no tension, or up to a bound."""
     gaps = _Gaps(whole, full)
     gaps.admit(tension)
     for _ in range(TRANSFORMS):

@@ -18,8 +18,8 @@ from bem.iterate import CONVOLUTION, ITERATION
 from bem.vectors import each_row
 from bem.whole_patch import Pressed, WholePatch, load_of, shift_by, total, touching_in
 
-# Share of the preconditioned residual that a projected step adds: eigenvalues between 1 and 2 leave a
-# third of an error at most after two thirds. Where much is in contact, few of them are large.
+# Share of the preconditioned residual that a projected step adds: eigenvalues between 1 and 2 leave
+# a third of an error at most after two thirds. Where much is in contact, few of them are near 2.
 APPROACH, APPROACH_ON_FIELDS = 2 / 3, 0.8
 
 # Projected steps at most before conjugate gradients, the share of a violation below which another

@@ -167,7 +167,7 @@ class WholePatch:
             rows = self.below[some] - displacement[some]
             np.add(rows, shift, out=residual[some], casting="same_kind")
 
-        each_row(subtract, *residual.shape)
+        each_row(subtract, *self.patch[0])
         return residual
 
     def full_contact(self) -> Field:

@@ -58,6 +58,10 @@ def test_its_entries_are_those_of_its_transforms(
     lower = InterfaceMatrix(shape, boundary, aspect).among(nodes)
     expected = np.tril(matrix[np.ix_(nodes, nodes)])
     np.testing.assert_allclose(np.tril(lower), expected, atol=1e-12)
+    inverse = np.linalg.pinv(matrix, rcond=1e-10)  # uniform fields have no inverse
+    lower = InterfaceMatrix(shape, boundary, aspect, inverse=True).among(nodes)
+    expected = np.tril(inverse[np.ix_(nodes, nodes)])
+    np.testing.assert_allclose(np.tril(lower), expected, atol=1e-11)
 
 
 @pytest.mark.parametrize("boundary", EDGELESS)

@@ -6,6 +6,7 @@ from scipy import sparse
 from scipy.optimize import nnls
 
 import bem
+from bem.few_gaps import open_few
 from bem.nearly_full import RADIUS, complementary, neighbour_matrix, press_nearly_full, widened
 from bem.spacing import Boundary
 from bem.spectrum import inverse_filter
@@ -86,12 +87,19 @@ def test_the_active_set_finds_the_complementary_solution() -> None:
     np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
+@pytest.mark.parametrize("few", [0, 400])
 @pytest.mark.parametrize("boundary", EDGELESS)
 @pytest.mark.parametrize("share", [0.003, 0.019])
 @pytest.mark.parametrize("shape", [(48, 60), (31, 75)])
 def test_gaps_and_contact_are_those_of_iterations_on_the_contact(
-    shape: tuple[int, int], share: float, boundary: Boundary
+    shape: tuple[int, int],
+    share: float,
+    boundary: Boundary,
+    few: int,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """Both by sparse algebra on neighbours and by dense algebra on the open nodes."""
+    monkeypatch.setattr("bem.few_gaps.FEW_OPEN", few)
     patch = nearly_full(shape, boundary, share)
     full = patch.full_contact()
     found = press_nearly_full(patch, full, 1e-6)
@@ -104,6 +112,25 @@ def test_gaps_and_contact_are_those_of_iterations_on_the_contact(
     largest = iterated.pressure.max()
     np.testing.assert_allclose(found.pressure, iterated.pressure, atol=1e-5 * largest)
     np.testing.assert_allclose(found.residual, iterated.residual, atol=1e-5 * found.shift)
+
+
+@pytest.mark.parametrize("boundary", EDGELESS)
+def test_open_nodes_take_dense_algebra_while_they_are_few(
+    boundary: Boundary, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    patch = nearly_full((48, 60), boundary, 0.01)
+    full = patch.full_contact().astype(np.float32)
+    opened = open_few(patch, full, 1e-6)
+    assert opened is not None
+    under_tension = np.flatnonzero(full < 0)
+    assert set(under_tension) < set(opened.nodes)
+    pressure = full + opened.change
+    assert np.abs(pressure.flat[opened.nodes]).max() <= 1e-6
+    assert pressure.min() >= -1e-6
+    assert opened.transforms <= 4
+    for few in (len(under_tension) - 1, len(opened.nodes) - 1):  # at the first set, and at the last
+        monkeypatch.setattr("bem.few_gaps.FEW_OPEN", few)
+        assert open_few(patch, full, 1e-6) is None
 
 
 def test_many_gaps_are_left_to_others() -> None:

@@ -23,6 +23,16 @@ def rough(shape: tuple[int, int]) -> np.ndarray:
     return np.asarray(heights - heights.max())
 
 
+def smooth(shape: tuple[int, int]) -> np.ndarray:
+    """Return heights less the highest, smooth over some cells, with a rms slope of one."""
+    waves = np.fft.rfft2(rough(shape))
+    orders = np.hypot.outer(np.fft.fftfreq(shape[0]), np.fft.rfftfreq(shape[1]))
+    heights = np.fft.irfft2(waves * (orders < 0.25) / (0.05 + orders) ** 2, s=shape)
+    slopes = [np.diff(heights, axis=axis) for axis in (0, 1)]
+    heights /= np.sqrt(sum((slope**2).mean() for slope in slopes))
+    return np.asarray(heights - heights.max())
+
+
 @pytest.mark.parametrize("boundary", EDGELESS)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_full_contact_is_known_without_a_solve(shape: tuple[int, int], boundary: Boundary) -> None:
@@ -49,6 +59,32 @@ def test_a_cut_pressure_carries_the_load_and_keeps_the_order(load: float) -> Non
     constants = pressure[pressed] - cut[pressed]
     np.testing.assert_allclose(constants, constants[0], atol=1e-12 * max(load, 1))
     assert pressure[~pressed].max(initial=-np.inf) <= constants[0] + 1e-12
+
+
+@pytest.mark.parametrize("boundary", EDGELESS)
+@pytest.mark.parametrize("load", [1e-9, 1e-3, 0.01, 0.04])
+@pytest.mark.parametrize("shape", [(48, 64), (41, 70)])
+def test_light_contacts_start_nearer_on_the_peaks_than_from_full_contact(
+    shape: tuple[int, int], load: float, boundary: Boundary
+) -> None:
+    below = smooth(shape)
+    patch = WholePatch(below, boundary, 1.0, load * below.size)
+    pressed = patch.start_on_peaks(8 * load)
+    assert pressed.pressure.min() >= 0
+    assert pressed.pressure.sum() == pytest.approx(patch.load, rel=1e-12)
+    fresh = patch.press(pressed.pressure, pressed.effort)
+    assert pressed.shift == pytest.approx(fresh.shift, rel=1e-5)
+    np.testing.assert_allclose(pressed.residual, fresh.residual, atol=1e-5 * np.ptp(below))
+    other = patch.start(patch.full_contact())
+    assert pressed.violation() / pressed.shift < 0.8 * other.violation() / other.shift
+
+
+@pytest.mark.parametrize("boundary", EDGELESS)
+def test_a_plateau_shares_a_light_load(boundary: Boundary) -> None:
+    below = np.full((12, 16), -1.0)
+    below[3:7, 5:9] = 0
+    pressed = WholePatch(below, boundary, 1.0, 0.01).start_on_peaks(0.05)
+    np.testing.assert_allclose(pressed.pressure, (below == 0) * 0.01 / 16, rtol=1e-12)
 
 
 @pytest.mark.parametrize("most", [1, 2, 3, 5])
