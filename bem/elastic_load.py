@@ -19,7 +19,7 @@ from bem.interface import few_nodes
 from bem.iterate import Effort, Iterate
 from bem.listed_contact import OnLists
 from bem.nearly_full import press_nearly_full
-from bem.under_load import OnFields, Steps, approach, press_under_load
+from bem.under_load import APPROACH, APPROACH_FROM_FULL, OnFields, Steps, approach, press_under_load
 from bem.whole_patch import Pressed, WholePatch, touching_nodes
 
 # Finds a start on coarser cells, or none, and the work that this took.
@@ -80,7 +80,8 @@ def press_elastic(
     else:
         residual = start.residual.reshape(shape).astype(np.float32)
         pressed = Pressed(start.pressure.reshape(shape), residual, start.shift, start.effort)
-    converged = pressed.converged or _settled(patch, whole, pressed, rtol)
+    share = APPROACH_FROM_FULL if start is None and coarser is None else APPROACH
+    converged = pressed.converged or _settled(patch, whole, pressed, rtol, share)
     if patch.keep_displacement:
         patch.operators.field = whole.displacement
     iterate = _listed(pressed)
@@ -88,12 +89,15 @@ def press_elastic(
     return iterate, converged
 
 
-def _settled(patch: Patch, whole: WholePatch, pressed: Pressed, rtol: float) -> bool:
-    """Improve a start under a load; return whether the tolerance is met."""
+def _settled(patch: Patch, whole: WholePatch, pressed: Pressed, rtol: float, share: float) -> bool:
+    """Improve a start under a load; return whether the tolerance is met.
+
+    Projected steps on whole fields add a share of the preconditioned residual.
+    """
     steps: Steps
     few, most = few_nodes(whole.below.size), patch.problem.max_iterations
     if touching_nodes(pressed) > max(LISTED * whole.below.size, few):
-        steps = OnFields(whole, pressed)
+        steps = OnFields(whole, pressed, share)
     else:
         steps = listed = OnLists(whole, pressed)
         if patch.problem.hardness is None:

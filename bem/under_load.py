@@ -18,9 +18,9 @@ from bem.iterate import CONVOLUTION, ITERATION
 from bem.vectors import each_row
 from bem.whole_patch import Pressed, WholePatch, load_of, shift_by, total, touching_in
 
-# Share of the preconditioned residual that a projected step adds: eigenvalues between 1 and 2 leave
-# a third of an error at most after two thirds. Where much is in contact, few of them are near 2.
-APPROACH, APPROACH_ON_FIELDS = 2 / 3, 0.8
+# Share of the preconditioned residual that a projected step adds: eigenvalues between 1 and 2 then
+# leave a third of an error at most. After full contact, errors are long waves and few are near 2.
+APPROACH, APPROACH_FROM_FULL = 2 / 3, 0.75
 
 # Projected steps at most before conjugate gradients, the share of a violation below which another
 # one follows, and the violation, over the displacement, from which none is taken.
@@ -203,10 +203,12 @@ class OnFields:
         The influence matrix under the load.
     pressed : Pressed
         A start, improved in place.
+    share : float
+        Share of the preconditioned residual that a projected step adds [1].
     """
 
-    def __init__(self, patch: WholePatch, pressed: Pressed) -> None:
-        self._patch, self.pressed = patch, pressed
+    def __init__(self, patch: WholePatch, pressed: Pressed, share: float = APPROACH) -> None:
+        self._patch, self.pressed, self._share = patch, pressed, share
         self._stepped = self.exact = False
         self._sums = np.empty(len(patch.below))
 
@@ -226,7 +228,7 @@ class OnFields:
 
     def approach_step(self) -> None:
         """Take a projected step of the approximate inverse."""
-        self._cut_off_tension(APPROACH_ON_FIELDS)
+        self._cut_off_tension(self._share)
         self._stepped = False
 
     def energy(self) -> float:
