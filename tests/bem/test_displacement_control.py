@@ -1,5 +1,7 @@
 """A given displacement: starts from a coarser grid and from a pressure nearby."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -43,9 +45,13 @@ def test_a_grid_that_starts_from_coarser_ones_keeps_its_own_filters(
     monkeypatch.setattr(displacement_control, "FEW_NODES", 0)
     monkeypatch.setattr(convolution, "KEPT_BYTES", 0)
     monkeypatch.setattr(convolution, "KEPT_LARGEST", 0)
-    monkeypatch.setattr(convolution._FILTERS, "_kept", convolution._Kept())
-    bem.solve(ROUGH, SIDE, 2 * float(ROUGH.max() - ROUGH.min()))
-    shapes = [arguments[0] for _, *arguments in convolution._FILTERS._kept.filters]
+
+    def kept_by_a_solve() -> list[tuple[int, int]]:
+        bem.solve(ROUGH, SIDE, 2 * float(ROUGH.max() - ROUGH.min()))
+        return [arguments[0] for _, *arguments in convolution._FILTERS._kept.filters]
+
+    with ThreadPoolExecutor(1) as fresh:  # it keeps no filters of earlier tests
+        shapes = fresh.submit(kept_by_a_solve).result()
     assert shapes.count((65, 65)) == 2  # in both precisions
     assert {shape[1] for shape in shapes} == {65}
 
