@@ -26,8 +26,10 @@ class Seen:
     broken_pictures: int
 
 
-def look(page: Path, width: int, picture: Path | None = None) -> Seen:
-    """Open a file in a window of some width [pixels]; a picture of it goes where one is asked for.
+def look(page: Path, width: int, picture: Path | None = None, *, printed: bool = False) -> Seen:
+    """Open a file in a window of some width [pixels], or as it is printed on paper of that width.
+
+    A picture of it goes where one is asked for.
 
     Skips the test where no browser, or nothing to drive it, is installed.
     """
@@ -43,6 +45,8 @@ def look(page: Path, width: int, picture: Path | None = None) -> Seen:
         opened.on("console", lambda message: complaints.append(message.text))
         opened.on("pageerror", lambda error: complaints.append(str(error)))
         opened.on("requestfailed", lambda request: complaints.append(request.url[:100]))
+        if printed:
+            opened.emulate_media(media="print")
         opened.goto(page.resolve().as_uri())
         broken = "[...document.images].filter(i => !i.complete || !i.naturalWidth).length"
         seen = Seen(

@@ -13,6 +13,7 @@ PASSED = "passed"
 SPECIAL = {"": "", "nan": "nan", "inf": "∞", "-inf": "-∞"}
 # Last words of columns' names that are units.
 UNITS = {"um": "µm", "s": "s", "seconds": "s", "ms": "ms", "percent": "%", "uN": "µN"}
+UNITS |= {"MPa": "MPa", "K": "K"}
 
 
 class Cell(NamedTuple):
