@@ -13,6 +13,7 @@ app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
 COMMANDS = (
     *(page.run, page.page, page.publish, page.paper, page.unstated),
+    page.nearest,
     *(solver.solver, solver.peers, solver.growth, solver.yielding),
     *(solver.threads, solver.hertz, solver.theory, solver.calculix, solver.stability),
     *(surrogates.models, surrogates.tolerance, surrogates.generalisation),

@@ -255,7 +255,7 @@ def test_presets_load(name: str) -> None:
 def test_presets_say_what_the_design_says() -> None:
     assert preset_names() == (
         *(f"broad-{name}" for name in BROAD),
-        *("extreme", "fine", "paper", "paper-mirco", "paper-yielding", "quick"),
+        *("extreme", "fine", "paper", "paper-mirco", "paper-nearest", "paper-yielding", "quick"),
     )
     quick, paper, fine = load("quick"), load("paper"), load("fine")
     assert [scene.samples for scene in (quick, paper, fine)] == [256, 15_878, 800]
@@ -274,6 +274,12 @@ def test_presets_say_what_the_design_says() -> None:
         "contact.hardness_ratio[0]: nothing in the file, 0.003 asked for",
         "contact.hardness_ratio[1]: nothing in the file, 0.1 asked for",
     ]
+    assert {
+        line.partition("[")[0].partition(":")[0]
+        for line in differences(paper, load("paper-nearest"))
+    } == {
+        *("surface.hurst", "delta.pieces", "contact.kernel"),
+    }
     extreme = load("extreme")
     assert extreme.samples == 256
     assert extreme.surface.hurst == (0.01, 0.99)
@@ -349,7 +355,7 @@ def test_unreadable_scene_is_refused_in_one_line(
     message = str(refused.value)
     assert len(message.splitlines()) == 1
     assert reason in message
-    assert "extreme, fine, paper, paper-mirco, paper-yielding, quick" in message
+    assert "extreme, fine, paper, paper-mirco, paper-nearest, paper-yielding, quick" in message
     assert "path" in message
 
 

@@ -168,6 +168,7 @@ FINGERPRINTS = {
     "fine": "7d884a9d8a3d2f88",
     "paper": "5ac8e0d743b06f1d",
     "paper-mirco": "e74adbf40f6d676d",
+    "paper-nearest": "7e313bd512e217df",
     "paper-yielding": "55125ba1b43db99e",
     "quick": "5ac8e0d743b06f1d",
 }
