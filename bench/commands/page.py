@@ -125,15 +125,15 @@ def nearest(
     output: Folder,
     rows: int = option(15_878, "Rows of each database; the paper's number.", min=100),
     surfaces: int = option(3000, "Surfaces of each population, a multiple of 50.", min=1),
-    minutes: float = option(30.0, "Time after which no further reading is tried.", min=0.0),
+    minutes: float = option(30.0, "Time for the search, after the databases.", min=0.0),
 ) -> None:
     """Search what the paper leaves open for the reading that gives its numbers most nearly.
 
-    Baselines of the shipped scene paper-nearest first, also with ten loads a surface, split by
-    surfaces and by rows, and with all Hurst exponents. Then the search: its readings are those of
+    Baselines of the shipped scene paper-nearest first, split by surfaces and by rows, with one load
+    a surface, and with all Hurst exponents. Then the search: its readings are those of
     bench/paper/candidates.toml, the distance is that of the ends of Table 1 and of the baselines of
-    Table 4. Goes on in DIR after Ctrl-C; DIR/search.csv, baselines.csv, costs.csv, ranges.csv and
-    nearest.png. Half an hour on one core.
+    Table 4; the nearest three again on other splits. Goes on in DIR after Ctrl-C; DIR/search.csv,
+    finalists.csv, baselines.csv, costs.csv, ranges.csv and nearest.png. An hour on one core.
     """
     from bench.paper.nearest.population import CHUNK
     from bench.paper.nearest.report import report

@@ -58,6 +58,10 @@ class Candidate:
                 (content.setdefault(table, {}) if table else content)[key] = value
         return Scene.from_text(json.dumps(content))
 
+    def __hash__(self) -> int:
+        """Return the same for equal readings of the same factors."""
+        return hash(self.levels)
+
     def neighbours(self, factor: int) -> Iterator["Candidate"]:
         """Yield the readings that differ in one factor, given by its place."""
         for level in range(len(self.factors[factor].levels)):

@@ -22,14 +22,15 @@ from learn.models import MODELS
 
 
 def report(folder: Path, rows: int, surfaces: int, minutes: float) -> Report:
-    """Measure the shipped scene, other splits and all of H; then search until the time is over."""
-    search = Search(folder, rows, surfaces, time.monotonic() + 60 * minutes)
+    """Measure the shipped scene, other splits and all of H; then search for some minutes."""
     scores, databases = cases.measure(folder, rows)
+    search = Search(folder, rows, surfaces, time.monotonic() + 60 * minutes)
     best, settled = search.nearest(factors())
     remark(f"nearest{'' if settled else ' so far, the time is over'}: {best.texts()}")
     tables: Mapping[str, Iterable[Any]] = {
         "baselines": [_named(row) for row in scores[: len(MODELS)]],
         "costs": list(_costs(scores, databases)),
+        "finalists": search.finalists(),
         "ranges": list(_ranges(databases[cases.CASES[0].database])),
     }
     return Report(tables, pictures={"nearest": _picture(scores)})

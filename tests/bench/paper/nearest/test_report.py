@@ -22,9 +22,9 @@ def test_report_has_both_tables_beside_the_papers(
     monkeypatch.setattr(population, "CHUNK", 10)
     arguments = ["nearest", "-o", str(tmp_path), "--rows", "100", "--minutes", "0"]
     assert main([*arguments, "--surfaces", "10"]) == 0
-    assert len(capfd.readouterr().out.splitlines()) == 4
+    assert len(capfd.readouterr().out.splitlines()) == 5
     tables = {}
-    for name in ("baselines", "costs", "ranges", "search"):
+    for name in ("baselines", "costs", "ranges", "search", "finalists"):
         with (tmp_path / f"{name}.csv").open(encoding="utf-8", newline="") as file:
             tables[name] = list(csv.DictReader(file))
     assert [row["model"] for row in tables["baselines"]] == [each.title for each in FEW.values()]
@@ -32,9 +32,10 @@ def test_report_has_both_tables_beside_the_papers(
     assert len(tables["costs"]) == 4
     assert len(tables["ranges"]) == 25
     assert sum(row["counts"] == "yes" for row in tables["ranges"]) == 23
-    assert len(tables["search"]) == 1
+    assert len(tables["search"]) == 3
+    assert len(tables["finalists"]) == 1
     assert (tmp_path / "nearest.png").read_bytes().startswith(b"\x89PNG")
-    assert len(contents_of("paper/nearest", tmp_path)) == 5
+    assert len(contents_of("paper/nearest", tmp_path)) == 6
 
 
 def test_other_numbers_of_surfaces_are_refused(

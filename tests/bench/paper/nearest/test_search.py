@@ -46,8 +46,8 @@ def test_the_nearest_reading_is_found_and_written_down(tmp_path: Path) -> None:
     best, settled = search(tmp_path).nearest(FACTORS)
     assert (best.value("loads"), best.value("sigma0"), settled) == (4, 11.0, True)
     header, rows = read_table(tmp_path / "search.csv")
-    assert header[:4] == ["asked", "split", "loads", "sigma0"]
-    assert len(rows) == len({tuple(row.values())[:4] for row in rows}) < 24
+    assert header[:5] == ["asked", "seed", "split", "loads", "sigma0"]
+    assert len(rows) == len({tuple(row.values())[:5] for row in rows}) < 24
     nearest = min(rows, key=lambda row: float(row["distance"]))
     assert (nearest["loads"], nearest["sigma0"]) == ("4", "11.0")
     for row in rows:
@@ -63,6 +63,18 @@ def test_a_search_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(searches, "judged", None)  # nothing is measured again
     again, settled = search(tmp_path).nearest(FACTORS)
     assert (again, settled) == (found, True)
+
+
+def test_finalists_are_judged_on_several_splits(tmp_path: Path) -> None:
+    made = search(tmp_path)
+    made.nearest(FACTORS)
+    nearest, *others = made.finalists()
+    assert (nearest["loads"], nearest["sigma0"]) == ("4", "11.0")
+    assert nearest["mean"] == pytest.approx(nearest["seed_1"], abs=1e-4)
+    assert len(others) == 2
+    assert all(row["mean"] >= nearest["mean"] for row in others)
+    _, rows = read_table(tmp_path / "search.csv")
+    assert sum(row["seed"] != "0" for row in rows) == 6
 
 
 def test_another_size_is_another_search(tmp_path: Path) -> None:
