@@ -97,7 +97,9 @@ def measure(folder: Path, samples: int) -> tuple[list[dict[str, Any]], dict[str,
                 known[key] = row | _scores(databases[case.database], case, model)
                 remark(f"{case.database}, split by {case.split}: {model}")
                 write_rows(path, known.values())
-    wanted = [known[str(samples), c.database, c.split, model] for c in CASES for model in MODELS]
+    keys = [(str(samples), *case, model) for case in CASES for model in MODELS]
+    wanted = [known.pop(key) for key in keys]
+    write_rows(path, [*wanted, *known.values()])
     return wanted, databases
 
 

@@ -48,7 +48,7 @@ def _named(row: Mapping[str, Any]) -> dict[str, Any]:
 def _costs(
     scores: Sequence[Mapping[str, Any]], databases: Mapping[str, Rows]
 ) -> Iterable[dict[str, Any]]:
-    """Yield R2 of all models and the distances from both tables, of each case and the paper."""
+    """Yield areas, distances from both tables and nMSE of all models, of each case."""
     for case in cases.CASES:
         own = [
             row for row in scores if (row["database"], row["split"]) == (case.database, case.split)
@@ -64,7 +64,7 @@ def _costs(
             "spread": spread(rows.target),
             "table_1": of_table_1(rows.columns),
             "table_4": of_table_4(found),
-            **{f"{model}_r2": found[model].r2 for model in MODELS},
+            **{f"{model}_nmse": found[model].nmse for model in MODELS},
         }
 
 
