@@ -1,4 +1,4 @@
-"""What the shipped reading gives, and what another split, other loads and all of H change."""
+"""What the shipped reading gives, and what another split and other loads change."""
 
 import re
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from bench.databases import generated
 from bench.files import is_there
-from bench.paper.facts import AREA_MAX, RANGES
+from bench.paper.facts import AREA_MAX
 from bench.paper.nearest.baselines import baseline
 from bench.paper.nearest.population import Rows
 from bench.report import remark
@@ -26,7 +26,6 @@ ERRORS = "nmse", "nmae", "nmaxe", "r2"
 LINES: Mapping[str, dict[str, str]] = {
     "as shipped": {},
     "1 load a surface": {"samples_per_surface": "1"},
-    "all of H": {"hurst": f"{[*RANGES['hurst']]}"},
 }
 """Databases by name: the lines of the shipped scene that they have otherwise."""
 
@@ -42,7 +41,6 @@ CASES = (
     Case("as shipped", "surfaces"),
     Case("as shipped", "rows"),
     Case("1 load a surface", "surfaces"),
-    Case("all of H", "surfaces"),
 )
 """All cases; the first one is nearest to the paper."""
 
