@@ -15,7 +15,7 @@ from bem.arrays import Nodes, Values
 from bem.first_contact import settle_few, take_first_steps
 from bem.gradients import run_stage
 from bem.iterate import CONVOLUTION, STEP, Iterate, Operators, inner, rescale
-from bem.vectors import add_scaled, anywhere, combined, keep_positive, put, take, where
+from bem.vectors import add_scaled, anywhere, combined, joined, keep_positive, put, take, where
 
 # Factor on the wanted reduction of the residual whenever a new contact set raises the energy: the
 # previous set was then left too early.
@@ -311,8 +311,10 @@ def _cut_off_tension(
     if renewing:
         iterate.renew(operators, interference)
     else:
-        changed = np.concatenate([following, tension])
-        change = np.concatenate([combined(np.subtract, advanced, before, before), -held[pulled]])
+        changed = joined(following, tension)
+        change = np.empty(changed.size)
+        combined(np.subtract, advanced, before, change[: following.size])
+        np.negative(take(held, pulled), out=change[following.size :])
         if operators.softening:  # the last bits of their sum depend on their order
             changed, change = _ascending(changed, change)
         operators.image_of(changed, change).add_to(residual, -1.0)

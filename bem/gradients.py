@@ -46,7 +46,7 @@ def run_stage(
     reduction, floor = goals
     largest = largest_magnitude(residual)
     goal = max(reduction * largest, floor)
-    direction, previous = np.zeros_like(pressure), np.inf
+    direction, previous = np.zeros(pressure.size), np.inf
     while iterate.effort.iterations < max_iterations and largest > floor:
         correction = correct(residual)
         product = inner(residual, correction)

@@ -313,10 +313,31 @@ def where(test: Callable[[slice], Mask], size: int) -> Nodes:
         return nodes
     found: dict[int, Nodes] = {}
 
-    def run(piece: slice) -> None:
-        here: Nodes = test(piece).nonzero()[0]
-        here += piece.start
-        found[piece.start] = here
+    def look(piece: slice) -> None:
+        found[piece.start] = test(piece).nonzero()[0]
 
-    each(run, size)
-    return np.concatenate([found[start] for start in sorted(found)])
+    each(look, size)
+    starts = sorted(found)
+    ends = np.cumsum([found[start].size for start in starts])
+    positions = np.empty(ends[-1], np.intp)
+
+    def collect(number: int) -> None:
+        here = found[starts[number]]
+        np.add(here, starts[number], out=positions[ends[number] - here.size : ends[number]])
+
+    workers().share(collect, range(len(starts)))
+    return positions
+
+
+def joined(first: Nodes, second: Nodes) -> Nodes:
+    """Return two lists of nodes as one."""
+    if is_short(first.size):
+        return np.concatenate([first, second])
+    whole = np.empty(first.size + second.size, np.intp)
+    whole[first.size :] = second
+
+    def run(piece: slice) -> None:
+        whole[piece] = first[piece]
+
+    each(run, first.size)
+    return whole

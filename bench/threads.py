@@ -126,7 +126,7 @@ def _timed(heights: Heights, delta: float, threads: int, rounds: int) -> Row:
             solve(many)
             seconds[many].append(time.perf_counter() - began)
     one, several = median(seconds[1]), median(seconds[threads])
-    shared = _shared(lambda: solve(1))
+    shared = _shared(lambda: solve(threads), threads)
     return {
         "area_percent": contact.area_percent,
         "convolutions": contact.convolutions,
@@ -139,7 +139,7 @@ def _timed(heights: Heights, delta: float, threads: int, rounds: int) -> Row:
 
 
 class _Watched(Workers):
-    """A single thread that adds up the time of the work that others could share.
+    """A single thread that cuts work as for several, and adds up the time of what they could share.
 
     Attributes
     ----------
@@ -157,9 +157,9 @@ class _Watched(Workers):
             self.seconds += time.perf_counter() - began
 
 
-def _shared(solve: Callable[[], Contact]) -> float:
-    """Return the share of a solve's time that several threads could share [1]."""
-    watched = _Watched()
+def _shared(solve: Callable[[], Contact], threads: int) -> float:
+    """Return the share of a solve's time on one thread that several could share [1]."""
+    watched = _Watched(threads)
     with led_by(watched):
         began = time.perf_counter()
         solve()

@@ -53,6 +53,9 @@ def test_passes_in_pieces_are_the_plain_expressions(
         np.testing.assert_array_equal(
             vectors.where(lambda piece: a[piece] > 0, size), np.flatnonzero(a > 0)
         )
+        assert vectors.where(lambda piece: a[piece] > 99, size).size == 0
+        both = vectors.joined(nodes, nodes[:3])
+        np.testing.assert_array_equal(both, np.concatenate([nodes, nodes[:3]]))
 
 
 def test_a_nan_is_the_largest_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
