@@ -129,8 +129,8 @@ def nearest(
 ) -> None:
     """Search what the paper leaves open for the reading that gives its numbers most nearly.
 
-    Baselines of the shipped scene paper-nearest first, split by surfaces and by rows, and with one
-    load a surface. Then the search: its readings are those of
+    Baselines of the shipped scene paper-nearest first, and with ten loads a surface, split by
+    surfaces and by rows. Then the search: its readings are those of
     bench/paper/candidates.toml, the distance is that of the ends of Table 1 and of the baselines of
     Table 4; the nearest three again on other splits. Goes on in DIR after Ctrl-C; DIR/search.csv,
     finalists.csv, baselines.csv, costs.csv, ranges.csv and nearest.png. An hour on one core.

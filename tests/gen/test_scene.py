@@ -278,7 +278,7 @@ def test_presets_say_what_the_design_says() -> None:
         line.partition("[")[0].partition(":")[0]
         for line in differences(paper, load("paper-nearest"))
     } == {
-        *("samples_per_surface", "surface.hurst", "delta.pieces", "contact.kernel"),
+        *("surface.hurst", "delta.pieces", "contact.kernel"),
     }
     extreme = load("extreme")
     assert extreme.samples == 256

@@ -16,8 +16,8 @@ def test_databases_differ_from_the_shipped_scene_in_one_line() -> None:
     made = {name: Scene.parse(scene_of(name, 77), name) for name in LINES}
     assert {scene.samples for scene in made.values()} == {77}
     assert made["as shipped"].fingerprint() == shipped.fingerprint()
-    assert differences(shipped, made["1 load a surface"]) == [
-        "samples_per_surface: 10 in the file, 1 asked for"
+    assert differences(shipped, made["10 loads a surface"]) == [
+        "samples_per_surface: 1 in the file, 10 asked for"
     ]
     assert CASES[0] == ("as shipped", "surfaces")
     assert {case.database for case in CASES} == set(LINES)
