@@ -91,7 +91,7 @@ class Search:
         found = []
         for candidate in nearest[:FINALISTS]:
             judged_ = [self.judge(candidate, seed) for seed in SEEDS]
-            distances = {f"seed_{seed}": row["distance"] for seed, row in enumerate(judged_)}
+            distances = {f"seed_{n}": round(row["distance"], 4) for n, row in enumerate(judged_)}
             mean = sum(distances.values()) / len(SEEDS)
             found.append(candidate.texts() | distances | {"mean": round(mean, 4)})
         return sorted(found, key=lambda row: float(row["mean"]))
