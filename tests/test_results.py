@@ -115,6 +115,7 @@ SHOWN = {
     "scans": (1, 1, 0xEAEA4AD3),
     "paper": (13, 7, 0x6F585B83),
     "unstated": (1, 3, 0xD9D70DBE),
+    "nearest": (1, 5, 0xE445F053),
     "benchmarks": (0, 1, 0x5B5B351C),
 }
 """Pictures and tables of each part as published, and a checksum of the tables' texts."""

@@ -104,7 +104,7 @@ CHAPTERS = {
     ),
     "Surrogates under shift": ("surrogates/generalisation", "surrogates/coverage"),
     "Measured maps": ("populations/scans",),
-    "The paper, side by side": ("paper/paper", "paper/unstated"),
+    "The paper, side by side": ("paper/paper", "paper/unstated", "paper/nearest"),
     "Benchmarks": ("benchmarks",),
 }
 """The reports under each chapter's heading: their files, without the ending."""

@@ -204,6 +204,49 @@ def unstated() -> list[str]:
     return lines
 
 
+def nearest() -> list[str]:
+    """Table 4 of the nearest reading beside the paper's."""
+    return [
+        f"| {row['model']} | "
+        + " | ".join(pair(row, name, f"paper_{name}") for name in ("nmse", "nmae", "nmaxe", "r2"))
+        + " |"
+        for row in table("nearest/baselines.csv")
+    ]
+
+
+def nearest_ranges() -> list[str]:
+    """Table 1 of the nearest reading beside the paper's."""
+    return [
+        f"| {row['quantity']} | {row['low']} to {row['high']}"
+        f" | {row['paper_low']} to {row['paper_high']} | {row['distance']} |"
+        for row in table("nearest/ranges.csv")
+    ]
+
+
+def nearest_costs() -> list[str]:
+    """Scores of the paper, of the nearest reading, and of what differs from it in one thing."""
+    found: dict[str, list[str]] = {}
+    for row in table("nearest/scores.csv"):
+        own = found.setdefault(row["model"], [pair(row, "paper_nmse", "paper_r2")])
+        own.append(pair(row, "nmse", "r2"))
+    return [f"| {MODELS[model].title} | {' | '.join(own)} |" for model, own in found.items()]
+
+
+def nearest_hurst() -> list[str]:
+    """What the range of Hurst exponents does to a reading with ten loads on each surface."""
+    start = {"seed": "0", "split": '"surfaces"', "loads": "10", "sigma0": "[10.0, 15.0]"}
+    names = "decision-tree", "adaboost", "xgboost", "gaussian-process", "kernel-ridge"
+    return [
+        f"| {row['hurst'][1:-1].replace(',', ' to')} | "
+        + cells(row, *(f"{name}_nmse" for name in names), "table_1", "table_4")
+        + " |"
+        for row in table("nearest/search.csv")
+        if start.items() <= row.items()
+        and row["hurst"].startswith("[")
+        and '"share": 0.95, "range": [12.0' in row["delta"]
+    ]
+
+
 def outputs() -> list[str]:
     """Cost of the optional columns of a database."""
     lines = []
@@ -417,6 +460,36 @@ TABLES = {
         ),
         unstated,
         ("unstated/unstated.csv",),
+    ),
+    "nearest": PageTable(
+        ("ours, the paper's [%]", "nMSE", "nMAE", "nMaxE", "R2"),
+        nearest,
+        ("nearest/baselines.csv",),
+    ),
+    "nearest_ranges": PageTable(
+        ("quantity", "ours", "the paper", "distance of the ends [% of the width]"),
+        nearest_ranges,
+        ("nearest/ranges.csv",),
+    ),
+    "nearest_costs": PageTable(
+        (
+            "nMSE, R2 [%]",
+            "the paper",
+            "as shipped",
+            "ten loads a surface, surfaces split",
+            "ten loads a surface, rows split",
+        ),
+        nearest_costs,
+        ("nearest/scores.csv",),
+    ),
+    "nearest_hurst": PageTable(
+        (
+            "Hurst exponents",
+            *("decision tree", "AdaBoost", "XGBoost", "GP", "kernel ridge"),
+            *("distance from Table 1", "from Table 4"),
+        ),
+        nearest_hurst,
+        ("nearest/search.csv",),
     ),
     "outputs": PageTable(
         (
