@@ -14,6 +14,7 @@ grid on. The same surfaces are pressed by the same mean pressure.
 import time
 import tracemalloc
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from typing import Any
 from unittest import mock
@@ -75,7 +76,10 @@ def cost(nodes: Sequence[int], surfaces: int, percents: Sequence[float] = PERCEN
     rows: list[Row] = []
     fewest = 1.0
     for percent, size in product(percents, nodes):
-        solves = [_solve(size, seed, percent) for seed in range(surfaces)]
+        solves = []
+        for seed in range(surfaces):
+            with ThreadPoolExecutor(1) as fresh:  # it keeps no tables of the solves before
+                solves.append(fresh.submit(_solve, size, seed, percent).result())
         area, convolutions, seconds, _ = np.mean(solves, axis=0).tolist()
         if size == nodes[0]:
             fewest = convolutions
