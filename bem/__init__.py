@@ -4,8 +4,11 @@ Arrays come in and arrays go out: no files, no MPI, nothing printed.
 """
 
 from bem.contact import Contact
+from bem.heap import keep_freed_memory
 from bem.ladder import ladder
 from bem.problem import NoSolution, OutOfRange, Problem
 from bem.solving import NotConverged, solve
+
+keep_freed_memory()
 
 __all__ = ["Contact", "NoSolution", "NotConverged", "OutOfRange", "Problem", "ladder", "solve"]
