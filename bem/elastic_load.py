@@ -28,7 +28,7 @@ Coarser = Callable[[], tuple[Start | None, Effort]]
 # Share of the largest set that is worth factorising for which no further step is taken before, and
 # the violation, over the displacement, from which none is taken for larger ones: a set that lacks
 # nodes is factorised twice.
-VERY_FEW, NEARLY = 0.4, 0.12
+VERY_FEW, NEARLY = 0.4, 0.06
 
 # Share of nodes in contact up to which lists of them take less time than whole fields.
 LISTED = 0.22

@@ -19,7 +19,7 @@ from bem.spectrum import even_filter, inverse_filter, spectral_filter, wave_numb
 
 # Largest contact set worth factorising, the least of these factors times powers of the number of
 # nodes: the cost of a factor grows with the cube of the set, that of iterations with the grid.
-FEW = (0.105, 5 / 6), (5.4, 0.4)
+FEW = (0.105, 5 / 6), (9.0, 0.4)
 
 
 class Interface(HalfSpace):
