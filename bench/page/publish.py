@@ -5,7 +5,8 @@ compressed. Databases, surrogates and what the commands printed stay behind.
 """
 
 import lzma
-from collections.abc import Iterator, Mapping, Sequence
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from bench.files import COMPRESSED
@@ -41,12 +42,15 @@ def publish(parts: Sequence[Part], inputs: Inputs, target: Path, *, mixed: bool)
     Raises
     ------
     InputError
-        If there is nothing to publish, a part was not finished, the results would be of several
-        states of the code and `mixed` does not allow that, or too large. Then nothing is changed.
+        If there is nothing to publish, the folders are not apart, a part was not finished, the
+        results would be of several states of the code and `mixed` does not allow that, or too
+        large. Then nothing is changed.
     """
     new: dict[Path, bytes] = {}
     gone: set[Path] = set()
-    for folder, those in _by_folder(parts, inputs).items():
+    folders = _by_folder(parts, inputs)
+    _require_apart((inputs.output, *folders), target)
+    for folder, those in folders.items():
         made = [part for part in those if _finished(part, inputs)]
         home = target / (made[0].folder or made[0].name) if made else target
         new |= {home / name: content for name, content in _published(made, folder)}
@@ -74,6 +78,15 @@ def _by_folder(parts: Sequence[Part], inputs: Inputs) -> dict[Path, list[Part]]:
     for part in parts:
         found.setdefault(inputs.folder(part), []).append(part)
     return found
+
+
+def _require_apart(folders: Iterable[Path], target: Path) -> None:
+    """Refuse to publish into what is read, or into what holds it: files there would be lost."""
+    goal = Path(os.path.realpath(target))
+    for folder in folders:
+        source = Path(os.path.realpath(folder))
+        if source.is_relative_to(goal) or goal.is_relative_to(source):
+            raise InputError(f"{target}: {folder} is read, give a folder apart from it")
 
 
 def _finished(part: Part, inputs: Inputs) -> bool:

@@ -169,6 +169,7 @@ def run(inputs: Inputs, only: Sequence[str] = ()) -> tuple[Path, Outcome]:
 def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
     """List what a run would make, with the time that it is going to take, and make nothing."""
     parts = [part for part in _chosen(only, inputs) if inputs.arguments(part)]
+    check_folder(inputs.output, PAGE)
     return plan(parts, inputs, [_kept(part, inputs) is not None for part in parts])
 
 

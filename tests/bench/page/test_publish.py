@@ -100,6 +100,16 @@ def test_too_much_is_refused_before_anything_is_written(
     assert not (made.parent / "results").exists()
 
 
+@pytest.mark.parametrize("target", [".", "one", "..", "link"])
+def test_what_is_read_is_not_written_over(made: Path, target: str) -> None:
+    (made / "link").symlink_to(made)
+    before = {path: path.read_bytes() for path in made.parent.rglob("*") if path.is_file()}
+    with pytest.raises(InputError, match="is read, give a folder apart from it"):
+        publish([ONE, PICTURED], inputs(made, full=True), made / target, mixed=False)
+    after = {path: path.read_bytes() for path in made.parent.rglob("*") if path.is_file()}
+    assert after == before
+
+
 def test_what_was_not_finished_is_refused(made: Path) -> None:
     makes(made, [part("failing", "-m bench hertz")])
     with pytest.raises(InputError, match="failing was not finished"):
