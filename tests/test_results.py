@@ -87,7 +87,7 @@ SHOWN = {
     "yielding": (1, 1, 0x4EA9D63A),
     "hardness": (1, 2, 0xF1886B92),
     "yielding-surrogate": (0, 1, 0x69E98F91),
-    "periodic": (1, 2, 0xEE7D4818),
+    "periodic": (1, 2, 0xF7FD0C29),
     "theory": (2, 0, 0x00000000),
     "stability": (0, 3, 0xD2BCAC28),
     "calculix": (1, 1, 0x5E00AA38),
