@@ -11,7 +11,7 @@ import shutil
 import subprocess
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
-from io import StringIO
+from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from bench.report import Report, remark
 from bench.table import formatted, read_table
 from gen.cli import main as gen
 from gen.runtime.errors import InputError
-from gen.runtime.output import make_folder
+from gen.runtime.output import make_folder, write
 from gen.surface import generate
 
 Row = dict[str, Any]
@@ -172,7 +172,9 @@ def law_of(
     """
     make_folder(folder)
     heights = generate("diamond-square", nodes, hurst, SIGMA0, np.random.default_rng(0))
-    np.save(folder / "surface.npy", heights)
+    content = BytesIO()
+    np.save(content, heights)
+    write(folder / "surface.npy", content.getvalue(), "heights")
     yields = () if hardness is None else ("--hardness", f"{hardness:g}")
     path = folder / "steel-on-steel"
     given = (f"{folder / 'surface.npy'}", "--side", f"{SIDE:g}", "--pressure", PRESSURES)

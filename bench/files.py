@@ -2,8 +2,14 @@
 
 import lzma
 import tomllib
+import zlib
+from io import BytesIO
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
 
@@ -21,6 +27,24 @@ def content_of(path: Path) -> bytes:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     except lzma.LZMAError as error:
         raise InputError(f"{packed} cannot be read: {error}") from None
+
+
+def kept_arrays(path: Path, *names: str) -> dict[str, NDArray[Any]]:
+    """Read the arrays that a command has kept for its next run; the given names are among them.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or was not made by that command.
+    """
+    try:
+        with np.load(BytesIO(content_of(path)), allow_pickle=False) as kept:
+            arrays: dict[str, NDArray[Any]] = dict(kept)
+    except (ValueError, TypeError, BadZipFile, EOFError, zlib.error):
+        arrays = {}
+    if not arrays or not arrays.keys() >= set(names):
+        raise InputError(f"{path} is not what this command keeps there: remove it")
+    return arrays
 
 
 def read_toml(name: str) -> dict[str, Any]:

@@ -5,6 +5,9 @@ import typer
 from bench.commands.options import Folder, FolderIfAny, numbers, option, require_place, tell
 from gen.runtime.errors import InputError
 
+GRIDS = option("129,257,513,1025", "Nodes a side of the grids, each 2^k + 1.", metavar="N,...")
+SURFACES = option(3, "Surfaces, each of its own seed.", min=1)
+
 
 def solver(
     output: FolderIfAny = None,
@@ -74,10 +77,8 @@ def peers(
 
 def growth(
     output: Folder,
-    nodes: str = option(
-        "129,257,513,1025", "Nodes a side of the grids, each 2^k + 1.", metavar="N,..."
-    ),
-    surfaces: int = option(3, "Surfaces, each of its own seed.", min=1),
+    nodes: str = GRIDS,
+    surfaces: int = SURFACES,
 ) -> None:
     """Measure how convolutions, time and memory of a solve grow with the grid.
 
@@ -92,10 +93,8 @@ def growth(
 
 def yielding(
     output: Folder,
-    nodes: str = option(
-        "129,257,513,1025", "Nodes a side of the grids, each 2^k + 1.", metavar="N,..."
-    ),
-    surfaces: int = option(3, "Surfaces, each of its own seed.", min=1),
+    nodes: str = GRIDS,
+    surfaces: int = SURFACES,
 ) -> None:
     """Measure how area and mean pressure depend on the grid, with a hardness and without.
 

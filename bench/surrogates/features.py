@@ -9,13 +9,13 @@ where this ratio is the same. Intervals of scores come from a bootstrap of the t
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench import databases
+from bench.files import kept_arrays
 from bench.picture import new_figure
 from bench.report import Report, remark
 from bench.surrogates import times
@@ -157,13 +157,13 @@ def _kept(path: Path, variant: Variant, known: str) -> list[Judged]:
     """Return what a file has of one variant on the same rows and seeds; nothing if it has not."""
     if not path.exists():
         return []
-    with np.load(BytesIO(path.read_bytes()), allow_pickle=False) as kept:
-        if str(kept["known"]) != known:
-            return []
-        return [
-            Judged(variant, int(seed), int(trained), int(calibrated), *kept[f"rows{place}"])
-            for place, (seed, trained, calibrated) in enumerate(kept["numbers"])
-        ]
+    kept = kept_arrays(path, "known", "numbers")
+    if str(kept["known"]) != known:
+        return []
+    return [
+        Judged(variant, int(seed), int(trained), int(calibrated), *kept[f"rows{place}"])
+        for place, (seed, trained, calibrated) in enumerate(kept["numbers"])
+    ]
 
 
 def _judged(

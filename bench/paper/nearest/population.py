@@ -16,13 +16,14 @@ from sklearn.isotonic import IsotonicRegression
 
 import bem
 from bem.influence import Kernel
+from bench.files import kept_arrays
 from bench.paper.facts import AREA_MAX
 from bench.report import remark
 from gen.arrays import Values
 from gen.generation.plan import parameters, surface_random
 from gen.populations import surface_heights
 from gen.runtime.errors import InputError
-from gen.runtime.output import make_folder
+from gen.runtime.output import make_folder, whole
 from gen.scene import Scene
 from gen.schema import statistics_columns
 from gen.statistics import NAMES, describe
@@ -105,18 +106,17 @@ def population(folder: Path, kernel: Kernel, surfaces: int) -> Population:
         if not path.is_file():
             remark(f"{kernel}: surfaces {first} to {first + CHUNK - 1} of {surfaces}")
             _write(path, kernel, range(first, first + CHUNK))
-        with np.load(path) as file:
-            for name, found in parts.items():
-                found.append(file[name])
+        kept = kept_arrays(path, *parts)
+        for name, found in parts.items():
+            found.append(kept[name])
     return Population(**{name: np.concatenate(found) for name, found in parts.items()})
 
 
 def _write(path: Path, kernel: Kernel, numbers: range) -> None:
-    """Make the surfaces of some numbers; the file has its name only once it is whole."""
+    """Make the surfaces of some numbers and keep them."""
     hurst, statistics, areas = zip(*(_surface(kernel, number) for number in numbers), strict=True)
-    partial = path.with_suffix(".part.npz")
-    np.savez(partial, hurst=hurst, statistics=statistics, areas=areas)
-    partial.replace(path)
+    with whole(path, "arrays") as file:
+        np.savez(file, hurst=hurst, statistics=statistics, areas=areas)
 
 
 def _surface(kernel: Kernel, number: int) -> tuple[float, list[float], Values]:

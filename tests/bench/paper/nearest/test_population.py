@@ -40,6 +40,23 @@ def test_surfaces_are_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert (np.diff(made.areas) >= 0).all()
 
 
+@pytest.mark.parametrize("kind", ["text", "array", "other arrays", "cut off"])
+def test_files_of_strangers_are_refused(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "concentrated-force-00000.npz"
+    np.savez(
+        path, hurst=np.zeros(2), **({"statistics": 1, "areas": 1} if kind == "cut off" else {})
+    )
+    if kind == "cut off":
+        path.write_bytes(path.read_bytes()[:-9])
+    elif kind == "text":
+        path.write_text("hello")
+    elif kind == "array":
+        with path.open("wb") as file:
+            np.save(file, np.zeros(2))
+    with pytest.raises(InputError, match=r"00000.npz is not what this command keeps there"):
+        population(tmp_path, "concentrated-force", populations.CHUNK)
+
+
 def test_rows_are_those_of_the_surfaces_pressed_at_their_own_heights(
     surfaces: Population, monkeypatch: pytest.MonkeyPatch
 ) -> None:
