@@ -5,13 +5,13 @@ import tomllib
 import zlib
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gen.runtime.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 COMPRESSED = ".xz"  # added to the names of large tables in the repository; `unxz` gives them back
 
@@ -29,7 +29,7 @@ def content_of(path: Path) -> bytes:
         raise InputError(f"{packed} cannot be read: {error}") from None
 
 
-def kept_arrays(path: Path, *names: str) -> dict[str, NDArray[Any]]:
+def kept_arrays(path: Path, *names: str) -> "dict[str, NDArray[Any]]":
     """Read the arrays that a command has kept for its next run; the given names are among them.
 
     Raises
@@ -37,6 +37,8 @@ def kept_arrays(path: Path, *names: str) -> dict[str, NDArray[Any]]:
     InputError
         If the file cannot be read, or was not made by that command.
     """
+    import numpy as np
+
     try:
         with np.load(BytesIO(content_of(path)), allow_pickle=False) as kept:
             arrays: dict[str, NDArray[Any]] = dict(kept)
