@@ -27,11 +27,11 @@ FEW_GAPS = 0.02
 
 # Nodes whose gaps may open: those of at most this share of the mean pressure, and at most this many
 # nodes away from tension.
-SMALL_PRESSURE, RINGS = 0.3, 2
+SMALL_PRESSURE, RINGS = 0.3, 1
 
 # Cells that the neighbours of a node are away at most, and cells a side of the patch for which
 # their coefficients are tabulated.
-RADIUS, TABULATED = 4, 64
+RADIUS, TABULATED = 3, 64
 
 # Transforms at most, and the share of an error that the next solve on neighbours leaves.
 TRANSFORMS, LEFT = 12, 0.03

@@ -14,6 +14,7 @@ from scipy import fft
 from bem.arrays import Field
 from bem.convolution import FieldFilter, Filter, kept_filter
 from bem.cosine import CosineFilter
+from bem.paired_filter import PairedFilter, pairs_up
 from bem.spacing import Boundary
 
 
@@ -61,7 +62,7 @@ def spectral_filter(
 
     Returns
     -------
-    Filter or CosineFilter
+    Filter, PairedFilter or CosineFilter
         Maps an (nx, ny) pressure to an (nx, ny) displacement of zero mean [first side of a cell /
         E*]. All callers on one thread share it, so that its buffer must not be kept.
     """
@@ -80,7 +81,7 @@ def inverse_filter(
 
     Returns
     -------
-    Filter or CosineFilter
+    Filter, PairedFilter or CosineFilter
         Maps an (nx, ny) displacement to the (nx, ny) pressure of zero mean that causes it but for
         its mean [E* / first side of a cell]. All callers on one thread share it.
     """
@@ -107,6 +108,8 @@ def even_filter(
     shape: tuple[int, int], boundary: Boundary, spectrum: Field, dtype: str
 ) -> FieldFilter:
     """Return the filter that has a spectrum, in the order of `wave_numbers`."""
-    if boundary == "periodic":
-        return Filter(shape, spectrum, dtype, across=shape[1])
-    return CosineFilter(spectrum, dtype)
+    if boundary == "mirror":
+        return CosineFilter(spectrum, dtype)
+    if pairs_up(shape):
+        return PairedFilter(spectrum, dtype)
+    return Filter(shape, spectrum, dtype, across=shape[1])

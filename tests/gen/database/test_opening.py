@@ -145,9 +145,10 @@ def test_patches_without_edges_have_a_number_of_their_own(tmp_path):
         assert schema.changes_since(number, scene) == {}
     with h5py.File(path, "r+") as file:
         file.attrs.modify("physics", schema.PHYSICS)
-    with pytest.raises(InputError, match="physics 4, this version computes physics 8"):
+    with pytest.raises(InputError, match="physics 4, this version computes physics 9"):
         open_or_create(path, periodic)
-    assert list(schema.changes_since(schema.PHYSICS, periodic)) == [5, 7, schema.EDGELESS_PHYSICS]
+    changes = list(schema.changes_since(schema.PHYSICS, periodic))
+    assert changes == [5, 7, 8, schema.EDGELESS_PHYSICS]
 
 
 @pytest.mark.parametrize("boundary", ["free", "periodic"])
@@ -163,5 +164,5 @@ def test_large_grids_have_a_number_of_their_own(boundary):
     assert schema.physics_of(below) == (newest if edgeless else schema.PHYSICS)
     assert schema.physics_of(above) == newest
     since = [list(schema.changes_since(schema.PHYSICS, scene)) for scene in (below, above)]
-    assert since == ([[5, 7, 8], [5, 6, 7, 8]] if edgeless else [[], [6]])
+    assert since == ([[5, 7, 8, 9], [5, 6, 7, 8, 9]] if edgeless else [[], [6]])
     assert not schema.changes_since(newest, above)
