@@ -27,7 +27,7 @@ FEW_GAPS = 0.02
 
 # Nodes whose gaps may open: those of at most this share of the mean pressure, and at most this many
 # nodes away from tension.
-SMALL_PRESSURE, RINGS = 0.3, 1
+SMALL_PRESSURE, RINGS = 0.3, 2
 
 # Cells that the neighbours of a node are away at most, and cells a side of the patch for which
 # their coefficients are tabulated.

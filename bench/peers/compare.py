@@ -88,6 +88,7 @@ class Trial:
         self._exact = find_exact(case, REFERENCE_RTOL)
         self.contact_nodes = int(np.count_nonzero(self._exact.pressure > 0))
         self._tried: dict[float, Row] = {}
+        self._turns: list[float] = []
         self._seconds: list[float] = []
         self._failed = 0.0
 
@@ -126,18 +127,27 @@ class Trial:
         """Time it at its tolerance, unless a time is there that is too long to be repeated."""
         if self.tolerance is None or max(self._seconds, default=0.0) > PATIENCE:
             return
-        spent = 0.0
-        while spent < TURN:
-            self._seconds.append(self._timed(self.tolerance)[1])
-            spent += max(self._seconds[-1], 1e-6)
+        turn: list[float] = []
+        while sum(turn) < TURN:
+            turn.append(max(self._timed(self.tolerance)[1], 1e-6))
+        self._turns.append(median(turn))
+        self._seconds += turn
 
     @property
     def seconds(self) -> float | None:
         """Median of its times [s]."""
         return median(self._seconds) if self._seconds else None
 
-    def row(self, set_up_seconds: float, ours: float | None) -> Row:
-        """Return the row of the table; `ours` is the time of the first solver [s]."""
+    def times(self, other: "Trial") -> float | None:
+        """Median of its time over another's, round by round: a machine has slow seconds."""
+        if not (self.seconds and other.seconds):
+            return None
+        if len(self._turns) != len(other._turns):  # one of them is too long to be repeated
+            return self.seconds / other.seconds
+        return median(own / its for own, its in zip(self._turns, other._turns, strict=True))
+
+    def row(self, set_up_seconds: float, ours: "Trial") -> Row:
+        """Return the row of the table; `ours` is the trial of the first solver."""
         case, solver, seconds = self._case, self.solver, self.seconds
         found = UNKNOWN if self.tolerance is None else self._tried[self.tolerance]
         return {
@@ -152,7 +162,7 @@ class Trial:
             "set_up_seconds": set_up_seconds,  # of making what serves all contacts on the grid
             "tolerance": self.tolerance,  # the loosest of its ladder that is good enough
             "seconds": seconds,  # of CPU time of a solve after the set-up, median
-            "times_ours": seconds / ours if seconds and ours else None,
+            "times_ours": self.times(ours),
             "load_error": found["load_error"],  # and two more of `Errors`
             "misplaced_nodes": found["misplaced_nodes"],
             "pressure_error": found["pressure_error"],
@@ -188,9 +198,8 @@ def compare(cases: Sequence[Case], solvers: Sequence[Solver], rounds: int = 4) -
         guesses = [trial.tolerance or guess for trial, guess in zip(trials, guesses, strict=True)]
         for trial in back_and_forth(trials, rounds):
             trial.take_turn()
-        ours = trials[0].seconds
         pairs = zip(trials, set_ups[case.nodes], strict=True)
-        rows += [trial.row(set_up, ours) for trial, set_up in pairs]
+        rows += [trial.row(set_up, trials[0]) for trial, set_up in pairs]
     return rows
 
 

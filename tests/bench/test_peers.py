@@ -11,13 +11,13 @@ from bench.__main__ import main
 from bench.page.content import Absent, tables_of
 from bench.page.parts import contents_of
 from bench.peers import periodic
-from bench.peers.compare import Errors, compare, find_errors, loosest
+from bench.peers.compare import Errors, Trial, compare, find_errors, loosest
 from bench.peers.report import LOADS, contents, report, tables
 from bench.peers.sample import sample, samples
 from bench.solvers.case import Case, find_exact
 from bench.solvers.others import OTHERS
 from bench.solvers.own import BEM, PAPERS
-from bench.solvers.solver import LADDER, Answer, Control, Failure, Solver
+from bench.solvers.solver import LADDER, Answer, Control, Failure, Solver, back_and_forth
 from bench.table import read_table
 from gen.runtime.errors import InputError
 
@@ -127,6 +127,20 @@ def test_each_is_timed_at_the_tolerance_that_it_needs(
     assert (skipped["seconds"], limited.asked) == (None, [])
     assert skipped["remark"] == "not tried above 5 nodes in contact"
     assert capsys.readouterr().err == "33 nodes a side, H = 0.65, Delta = 25 um\n"
+
+
+def test_times_over_ours_are_of_the_same_round(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine that is three times as slow for two of three rounds changes no ratio."""
+    speeds = iter([0.1, 0.2, 0.6, 0.3, 0.3, 0.6])  # ours and theirs forth, back, and forth
+    answer = Answer(find_exact(SMALL).pressure)
+    ours, theirs = Trial(Stub(), SMALL), Trial(Stub(name="theirs"), SMALL)
+    monkeypatch.setattr(Trial, "_timed", lambda *_: (answer, next(speeds)))
+    for trial in (ours, theirs):
+        trial.tolerance = 1e-6
+    for trial in back_and_forth([ours, theirs], 3):
+        trial.take_turn()
+    assert (ours.times(ours), theirs.times(ours)) == (1.0, pytest.approx(2.0))
+    assert (ours.seconds, theirs.seconds) == (0.3, 0.6)
 
 
 def test_who_is_never_good_enough_is_named() -> None:
