@@ -41,7 +41,10 @@ LONGEST_ADVANCE = 0.5
 # more than it costs (`python -m bench growth`).
 NESTED = 1000
 
-# Tolerance of that loose solve.
+# The same for that loose solve itself, where more than this share of its nodes overlap.
+NESTED_AGAIN, MOSTLY = 250, 0.9
+
+# Tolerance of those loose solves.
 NESTED_RTOL = 1e-1
 
 # Pace after that loose solve: its contact set is good except along its borders.
@@ -52,7 +55,12 @@ FARTHEST = 10.0
 
 
 def on_rigid_far_field(
-    problem: Problem, delta: float, near: Start | None = None, *, keep_displacement: bool = False
+    problem: Problem,
+    delta: float,
+    near: Start | None = None,
+    *,
+    keep_displacement: bool = False,
+    loose: bool = False,
 ) -> Equilibrium:
     """Solve on the smallest box that holds every node at which the undeformed bodies overlap.
 
@@ -66,6 +74,8 @@ def on_rigid_far_field(
         A pressure to start from.
     keep_displacement : bool
         Whether the result has the displacement of the half-space, unless dense algebra found it.
+    loose : bool
+        Whether this is the loose solve that another one starts from.
     """
     touching, hardness = overlap(problem, delta), problem.reduced_hardness(delta)
     if len(touching.nodes) <= FEW_NODES:
@@ -80,7 +90,7 @@ def on_rigid_far_field(
         if converged:
             return unfold(problem, delta, touching, iterate)
     pace, spent = FROM_NEAR, Effort()
-    if near is None and min(touching.shape) >= NESTED:
+    if near is None and min(touching.shape) >= _nested_from(touching, loose=loose):
         near, spent = _on_coarser_grid(problem, delta)
         pace = NESTED_PACE
     operators = HalfSpace(
@@ -110,6 +120,12 @@ def on_rigid_far_field(
     )
 
 
+def _nested_from(touching: Overlap, *, loose: bool) -> int:
+    """Return the nodes a side from which on a solve starts from a looser one."""
+    full = len(touching.nodes) > MOSTLY * touching.shape[0] * touching.shape[1]
+    return NESTED_AGAIN if loose and full else NESTED
+
+
 def _usable_start(
     problem: Problem, operators: HalfSpace, touching: Overlap, delta: float, near: Start | None
 ) -> Iterate | None:
@@ -136,7 +152,7 @@ def _on_coarser_grid(problem: Problem, delta: float) -> tuple[Start | None, Effo
         return None, Effort()
     spacing = 2 * problem.spacing[0], 2 * problem.spacing[1]
     coarse = replace(problem, heights=heights, spacing=spacing, rtol=NESTED_RTOL)
-    loose = on_rigid_far_field(coarse, coarse_delta)
+    loose = on_rigid_far_field(coarse, coarse_delta, loose=True)
     pressure = loose.pressure * (loose.length / spacing[0])
     for axis, nodes in enumerate(problem.heights.shape):
         pressure = _between(pressure, axis, nodes)

@@ -29,7 +29,7 @@ PHYSICS = 4
 EDGELESS_PHYSICS = 9
 """The same for scenes of patches without edges, on grids of any size."""
 
-LARGE_PHYSICS = 6
+LARGE_PHYSICS = 10
 """The same for other scenes of `LARGE_NODES` or more."""
 
 LARGE_NODES = 10**6
@@ -60,6 +60,8 @@ EDGELESS_CHANGES: dict[int, str] = {
 LARGE_CHANGES: dict[int, str] = {
     6: "grids of a million nodes or more start from a looser solve of a coarser grid; transforms"
     " and long sums round in another order: forces differ within the tolerance",
+    10: "the looser solve of a coarser grid starts from one on a yet coarser grid: forces differ"
+    " within the tolerance, convolutions are fewer",
 }
 """What changed in the results of large grids alone."""
 
@@ -384,7 +386,8 @@ def changes_since(physics: int, scene: Scene) -> dict[int, str]:
     """Return how a scene's results differ from those of an earlier number, by the later numbers."""
     changes = PHYSICS_CHANGES | (EDGELESS_CHANGES if scene.edgeless else {})
     changes |= LARGE_CHANGES if _is_large(scene) else {}
-    return {number: changes[number] for number in sorted(changes) if number > physics}
+    newest = physics_of(scene)
+    return {number: changes[number] for number in sorted(changes) if physics < number <= newest}
 
 
 def _is_large(scene: Scene) -> bool:

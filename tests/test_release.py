@@ -66,7 +66,7 @@ def test_the_table_of_extras_is_whole():
 
 def test_the_table_of_formats_is_that_of_the_code():
     table = re.findall(
-        r"^\| (\w+)[^|]*\|[^|]*\| (\d) \| (.*) \|", text("docs/compatibility.md"), re.M
+        r"^\| (\w+)[^|]*\|[^|]*\| (\d+) \| (.*) \|", text("docs/compatibility.md"), re.M
     )
     *older, newest = map(str, storage.READ)
     assert table == [
