@@ -96,13 +96,12 @@ def partners(waves: Any, crossing: Any, group: Group, high: int) -> Iterator[tup
     Yields
     ------
     waves, crossing : ndarray
-        Views of both as real numbers.
+        Views of both, as real numbers where that takes less time.
     """
     real = waves.real.dtype
     low, beyond = group.paired, slice(high, high + group.many[1])
     for one, other in ((low, beyond), (beyond, low)):
         yield waves[one].view(real), crossing[other].view(real)[::-1]
     if not group.low.start:
-        own, partner = waves[0].view(real), crossing[0]
-        yield own[:2], partner[:1].view(real)
-        yield waves[0, 1:], partner[1:][::-1]
+        yield waves[0, :1], crossing[0, :1]
+        yield waves[0, 1:], crossing[0, 1:][::-1]

@@ -1,8 +1,8 @@
 """How much faster others' solvers are on threads of their own.
 
-Tamaas is built with OpenMP, which reads the number of threads from the environment as it starts:
-every measurement is a process of its own. A solve of it on a large free patch takes minutes, so
-that a few of its iterations are timed; each of them applies its operator once.
+Tamaas and ASPHER are built with OpenMP, which reads the number of threads from the environment as
+it starts: every measurement is a process of its own. A solve of theirs on a large free patch takes
+up to minutes, so that a few of its iterations are timed; each of them applies its operator once.
 """
 
 import importlib
@@ -10,7 +10,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from statistics import median
 from typing import Any
@@ -30,6 +30,9 @@ ITERATIONS = 3
 PRESSURE = 0.02
 NEVER_MET = 1e-30
 
+# ASPHER's preconditioner that takes the fewest iterations: a transform of the grid.
+FILTER = "fourier-fft"
+
 COLUMNS = {
     "solver": "{solver}",
     "nodes": "{nodes}",
@@ -41,41 +44,52 @@ COLUMNS = {
 
 
 def measure(nodes: Sequence[int], threads: int, rounds: int) -> list[Row]:
-    """Time iterations of Tamaas on one and on several threads; no rows where it is missing."""
-    if find_spec("tamaas") is None:
-        remark("Tamaas is missing: pip install tamaas")
-        return []
+    """Time iterations of others on one and on several threads; no rows of those that are missing.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        If a process of one of them fails.
+    """
     rows = []
-    for size in nodes:
-        seconds: dict[int, list[float]] = {1: [], threads: []}
-        for turn in range(rounds):
-            for many in (1, threads) if turn % 2 else (threads, 1):
-                seconds[many].append(_timed_apart(size, many))
-        one, several = median(seconds[1]), median(seconds[threads])
-        rows.append(
-            {
-                "solver": f"Tamaas, {ITERATIONS} iterations",
-                "nodes": size,
-                "threads": threads,
-                "seconds_one": one,
-                "seconds": several,
-                "gain": one / several,
-            }
-        )
-        remark(f"Tamaas, {size} nodes: {rows[-1]['gain']:.2f} times as fast")
+    for name, (package, _) in PEERS.items():
+        if find_spec(package) is None:
+            remark(f"{name} is missing: pip install {package}")
+            continue
+        for size in nodes:
+            rows.append(_measured(name, size, threads, rounds))
+            remark(f"{name}, {size} nodes: {rows[-1]['gain']:.2f} times as fast")
     return rows
+
+
+def _measured(name: str, nodes: int, threads: int, rounds: int) -> Row:
+    """Time iterations of one of them on one and on several threads in turn."""
+    seconds: dict[int, list[float]] = {1: [], threads: []}
+    for turn in range(rounds):
+        for many in (1, threads) if turn % 2 else (threads, 1):
+            seconds[many].append(_timed_apart(name, nodes, many))
+    one, several = median(seconds[1]), median(seconds[threads])
+    return {
+        "solver": f"{name}, {ITERATIONS} iterations",
+        "nodes": nodes,
+        "threads": threads,
+        "seconds_one": one,
+        "seconds": several,
+        "gain": one / several,
+    }
 
 
 def table(rows: Sequence[Row]) -> str:
     """Return the table of the rows, or what to install for it."""
     if not rows:
-        return "Other solvers on threads of their own: none installed: pip install tamaas"
+        packages = " ".join(package for package, _ in PEERS.values())
+        return f"Other solvers on threads of their own: none installed: pip install {packages}"
     return f"Other solvers on threads of their own:\n\n{formatted(COLUMNS, rows)}"
 
 
-def _timed_apart(nodes: int, threads: int) -> float:
+def _timed_apart(name: str, nodes: int, threads: int) -> float:
     """Return the time of some iterations in a process that has a number of threads [s]."""
-    command = [sys.executable, "-m", "bench.peer_threads", str(nodes)]
+    command = [sys.executable, "-m", "bench.peer_threads", name, str(nodes)]
     environment = os.environ | {THREADS_VARIABLE: str(threads)}
     done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True, text=True)
     return float(done.stdout.split()[-1])
@@ -105,5 +119,25 @@ def _iterate_tamaas(nodes: int) -> float:
     return seconds
 
 
+def _iterate_aspher(nodes: int) -> float:
+    """Return the time of some iterations of ASPHER on a free patch [s]."""
+    solver: Any = importlib.import_module("aspher").ContactSolver(
+        grid_size=nodes, domain_size=SIDE, E_star=1.0, backend="fft"
+    )
+    gaps = -surface(nodes, 0).ravel()
+    seconds = 0.0
+    for iterations in (1, ITERATIONS):  # the first solve makes plans and tables
+        began = time.perf_counter()
+        solver.solve(gaps, p_nominal=PRESSURE, tol=NEVER_MET, max_iter=iterations, precond=FILTER)
+        seconds = time.perf_counter() - began
+    return seconds
+
+
+PEERS: dict[str, tuple[str, Callable[[int], float]]] = {
+    "Tamaas": ("tamaas", _iterate_tamaas),
+    "ASPHER": ("aspher", _iterate_aspher),
+}
+"""Their packages, and what times them."""
+
 if __name__ == "__main__":
-    print(_iterate_tamaas(int(sys.argv[1])))  # noqa: T201  read by the process that started it
+    print(PEERS[sys.argv[1]][1](int(sys.argv[2])))  # noqa: T201  read by who started the process

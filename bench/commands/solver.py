@@ -113,7 +113,7 @@ def threads(
     percents: str = option("1,10,50", "Shares of the nodes in contact.", metavar="PERCENT,..."),
     number: int = option(2, "Threads beside a single one.", "--threads", metavar="N", min=2),
     rounds: int = option(3, "Turns; medians count.", min=1),
-    peers: bool = option(False, "Time iterations of Tamaas on threads of its own too.", "--peers"),
+    peers: bool = option(False, "Time other solvers on threads of their own too.", "--peers"),
 ) -> None:
     """Measure how much faster one large solve is on several threads.
 

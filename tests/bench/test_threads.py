@@ -25,25 +25,26 @@ def test_rows_compare_threads_with_copies_of_the_transforms() -> None:
 
 def test_others_are_timed_in_processes_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each with its number of threads; where none is installed, there are no rows."""
-    started: list[int] = []
+    started: list[tuple[str, int]] = []
 
-    def timed(nodes: int, threads: int) -> float:
-        started.append(threads)
+    def timed(name: str, nodes: int, threads: int) -> float:
+        started.append((name, threads))
         return 6.0 / threads
 
     monkeypatch.setattr(peer_threads, "_timed_apart", timed)
     monkeypatch.setattr(peer_threads, "find_spec", lambda name: None)
     assert peer_threads.measure((65,), 3, 2) == []
     monkeypatch.setattr(peer_threads, "find_spec", lambda name: name)
-    (row,) = peer_threads.measure((65,), 3, 2)
-    assert started == [3, 1, 1, 3]
-    assert row["gain"] == 3
-    assert "Tamaas, 3 iterations" in peer_threads.table([row])
+    rows = peer_threads.measure((65,), 3, 2)
+    assert started == [(name, many) for name in ("Tamaas", "ASPHER") for many in (3, 1, 1, 3)]
+    assert [row["gain"] for row in rows] == [3, 3]
+    assert "Tamaas, 3 iterations" in peer_threads.table(rows)
 
 
-def test_iterations_of_tamaas_are_timed() -> None:
-    pytest.importorskip("tamaas")
-    assert 0 < peer_threads._timed_apart(65, 2) < 60
+@pytest.mark.parametrize(("name", "package"), [("Tamaas", "tamaas"), ("ASPHER", "aspher")])
+def test_iterations_of_others_are_timed(name: str, package: str) -> None:
+    pytest.importorskip(package)
+    assert 0 < peer_threads._timed_apart(name, 65, 2) < 60
 
 
 def test_grids_that_cannot_be_nested_are_refused() -> None:
