@@ -41,8 +41,10 @@ LONGEST_ADVANCE = 0.5
 # more than it costs (`python -m bench growth`).
 NESTED = 1000
 
-# The same for that loose solve itself, where more than this share of its nodes overlap.
-NESTED_AGAIN, MOSTLY = 250, 0.9
+# Nodes a side from which on that loose solve starts from one on a yet coarser grid, if more than a
+# share of the nodes of its box overlap; with fewer it gains nothing.
+NESTED_AGAIN = 250
+NEARLY_ALL = 0.9
 
 # Tolerance of those loose solves.
 NESTED_RTOL = 1e-1
@@ -75,7 +77,7 @@ def on_rigid_far_field(
     keep_displacement : bool
         Whether the result has the displacement of the half-space, unless dense algebra found it.
     loose : bool
-        Whether this is the loose solve that another one starts from.
+        Whether another solve is to start from the result.
     """
     touching, hardness = overlap(problem, delta), problem.reduced_hardness(delta)
     if len(touching.nodes) <= FEW_NODES:
@@ -121,9 +123,9 @@ def on_rigid_far_field(
 
 
 def _nested_from(touching: Overlap, *, loose: bool) -> int:
-    """Return the nodes a side from which on a solve starts from a looser one."""
-    full = len(touching.nodes) > MOSTLY * touching.shape[0] * touching.shape[1]
-    return NESTED_AGAIN if loose and full else NESTED
+    """Return the nodes a side from which on a solve, or a loose one, starts from a coarser grid."""
+    all_overlap = len(touching.nodes) > NEARLY_ALL * touching.shape[0] * touching.shape[1]
+    return min(NESTED, NESTED_AGAIN) if loose and all_overlap else NESTED
 
 
 def _usable_start(

@@ -1,4 +1,4 @@
-"""Filters of fields that repeat themselves, by complex transforms of half the length.
+"""Filters of periodic fields, by complex transforms of half the length.
 
 `bem.pairs` has the method.
 """
@@ -15,11 +15,13 @@ from bem.plans import PLAN_BYTES, Plan, aligned, plan
 from bem.sections import unforked
 from bem.workers import workers
 
-# Entries of a field for which this takes less time than real transforms: for fewer, calls of numpy
-# take longer than the transforms; for more, rows have to be kept in stripes.
+# Entries of the smallest field, and of the smallest one beyond, for which complex transforms take
+# less time than real ones: calls of numpy cost more than they save on smaller fields, and larger
+# ones need rows in stripes (`bem.convolution`).
 LEAST_ENTRIES, MOST_ENTRIES = 2**12, 2**22
 
-# Memory of the columns that are filtered at a time: they stay in the processor's cache.
+# Memory of the columns that are filtered at a time: they stay in the processor's cache with what
+# they add to each other, which takes as much.
 BATCH_BYTES = 256 * 2**10
 
 
@@ -47,7 +49,7 @@ class PairedFilter:
     field : ndarray, shape (nx, ny)
         Buffer of `transform`.
     bytes : int
-        Memory that the filter occupies.
+        Memory that the filter occupies on one thread.
     largest : float
         Largest value of the spectrum, which no eigenvalue exceeds.
     """
@@ -81,7 +83,7 @@ class PairedFilter:
 
     def _plan_columns(self, threads: int) -> list[list["_Batch"]]:
         """Plan all batches of columns, as a list for each thread, which has buffers of its own."""
-        most, rows = max(sum(group.many) for group in self._groups), self.shape[0]
+        most, rows = max(sum(group.counts) for group in self._groups), self.shape[0]
         lists: list[list[_Batch]] = []
         for thread in range(threads):
             buffers = [aligned((most, rows), self._waves.dtype) for _ in range(2)]
@@ -91,7 +93,7 @@ class PairedFilter:
 
     def transform(self) -> None:
         """Filter `field` in place."""
-        if len(self._rows_in) == 1:
+        if self.field.size < SHARED_ENTRIES:
             self._rows_in[0].execute()
             _filter_columns(self._lists[0])
             self._rows_out[0].execute()
@@ -116,7 +118,7 @@ class PairedFilter:
 
 
 def _tables(spectrum: Field, group: Group, dtype: Any) -> tuple[Real, Any]:
-    """Tabulate the factors of Z for its two parts, and those of its conjugate, column by column."""
+    """Tabulate the factors of Z for both parts of each number, and those of its conjugate."""
     own, across = factors(spectrum, np.r_[group.low, group.high])
     crossing = (1j * across).astype(dtype)
     return np.repeat(own, 2, axis=1).astype(crossing.real.dtype), crossing
@@ -134,21 +136,21 @@ class _Batch:
     tables : tuple of ndarray
         Factors of Z (columns, 2 nx), a pair for each number, and of its conjugate (columns, nx).
     buffers : list of ndarray, shape (columns, nx)
-        Room for the columns, twice.
+        Room for the columns, and for what they add to their partners.
     """
 
     def __init__(
         self, columns: Any, group: Group, tables: tuple[Real, Any], buffers: list[Any]
     ) -> None:
         self.buffers, (self._own, self._across) = buffers, tables
-        low, high = group.many
+        low, high = group.counts
         self._waves, self._crossing = (buffer[: low + high] for buffer in buffers)
         self._entries = self._waves.view(self._own.dtype)
         ends = [(columns[group.low], self._waves[:low], False)]
         if high:
             ends.append((columns[group.high], self._waves[low:], True))
-        self._forward = [plan(a, b, 1, backward=beyond) for a, b, beyond in ends]
-        self._backward = [plan(b, a, 1, backward=not beyond) for a, b, beyond in ends]
+        self._forward = [plan(a, b, 1, backward=mirrored) for a, b, mirrored in ends]
+        self._backward = [plan(b, a, 1, backward=not mirrored) for a, b, mirrored in ends]
         self._partners = list(partners(self._waves, self._crossing, group, low))
 
     def filter(self) -> None:

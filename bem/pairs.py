@@ -1,13 +1,13 @@
 """Real transforms as complex ones of half the length: columns of waves and their partners.
 
-FFTW has vector instructions for complex transforms and none for real ones, which take more than
-twice as long as complex ones of the same work. Neighbours along a row can be the real and the
-imaginary part of one number, as they lie in memory, so that no value is moved.
+FFTW has vector instructions for complex transforms only, so that a row of real numbers takes it
+several times as long as one of half as many complex ones. So number j of a row is z = a + i b here,
+with the entries a and b of its columns 2 j and 2 j + 1, as they lie in memory.
 
-With the n = py / 2 numbers z = a + i b of a row, the transform Z of z holds those of both parts,
-A = (Z(q, k) + conj Z(-q, -k)) / 2 and B = (Z(q, k) - conj Z(-q, -k)) / 2i, and that of the field is
-A + exp(-i t) B with t = pi k / n (Press et al. 2007, Numerical Recipes, section 12.3). Filtering
-its waves k and k + n by factors S and S' therefore makes of Z(q, k)
+With n such numbers in a row, the transform Z of z holds those of both parts, A = (Z(q, k) +
+conj Z(-q, -k)) / 2 and B = (Z(q, k) - conj Z(-q, -k)) / 2i, and that of the row is A + exp(-i t) B
+with t = pi k / n (Press et al. 2007, Numerical Recipes, section 12.3). A filter multiplies its
+waves k and k + n by S and S'; it is even, so that S' is the factor of wave n - k. Z(q, k) becomes
 
     ((S + S') / 2 - (S - S') / 2 sin t) Z(q, k) + i (S - S') / 2 cos t conj Z(-q, -k).
 
@@ -29,27 +29,27 @@ class Group(NamedTuple):
     Attributes
     ----------
     low, high : slice
-        The columns of both kinds.
+        The columns k, and their partners.
     """
 
     low: slice
     high: slice
 
     @property
-    def many(self) -> tuple[int, int]:
-        """Numbers of columns of both kinds."""
+    def counts(self) -> tuple[int, int]:
+        """Numbers of the columns k and of their partners."""
         low, high = (columns.stop - columns.start for columns in self)
         return low, high
 
     @property
     def paired(self) -> slice:
-        """Places of the columns with a partner among those of `low`."""
+        """Which columns of `low` have a partner in `high`, counted from its first."""
         first = 0 if self.low.start else 1
-        return slice(first, first + self.many[1])
+        return slice(first, first + self.counts[1])
 
 
 def groups(columns: int, most: int) -> Iterator[Group]:
-    """Divide the n columns into groups of at most some columns k each, and their partners."""
+    """Divide n columns into groups of at most `most` columns k and their partners."""
     half = columns // 2 + 1
     size = -(-half // -(-half // most))
     for start in range(0, half, size):
@@ -59,19 +59,21 @@ def groups(columns: int, most: int) -> Iterator[Group]:
 
 
 def factors(spectrum: Field, columns: Any) -> tuple[Field, Field]:
-    """Return the factors of Z, and those of i conj Z, in some columns.
+    """Compute the factors by which a filter multiplies Z and i conj Z, in some columns.
 
     Parameters
     ----------
     spectrum : ndarray, shape (px, n + 1)
         Real transform of a kernel with periods (px, 2 n) that is even in both directions.
     columns : ndarray of int, shape (m,)
-        Columns k or n - k.
+        Indices of the columns, from 0 to n - 1.
 
     Returns
     -------
-    own, across : ndarray, shape (m, px)
-        The latter are the same for k and n - k.
+    own : ndarray, shape (m, px)
+        Factors of Z.
+    across : ndarray, shape (m, px)
+        Factors of i conj Z, the same in columns k and n - k.
     """
     waves, (rows, n) = spectrum.T, (len(spectrum), spectrum.shape[1] - 1)
     low, high = waves[columns] / (rows * n), waves[n - columns] / (rows * n)
@@ -81,25 +83,26 @@ def factors(spectrum: Field, columns: Any) -> tuple[Field, Field]:
 
 
 def partners(waves: Any, crossing: Any, group: Group, high: int) -> Iterator[tuple[Any, Any]]:
-    """Pair columns with what their partners add to them; column 0 is its own partner.
+    """Yield views of columns beside what has to be added to them; column 0 is its own partner.
 
     Parameters
     ----------
-    waves, crossing : ndarray, shape (columns, px)
-        Columns k of a group from row 0 and their partners from row `high`, and what each of them
-        adds to its partner.
+    waves : ndarray, shape (columns, px)
+        The columns k of a group from row 0 on, and their partners from row `high` on.
+    crossing : ndarray, shape (columns, px)
+        In the same rows what each column adds to its partner.
     group : Group
         The group.
     high : int
-        Row from which on the partners lie.
+        First row of the partners.
 
     Yields
     ------
     waves, crossing : ndarray
-        Views of both, as real numbers where that takes less time.
+        Views of the same shape: of real and imaginary parts, of column 0 of complex numbers.
     """
     real = waves.real.dtype
-    low, beyond = group.paired, slice(high, high + group.many[1])
+    low, beyond = group.paired, slice(high, high + group.counts[1])
     for one, other in ((low, beyond), (beyond, low)):
         yield waves[one].view(real), crossing[other].view(real)[::-1]
     if not group.low.start:

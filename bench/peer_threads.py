@@ -1,8 +1,9 @@
-"""How much faster others' solvers are on threads of their own.
+"""How much faster other solvers are on threads of their own.
 
 Tamaas and ASPHER are built with OpenMP, which reads the number of threads from the environment as
-it starts: every measurement is a process of its own. A solve of theirs on a large free patch takes
-up to minutes, so that a few of its iterations are timed; each of them applies its operator once.
+it starts: every measurement is a process of its own. Their solves of a large free patch take up to
+minutes, so that a few iterations are timed. Each applies the operator once, and in ASPHER the
+preconditioner.
 """
 
 import importlib
@@ -44,7 +45,7 @@ COLUMNS = {
 
 
 def measure(nodes: Sequence[int], threads: int, rounds: int) -> list[Row]:
-    """Time iterations of others on one and on several threads; no rows of those that are missing.
+    """Time iterations of other solvers on one and on several threads, of those that are installed.
 
     Raises
     ------
@@ -137,7 +138,7 @@ PEERS: dict[str, tuple[str, Callable[[int], float]]] = {
     "Tamaas": ("tamaas", _iterate_tamaas),
     "ASPHER": ("aspher", _iterate_aspher),
 }
-"""Their packages, and what times them."""
+"""Package of each solver, and the function that times its iterations."""
 
 if __name__ == "__main__":
-    print(PEERS[sys.argv[1]][1](int(sys.argv[2])))  # noqa: T201  read by who started the process
+    print(PEERS[sys.argv[1]][1](int(sys.argv[2])))  # noqa: T201  read by the parent process

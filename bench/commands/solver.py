@@ -41,7 +41,9 @@ def peers(
     output: Folder,
     nodes: str = option("", "Nodes a side, each 2^k + 1, or 2^k if periodic.", metavar="N,..."),
     deltas: str = option("5,25,45", "Displacements of the far field.", metavar="UM,..."),
-    rounds: int = option(4, "Turns; medians count.", min=1),
+    rounds: int = option(
+        4, "Turns; medians count. On periodic patches 3 at most from 512 nodes on.", min=1
+    ),
     hardness: str = option(
         "", "Over E*: bodies that yield, DIR/hardness.csv.", metavar="RATIO,..."
     ),

@@ -139,12 +139,13 @@ class Trial:
         return median(self._seconds) if self._seconds else None
 
     def times(self, other: "Trial") -> float | None:
-        """Median of its time over another's, round by round: a machine has slow seconds."""
-        if not (self.seconds and other.seconds):
-            return None
-        if len(self._turns) != len(other._turns):  # one of them is too long to be repeated
+        """Median over the rounds of its time over another's: a machine has slow seconds."""
+        rounds = list(zip(self._turns, other._turns, strict=False))
+        if rounds:
+            return median(own / its for own, its in rounds)
+        if self.seconds and other.seconds:  # one of them takes too long to be repeated
             return self.seconds / other.seconds
-        return median(own / its for own, its in zip(self._turns, other._turns, strict=True))
+        return None
 
     def row(self, set_up_seconds: float, ours: "Trial") -> Row:
         """Return the row of the table; `ours` is the trial of the first solver."""

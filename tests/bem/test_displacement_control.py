@@ -1,6 +1,7 @@
 """A given displacement: starts from a coarser grid and from a pressure nearby."""
 
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 import bem
 from bem import convolution, displacement_control, equilibrium
 from bem.influence import KERNELS, Kernel
-from bem.problem import pose
+from bem.problem import Problem, pose
 from bench.references.surfaces import SURFACES, surface
 from gen.runtime.overtime import at_most
 from gen.surface import generate
@@ -67,6 +68,29 @@ def test_a_peak_between_the_coarser_nodes_starts_from_nothing(
     monkeypatch.setattr(displacement_control, "FEW_NODES", 0)
     contact = bem.solve(heights, 40.0, 1.5)
     assert contact.contact_nodes == 1
+
+
+@pytest.mark.parametrize(
+    ("share", "grids"), [(1.0, [65, 33, 17]), (0.95, [65, 33, 17]), (0.85, [65, 33])]
+)
+def test_loose_solves_start_from_coarser_grids_where_nearly_all_nodes_overlap(
+    monkeypatch: pytest.MonkeyPatch, share: float, grids: list[int]
+) -> None:
+    monkeypatch.setattr(displacement_control, "NESTED", 50)
+    monkeypatch.setattr(displacement_control, "NESTED_AGAIN", 20)
+    monkeypatch.setattr(displacement_control, "FEW_NODES", 0)
+    heights = np.random.default_rng(4).random((65, 65)) / 100
+    heights[np.random.default_rng(5).random(heights.shape) > share] = -5.0  # out of reach
+    solved: list[int] = []
+    solve = displacement_control.on_rigid_far_field
+
+    def watched(problem: Problem, *arguments: Any, **settings: Any) -> Any:
+        solved.append(len(problem.heights))
+        return solve(problem, *arguments, **settings)
+
+    monkeypatch.setattr(displacement_control, "on_rigid_far_field", watched)
+    assert watched(pose(heights, 64.0, 1.0), 1.0).converged
+    assert solved == grids
 
 
 @pytest.mark.parametrize("nodes", range(1, 10))

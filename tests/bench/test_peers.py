@@ -130,8 +130,8 @@ def test_each_is_timed_at_the_tolerance_that_it_needs(
 
 
 def test_times_over_ours_are_of_the_same_round(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A machine that is three times as slow for two of three rounds changes no ratio."""
-    speeds = iter([0.1, 0.2, 0.6, 0.3, 0.3, 0.6])  # ours and theirs forth, back, and forth
+    """The median of 0.3 / 0.1, 0.2 / 0.2 and 0.6 / 0.3, not the ratio of the medians, 1.5."""
+    speeds = iter([0.1, 0.3, 0.2, 0.2, 0.3, 0.6])  # ours and theirs forth, back, and forth
     answer = Answer(find_exact(SMALL).pressure)
     ours, theirs = Trial(Stub(), SMALL), Trial(Stub(name="theirs"), SMALL)
     monkeypatch.setattr(Trial, "_timed", lambda *_: (answer, next(speeds)))
@@ -140,7 +140,14 @@ def test_times_over_ours_are_of_the_same_round(monkeypatch: pytest.MonkeyPatch) 
     for trial in back_and_forth([ours, theirs], 3):
         trial.take_turn()
     assert (ours.times(ours), theirs.times(ours)) == (1.0, pytest.approx(2.0))
-    assert (ours.seconds, theirs.seconds) == (0.3, 0.6)
+    assert (ours.seconds, theirs.seconds) == (0.2, 0.3)
+
+
+def test_who_takes_too_long_to_be_repeated_has_a_ratio_too() -> None:
+    """Ours among them, and one that has no time at all."""
+    ours, theirs, failed = (Trial(Stub(name=name), SMALL) for name in ("", "theirs", "failed"))
+    ours._seconds, theirs._seconds = [6.0], [9.0]
+    assert (ours.times(ours), theirs.times(ours), failed.times(ours)) == (1.0, 1.5, None)
 
 
 def test_who_is_never_good_enough_is_named() -> None:
