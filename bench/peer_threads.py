@@ -21,6 +21,7 @@ import numpy as np
 from bem.workers import THREADS_VARIABLE
 from bench.growth import SIDE, surface
 from bench.report import remark
+from bench.solvers import aspher
 from bench.solvers.tamaas import OPERATOR
 from bench.table import formatted
 
@@ -53,9 +54,9 @@ def measure(nodes: Sequence[int], threads: int, rounds: int) -> list[Row]:
         If a process of one of them fails.
     """
     rows = []
-    for name, (package, _) in PEERS.items():
+    for name, (package, install, _) in PEERS.items():
         if find_spec(package) is None:
-            remark(f"{name} is missing: pip install {package}")
+            remark(f"{name} is missing: {install}")
             continue
         for size in nodes:
             rows.append(_measured(name, size, threads, rounds))
@@ -83,8 +84,8 @@ def _measured(name: str, nodes: int, threads: int, rounds: int) -> Row:
 def table(rows: Sequence[Row]) -> str:
     """Return the table of the rows, or what to install for it."""
     if not rows:
-        packages = " ".join(package for package, _ in PEERS.values())
-        return f"Other solvers on threads of their own: none installed: pip install {packages}"
+        remedies = "; ".join(install for _, install, _ in PEERS.values())
+        return f"Other solvers on threads of their own: none installed: {remedies}"
     return f"Other solvers on threads of their own:\n\n{formatted(COLUMNS, rows)}"
 
 
@@ -134,11 +135,11 @@ def _iterate_aspher(nodes: int) -> float:
     return seconds
 
 
-PEERS: dict[str, tuple[str, Callable[[int], float]]] = {
-    "Tamaas": ("tamaas", _iterate_tamaas),
-    "ASPHER": ("aspher", _iterate_aspher),
+PEERS: dict[str, tuple[str, str, Callable[[int], float]]] = {
+    "Tamaas": ("tamaas", "pip install tamaas", _iterate_tamaas),
+    "ASPHER": ("aspher", aspher.SOLVERS[0].install, _iterate_aspher),
 }
-"""Package of each solver, and the function that times its iterations."""
+"""Package of each solver, how to install it, and the function that times its iterations."""
 
 if __name__ == "__main__":
-    print(PEERS[sys.argv[1]][1](int(sys.argv[2])))  # noqa: T201  read by the parent process
+    print(PEERS[sys.argv[1]][2](int(sys.argv[2])))  # noqa: T201  read by the parent process
