@@ -193,8 +193,9 @@ def draw(rows: Sequence[Row]) -> Any:
             name = f"the same, {many} threads (estimate)"
             panel.plot(area, reckoned, marker, mfc="none", label=name, **style)
     panel.set(xscale="log", xlabel="nodes in contact [%]", ylabel="times as fast as one thread")
-    panel.set_ylim(0, None)
-    panel.legend(fontsize="small")
+    highest = max(max(row[f"reckoned_{many}"] for many in RECKONED) for row in rows)
+    panel.set_ylim(0, 1.7 * highest)  # room for the legend
+    panel.legend(fontsize="small", loc="upper left")
     return figure
 
 
