@@ -70,15 +70,19 @@ def _measured(name: str, nodes: int, threads: int, rounds: int) -> Row:
     for turn in range(rounds):
         for many in (1, threads) if turn % 2 else (threads, 1):
             seconds[many].append(_timed_apart(name, nodes, many))
-    one, several = median(seconds[1]), median(seconds[threads])
     return {
         "solver": f"{name}, {ITERATIONS} iterations",
         "nodes": nodes,
         "threads": threads,
-        "seconds_one": one,
-        "seconds": several,
-        "gain": one / several,
+        "seconds_one": median(seconds[1]),
+        "seconds": median(seconds[threads]),
+        "gain": gain(seconds[1], seconds[threads]),
     }
+
+
+def gain(slow: Sequence[float], fast: Sequence[float]) -> float:
+    """Return how many times as long the slow one of a turn takes, the median over the turns."""
+    return median(one / other for one, other in zip(slow, fast, strict=True))
 
 
 def table(rows: Sequence[Row]) -> str:

@@ -2,7 +2,8 @@
 
 The bound is what the machine itself allows: as many copies of the transforms alone, each on a
 thread of its own, against one copy. Surfaces are those of `bench.growth`. All times are wall-clock
-times of one process, in turn, and medians count; a busy machine spoils them. Every contact on
+times of one process, in turn: gains are taken within a turn, and their median counts, so that a
+machine that is slower for some seconds spoils one turn only. Every contact on
 several threads is the same to the last bit as the one on a single thread, or the command fails.
 """
 
@@ -34,6 +35,9 @@ WANTED_SHARE = 0.9
 # Entries of padded fields that are transformed in one turn of the copies.
 TRANSFORMED = 2.5e7
 
+# Nodes a side from which on one round is enough: a solve takes minutes, and its gain varies less.
+LONG_FROM = 4097
+
 # Threads for which the gain is reckoned from the shared part of a solve.
 RECKONED = (4, 8)
 
@@ -57,6 +61,8 @@ def measure(
 ) -> list[Row]:
     """Time solves at shares of contact [%] on one and on several threads.
 
+    Grids of `LONG_FROM` nodes a side or more are timed in a single round.
+
     Raises
     ------
     ArithmeticError
@@ -70,7 +76,7 @@ def measure(
         copies = gain_of_copies(size, threads, rounds)
         heights, delta = surface(size, 0), displacement_at(size, 0, percent)
         row = {"nodes": size, "threads": threads, "copies": copies}
-        row |= _timed(heights, delta, threads, rounds)
+        row |= _timed(heights, delta, threads, rounds if size < LONG_FROM else 1)
         rows.append(row | {"gain_over_copies": row["gain"] / copies})
         remark(f"{size} nodes, {percent:g} %: {rows[-1]['gain']:.2f} times as fast")
     return rows
@@ -82,7 +88,7 @@ def gain_of_copies(nodes: int, threads: int, rounds: int) -> float:
     seconds: dict[int, list[float]] = {1: [], threads: []}
     for _, many in product(range(rounds), seconds):
         seconds[many].append(_transform_copies(nodes, many, turns))
-    return threads * median(seconds[1]) / median(seconds[threads])
+    return threads * peer_threads.gain(seconds[1], seconds[threads])
 
 
 def _transform_copies(nodes: int, threads: int, turns: int) -> float:
@@ -114,25 +120,24 @@ def _timed(heights: Heights, delta: float, threads: int, rounds: int) -> Row:
     def solve(many: int) -> Contact:
         return bem.solve(heights, SIDE, delta, rtol=RTOL, threads=many)
 
-    contact, other = solve(1), solve(threads)  # tables and plans are made
-    if not np.array_equal(contact.pressure, other.pressure):
-        raise ArithmeticError(
-            f"{threads} threads change the pressure of {len(heights)} nodes a side"
-        )
+    pressure = solve(threads).pressure  # tables and plans are made
     seconds: dict[int, list[float]] = {1: [], threads: []}
     for turn in range(rounds):
         for many in (1, threads) if turn % 2 else (threads, 1):
             began = time.perf_counter()
-            solve(many)
+            contact = solve(many)
             seconds[many].append(time.perf_counter() - began)
-    one, several = median(seconds[1]), median(seconds[threads])
+            if not np.array_equal(contact.pressure, pressure):
+                raise ArithmeticError(
+                    f"{threads} threads change the pressure of {len(heights)} nodes a side"
+                )
     shared = _shared(lambda: solve(threads), threads)
     return {
         "area_percent": contact.area_percent,
         "convolutions": contact.convolutions,
-        "seconds_one": one,
-        "seconds": several,
-        "gain": one / several,
+        "seconds_one": median(seconds[1]),
+        "seconds": median(seconds[threads]),
+        "gain": peer_threads.gain(seconds[1], seconds[threads]),
         "shared_percent": 100 * shared,
         **{f"reckoned_{many}": 1 / (1 - shared + shared / many) for many in RECKONED},
     }

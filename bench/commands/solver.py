@@ -114,23 +114,24 @@ def threads(
     nodes: str = option("1025,2049", "Nodes a side of the grids, each 2^k + 1.", metavar="N,..."),
     percents: str = option("1,10,50", "Shares of the nodes in contact.", metavar="PERCENT,..."),
     number: int = option(2, "Threads beside a single one.", "--threads", metavar="N", min=2),
-    rounds: int = option(3, "Turns; medians count.", min=1),
-    peers: bool = option(False, "Time other solvers on threads of their own too.", "--peers"),
+    rounds: int = option(3, "Turns; medians count; a single one from 4,097 nodes on.", min=1),
+    peers: bool = option(False, "Time other solvers on threads too, below 4,097.", "--peers"),
 ) -> None:
     """Measure how much faster one large solve is on several threads.
 
     Beside it what as many copies of the transforms alone reach, and estimates for more threads by
     Amdahl's law, from the part of the solve that threads share. On a quiet machine a minute at
-    1,025 nodes. Prints a table, writes DIR/threads.csv and .png and, with --peers,
-    DIR/threads-peers.csv.
+    1,025 nodes, a quarter of an hour at 4,097. Prints a table, writes DIR/threads.csv and .png
+    and, with --peers, DIR/threads-peers.csv.
     """
     from bench import peer_threads
-    from bench.threads import measure, report
+    from bench.threads import LONG_FROM, measure, report
 
     require_place(output, "threads.csv", "threads.png", *(["threads-peers.csv"] if peers else []))
     sizes, shares = numbers("nodes", nodes, int), numbers("percents", percents, float)
     rows = measure(sizes, shares, number, rounds)
-    others = peer_threads.measure(sizes, number, rounds) if peers else None
+    short = [size for size in sizes if size < LONG_FROM]
+    others = peer_threads.measure(short, number, rounds) if peers else None
     tell(output, report(rows, others))
 
 
