@@ -181,26 +181,32 @@ def report(rows: Sequence[Row], peers: Sequence[Row] | None = None) -> Report:
 
 
 def draw(rows: Sequence[Row]) -> Any:
-    """Draw gains over the contact: measured, of copies, and estimates for more threads."""
+    """Draw gains over the contact: measured, of copies, and estimates for more threads.
+
+    Colours tell the grids apart, markers the numbers of threads.
+    """
     figure = new_figure(5.5, 4.0)
     panel = figure.subplots()
+    measured = f"{rows[0]['threads']} threads"
+    # Of each column: its name and its look.
+    columns: dict[str, tuple[str, Row]] = {
+        "copies": (f"copies, {measured}", {"lw": 1}),
+        "gain": (f"a solve, {measured}", {"ls": "", "marker": "o"}),
+    }
+    for many, marker in zip(RECKONED, "s^", strict=True):
+        look = {"ls": "", "marker": marker, "mfc": "none"}
+        columns[f"reckoned_{many}"] = (f"{many} threads (estimate)", look)
     for color, size in enumerate(sorted({row["nodes"] for row in rows})):
         mine = [row for row in rows if row["nodes"] == size]
         area = [row["area_percent"] for row in mine]
-        label, style = (
-            f"{size:,} nodes a side, {mine[0]['threads']} threads",
-            {"color": f"C{color}"},
-        )
-        panel.plot(area, [row["copies"] for row in mine], "-", lw=1, **style)
-        panel.plot(area, [row["gain"] for row in mine], "o", label=label, **style)
-        for many, marker in zip(RECKONED, "s^", strict=True):
-            reckoned = [row[f"reckoned_{many}"] for row in mine]
-            name = f"the same, {many} threads (estimate)"
-            panel.plot(area, reckoned, marker, mfc="none", label=name, **style)
+        panel.plot([], [], lw=4, color=f"C{color}", label=f"{size:,} nodes a side")
+        for column, (_, look) in columns.items():
+            panel.plot(area, [row[column] for row in mine], color=f"C{color}", **look)
+    for name, look in columns.values():
+        panel.plot([], [], color="0.4", label=name, **look)
     panel.set(xscale="log", xlabel="nodes in contact [%]", ylabel="times as fast as one thread")
-    highest = max(max(row[f"reckoned_{many}"] for many in RECKONED) for row in rows)
-    panel.set_ylim(0, 1.7 * highest)  # room for the legend
-    panel.legend(fontsize="small", loc="upper left")
+    panel.set_ylim(0, None)
+    figure.legend(fontsize="small", loc="outside upper center", ncols=2)
     return figure
 
 
