@@ -35,7 +35,7 @@ WANTED_SHARE = 0.9
 # Entries of padded fields that are transformed in one turn of the copies.
 TRANSFORMED = 2.5e7
 
-# Nodes a side from which on one round is enough: a solve takes minutes, and its gain varies less.
+# Nodes a side from which on a solve takes minutes: one round, and no other solvers.
 LONG_FROM = 4097
 
 # Threads for which the gain is reckoned from the shared part of a solve.

@@ -114,14 +114,14 @@ def threads(
     nodes: str = option("1025,2049", "Nodes a side of the grids, each 2^k + 1.", metavar="N,..."),
     percents: str = option("1,10,50", "Shares of the nodes in contact.", metavar="PERCENT,..."),
     number: int = option(2, "Threads beside a single one.", "--threads", metavar="N", min=2),
-    rounds: int = option(3, "Turns; medians count; a single one from 4,097 nodes on.", min=1),
-    peers: bool = option(False, "Time other solvers on threads too, below 4,097.", "--peers"),
+    rounds: int = option(3, "Turns; medians count; one turn from 4,097 nodes on.", min=1),
+    peers: bool = option(False, "Time other solvers too, on grids below 4,097.", "--peers"),
 ) -> None:
     """Measure how much faster one large solve is on several threads.
 
     Beside it what as many copies of the transforms alone reach, and estimates for more threads by
     Amdahl's law, from the part of the solve that threads share. On a quiet machine a minute at
-    1,025 nodes, a quarter of an hour at 4,097. Prints a table, writes DIR/threads.csv and .png
+    1,025 nodes, some ten minutes at 4,097. Prints a table, writes DIR/threads.csv and .png
     and, with --peers, DIR/threads-peers.csv.
     """
     from bench import peer_threads
@@ -129,8 +129,10 @@ def threads(
 
     require_place(output, "threads.csv", "threads.png", *(["threads-peers.csv"] if peers else []))
     sizes, shares = numbers("nodes", nodes, int), numbers("percents", percents, float)
-    rows = measure(sizes, shares, number, rounds)
     short = [size for size in sizes if size < LONG_FROM]
+    if peers and not short:
+        raise InputError(f"--peers: give a grid of less than {LONG_FROM} nodes a side too")
+    rows = measure(sizes, shares, number, rounds)
     others = peer_threads.measure(short, number, rounds) if peers else None
     tell(output, report(rows, others))
 

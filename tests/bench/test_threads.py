@@ -1,8 +1,11 @@
 """The report on threads: what its rows hold."""
 
+from pathlib import Path
+
 import pytest
 
 from bench import peer_threads
+from bench.commands.solver import threads
 from bench.threads import measure, report, verdict
 from gen.runtime.errors import InputError
 
@@ -50,3 +53,12 @@ def test_iterations_of_others_are_timed(name: str, package: str) -> None:
 def test_grids_that_cannot_be_nested_are_refused() -> None:
     with pytest.raises(InputError, match="nodes 100: give 2"):
         measure((100,), (5.0,), threads=2, rounds=1)
+
+
+def test_other_solvers_are_refused_where_only_long_grids_are_asked_for(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--peers: give a grid of less than 4097 nodes"):
+        threads(tmp_path, nodes="4097", percents="1", number=2, rounds=1, peers=True)
+
+
+def test_the_gain_of_a_slow_turn_does_not_count() -> None:
+    assert peer_threads.gain([2.0, 30.0, 4.0], [1.0, 3.0, 2.0]) == 2.0
