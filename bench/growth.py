@@ -194,7 +194,13 @@ def surface(nodes: int, seed: int) -> Heights:
 
 
 def displacement_at(nodes: int, seed: int, percent: float) -> float:
-    """Find the Delta of a share of contact [%] from its growth on small grids [um]."""
+    """Find the Delta of a share of contact [%] from its growth on small grids [um].
+
+    Raises
+    ------
+    InputError
+        For a share that is not above 0, or that no Delta of three times the height reaches.
+    """
 
     def excess(delta: float, heights: Heights) -> float:
         return bem.solve(heights, SIDE, delta, rtol=SEEKING_RTOL).area_percent - percent
@@ -203,6 +209,8 @@ def displacement_at(nodes: int, seed: int, percent: float) -> float:
     for small in SEEKING_NODES:
         heights = surface(small, seed)
         deepest = 3 * float(heights.max() - heights.min())
+        if not 0 < percent <= percent + excess(deepest, heights):
+            raise InputError(f"{percent:g} % contact: give more than 0, and less than nearly 100")
         found.append(optimize.brentq(excess, 0.0, deepest, args=(heights,), xtol=1e-2))
     doublings = np.log2((nodes - 1) / (SEEKING_NODES[-1] - 1))
     return float(found[-1] * (found[-1] / found[-2]) ** doublings)

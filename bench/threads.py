@@ -68,7 +68,7 @@ def measure(
     ArithmeticError
         If the number of threads changes a bit of a pressure.
     InputError
-        For nodes a side that are not 2^k + 1, or too few.
+        For nodes a side that are not 2^k + 1, or too few, and for shares of contact out of reach.
     """
     require_nested(nodes)
     rows = []

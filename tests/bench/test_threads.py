@@ -55,6 +55,12 @@ def test_grids_that_cannot_be_nested_are_refused() -> None:
         measure((100,), (5.0,), threads=2, rounds=1)
 
 
+@pytest.mark.parametrize("percent", [-1.0, 0.0, 250.0, float("nan")])
+def test_shares_of_contact_out_of_reach_are_refused(percent: float) -> None:
+    with pytest.raises(InputError, match="% contact: give more than 0"):
+        measure((129,), (percent,), threads=2, rounds=1)
+
+
 def test_other_solvers_are_refused_where_only_long_grids_are_asked_for(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--peers: give a grid of less than 4097 nodes"):
         threads(tmp_path, nodes="4097", percents="1", number=2, rounds=1, peers=True)
