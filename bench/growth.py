@@ -209,8 +209,9 @@ def displacement_at(nodes: int, seed: int, percent: float) -> float:
     for small in SEEKING_NODES:
         heights = surface(small, seed)
         deepest = 3 * float(heights.max() - heights.min())
-        if not 0 < percent <= percent + excess(deepest, heights):
-            raise InputError(f"{percent:g} % contact: give more than 0, and less than nearly 100")
+        most = bem.solve(heights, SIDE, deepest, rtol=SEEKING_RTOL).area_percent
+        if not 0 < percent <= most:
+            raise InputError(f"{percent:g} % contact: give more than 0, up to {most:.0f}")
         found.append(optimize.brentq(excess, 0.0, deepest, args=(heights,), xtol=1e-2))
     doublings = np.log2((nodes - 1) / (SEEKING_NODES[-1] - 1))
     return float(found[-1] * (found[-1] / found[-2]) ** doublings)
