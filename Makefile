@@ -12,7 +12,7 @@ quickstart: .venv/quickstart-installed
 
 # On two processors; the batch scripts' tests and the fault campaign stand apart.
 test: .venv/test-installed
-	$(BIN)/python -m pytest -m "not slurm and not campaign" -n 2 --dist loadfile
+	$(BIN)/python -m pytest -m "not slurm and not campaign" -n 2 --dist loadfile --max-worker-restart 0
 
 # The manual, docs/_build/html/index.html: tables from bench/results, the gallery run, links checked.
 docs: .venv/docs-installed
@@ -109,7 +109,7 @@ clean:
 	$(PYTHON) -m venv .venv-parallel
 	@printf '#!/bin/sh\nexec mpiexec.openmpi "$$@"\n' | tee $(PARALLEL)/mpiexec > $(PARALLEL)/mpirun
 	chmod +x $(PARALLEL)/mpiexec $(PARALLEL)/mpirun
-	python -m pip install --quiet --editable ".[mpi]" "pytest>=8.2" "hypothesis>=6.100" \
+	python -m pip install --quiet --editable ".[mpi]" "pytest>=9.0" "hypothesis>=6.100" \
 	  cython pkgconfig "setuptools>=77"
 	@set -e; \
 	h5py=$$(python -c "from importlib.metadata import version; print(version('h5py'))"); \

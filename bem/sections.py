@@ -17,17 +17,22 @@ BlasThreads = tuple[Any, int]
 
 
 class _Sections:
-    """The threads inside sections, and the numbers of BLAS threads before the first dense one."""
+    """The threads inside sections, and the numbers of BLAS threads before the first dense one.
+
+    A handler of a signal may raise between any two steps of Python. So the lock itself is entered,
+    in one step each way; a condition is entered in Python, and would stay locked now and then.
+    """
 
     def __init__(self) -> None:
-        self.changed = threading.Condition()
+        self.lock = threading.RLock()
+        self.changed = threading.Condition(self.lock)
         self.depths: dict[int, int] = {}
         self.dense: dict[int, int] = {}
         self.threads_before: list[BlasThreads] = []
 
     def enter(self) -> None:
         """Count the current thread as inside."""
-        with self.changed:
+        with self.lock:
             thread = threading.get_ident()
             self.depths[thread] = self.depths.get(thread, 0) + 1
 
@@ -37,7 +42,7 @@ class _Sections:
 
     def leave(self, depth: int) -> None:
         """Return the current thread to a depth; at 0, wake a fork that waits for it."""
-        with self.changed:
+        with self.lock:
             thread = threading.get_ident()
             if depth:
                 self.depths[thread] = depth
@@ -52,7 +57,7 @@ class _Sections:
     def limit(self) -> None:
         """Set BLAS to one thread; the first dense section notes the numbers that it finds."""
         pools = _blas_pools()
-        with self.changed:
+        with self.lock:
             more = [(pool, threads) for pool in pools if (threads := pool.get_num_threads()) != 1]
             if not self.dense:
                 self.threads_before = more
@@ -62,7 +67,7 @@ class _Sections:
 
     def restore(self, depth: int) -> None:
         """Return the current thread to a depth; after the last, restore the numbers of threads."""
-        with self.changed:
+        with self.lock:
             thread = threading.get_ident()
             if depth:
                 self.dense[thread] = depth
@@ -100,7 +105,11 @@ def unforked() -> Iterator[None]:
         _SECTIONS.enter()
         yield
     finally:  # on Ctrl-C before or after `enter` has counted too
-        _SECTIONS.leave(depth)
+        try:
+            _SECTIONS.leave(depth)
+        except BaseException:  # or meanwhile
+            _SECTIONS.leave(depth)
+            raise
 
 
 @contextmanager
@@ -116,7 +125,11 @@ def on_one_blas_thread() -> Iterator[None]:
             _SECTIONS.limit()
             yield
         finally:  # on Ctrl-C or a row's end of time, before or after `limit` counted, too
-            _SECTIONS.restore(depth)
+            try:
+                _SECTIONS.restore(depth)
+            except BaseException:  # or meanwhile
+                _SECTIONS.restore(depth)
+                raise
 
 
 def _set_threads(wanted: list[BlasThreads]) -> None:

@@ -64,7 +64,8 @@ class Workers:
         errors: list[BaseException | None] = []
         try:
             for _ in pieces[1 : self.threads]:
-                jobs.append(self._helpers.give(draw))  # noqa: PERF401  known on Ctrl-C too
+                jobs.append(_Job(draw))  # before a helper begins it: known on Ctrl-C too
+                self._helpers.give(jobs[-1])
             draw()
         finally:  # on Ctrl-C too: nobody may still write when the caller goes on
             left.clear()
@@ -116,11 +117,9 @@ class Helpers:
         for thread in self._threads:
             thread.start()
 
-    def give(self, work: Callable[[], None]) -> _Job:
-        """Let the next thread that is free do some work."""
-        job = _Job(work)
+    def give(self, job: _Job) -> None:
+        """Let the next thread that is free begin a job."""
         self._jobs.put(job)
-        return job
 
     def dismiss(self) -> None:
         """Let the threads end, and wait until they have."""

@@ -10,6 +10,8 @@ several threads is the same to the last bit as the one on a single thread, or th
 import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from itertools import product
 from statistics import median
 from typing import Any
@@ -93,25 +95,27 @@ def gain_of_copies(nodes: int, threads: int, rounds: int) -> float:
 
 def _transform_copies(nodes: int, threads: int, turns: int) -> float:
     """Return the time that threads take for some transforms each, with filters of their own [s]."""
-    ready, ends = threading.Barrier(threads + 1), []
+    ready = threading.Barrier(threads + 1)
 
-    def transform() -> None:
-        operator = displacement_filter((nodes, nodes), "uniform-pressure", dtype="float32")
-        operator.field.fill(0)
-        operator.transform()
-        ready.wait()
+    def transform() -> float:
+        try:
+            operator = displacement_filter((nodes, nodes), "uniform-pressure", dtype="float32")
+            operator.field.fill(0)
+            operator.transform()
+            ready.wait()
+        except BaseException:  # nobody waits for a thread that does not come
+            ready.abort()
+            raise
         for _ in range(turns):
             operator.transform()
-        ends.append(time.perf_counter())
+        return time.perf_counter()
 
-    running = [threading.Thread(target=transform) for _ in range(threads)]
-    for thread in running:
-        thread.start()
-    ready.wait()
-    began = time.perf_counter()
-    for thread in running:
-        thread.join()
-    return max(ends) - began
+    with ThreadPoolExecutor(threads) as pool:
+        running = [pool.submit(transform) for _ in range(threads)]
+        with suppress(threading.BrokenBarrierError):  # the results say why
+            ready.wait()
+        began = time.perf_counter()
+        return max(each.result() for each in running) - began
 
 
 def _timed(heights: Heights, delta: float, threads: int, rounds: int) -> Row:

@@ -8,6 +8,8 @@ import threading
 import time
 import warnings
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from threadpoolctl import ThreadpoolController, threadpool_limits
 
 import bem
 from bem import factor, sections
+from gen.runtime.overtime import Overtime, at_most
 from gen.surface import generate
 
 ROUGH = generate("diamond-square", 65, 0.7, 12.0, np.random.default_rng(0))
@@ -174,6 +177,33 @@ def test_an_interrupt_on_the_way_into_a_section_leaves_no_thread_inside(
             pass
         assert known.depth() == 1
     assert known.depth() == 0
+
+
+@pytest.mark.parametrize("section", [sections.unforked, sections.on_one_blas_thread])
+def test_alarms_between_any_two_steps_leave_no_lock_and_no_thread_behind(
+    section: Callable[[], AbstractContextManager[None]],
+) -> None:
+    """Else other threads, their forks or later sections would wait for this one forever."""
+    known, other = sections._SECTIONS, ThreadPoolExecutor(1)
+    random, free = np.random.default_rng(0), []
+
+    def is_free() -> bool:
+        taken = known.lock.acquire(timeout=1)
+        if taken:
+            known.lock.release()
+        return taken
+
+    with other:
+        for _ in range(300):
+            with suppress(Overtime), at_most(random.uniform(2e-5, 2e-4)):
+                while True:
+                    with section():
+                        pass
+            free.append(other.submit(is_free).result())
+            if not free[-1]:
+                known.lock.release()
+    assert all(free)
+    assert (known.depth(), known.dense_depth()) == (0, 0)
 
 
 @pytest.mark.parametrize("point", ["before", "after"])
