@@ -95,27 +95,27 @@ def gain_of_copies(nodes: int, threads: int, rounds: int) -> float:
 
 def _transform_copies(nodes: int, threads: int, turns: int) -> float:
     """Return the time that threads take for some transforms each, with filters of their own [s]."""
-    ready = threading.Barrier(threads + 1)
+    ready = threading.Barrier(threads)
 
-    def transform() -> float:
+    def transform() -> tuple[float, float]:
         try:
             operator = displacement_filter((nodes, nodes), "uniform-pressure", dtype="float32")
             operator.field.fill(0)
             operator.transform()
-            ready.wait()
-        except BaseException:  # nobody waits for a thread that does not come
+        except BaseException:  # raised again below; the other threads do not wait for this one
             ready.abort()
             raise
+        with suppress(threading.BrokenBarrierError):
+            ready.wait()
+        began = time.perf_counter()
         for _ in range(turns):
             operator.transform()
-        return time.perf_counter()
+        return began, time.perf_counter()
 
     with ThreadPoolExecutor(threads) as pool:
         running = [pool.submit(transform) for _ in range(threads)]
-        with suppress(threading.BrokenBarrierError):  # the results say why
-            ready.wait()
-        began = time.perf_counter()
-        return max(each.result() for each in running) - began
+        began, ended = zip(*(each.result() for each in running), strict=True)
+    return float(max(ended) - min(began))
 
 
 def _timed(heights: Heights, delta: float, threads: int, rounds: int) -> Row:

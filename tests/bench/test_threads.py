@@ -1,12 +1,15 @@
 """The report on threads: what its rows hold."""
 
 from pathlib import Path
+from threading import Lock
 
 import pytest
 
+import bench.threads
+from bem.convolution import displacement_filter
 from bench import peer_threads
 from bench.commands.solver import threads
-from bench.threads import measure, report, verdict
+from bench.threads import gain_of_copies, measure, report, verdict
 from gen.runtime.errors import InputError
 
 
@@ -68,3 +71,21 @@ def test_other_solvers_are_refused_where_only_long_grids_are_asked_for(tmp_path:
 
 def test_the_gain_of_a_slow_turn_does_not_count() -> None:
     assert peer_threads.gain([2.0, 30.0, 4.0], [1.0, 3.0, 2.0]) == 2.0
+
+
+def test_an_error_on_one_thread_ends_the_others_and_is_raised(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made, lock = [], Lock()
+
+    def fails_once(*arguments: object, **options: object) -> object:
+        with lock:
+            made.append(1)
+            first = len(made) == 1
+        if first:
+            raise MemoryError("no room")
+        return displacement_filter((17, 17), "uniform-pressure", dtype="float32")
+
+    monkeypatch.setattr(bench.threads, "displacement_filter", fails_once)
+    with pytest.raises(MemoryError, match="no room"):
+        gain_of_copies(17, threads=2, rounds=1)
