@@ -10,7 +10,8 @@ quickstart: .venv/quickstart-installed
 	$(BIN)/python -m gen plot quick.h5 -o quick.png
 	@echo "Look at quick.png; go on with README.md, below 'After that'."
 
-# On two processors; the batch scripts' tests and the fault campaign stand apart.
+# On two processors; the batch scripts' tests and the fault campaign stand apart. A test that hangs ends
+# its process, and is not begun again in a new one.
 test: .venv/test-installed
 	$(BIN)/python -m pytest -m "not slurm and not campaign" -n 2 --dist loadfile --max-worker-restart 0
 
