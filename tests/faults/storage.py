@@ -64,8 +64,8 @@ def disk_full_for_real(stage: Stage) -> Found:
         known = before if midway else None
         fault = code_fault(ended, now) or row_fault(known, now, stage.reference)
         hit = ended.code != 0
-        if hit and not fault:
-            fault = refusal_fault(ended, "disk is full")
+        if hit and not fault:  # foreseen before a file is made, or met on the way
+            fault = refusal_fault(ended, "are free" if "are free" in ended.text else "disk is full")
         (disk / "filler").unlink()
         again = _ended(stage, path)
         if not fault and again.code:
