@@ -160,9 +160,11 @@ def _kept(path: Path, variant: Variant, known: str) -> list[Judged]:
     kept = kept_arrays(path, "known", "numbers")
     if str(kept["known"]) != known:
         return []
+    numbers = kept["numbers"]
+    rows = kept_arrays(path, *(f"rows{place}" for place in range(len(numbers))))
     return [
-        Judged(variant, int(seed), int(trained), int(calibrated), *kept[f"rows{place}"])
-        for place, (seed, trained, calibrated) in enumerate(kept["numbers"])
+        Judged(variant, int(seed), int(trained), int(calibrated), *rows[f"rows{place}"])
+        for place, (seed, trained, calibrated) in enumerate(numbers)
     ]
 
 

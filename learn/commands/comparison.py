@@ -74,9 +74,9 @@ def tune(
     Five folds of all rows decide. Where no candidate is better than the baseline that `compare`
     fits, the baseline wins.
 
-    Every finished fit is kept: interrupted or killed, the same command goes on. Started as
-    `mpiexec -n 65 python -m mpi4py -m learn tune ...` rank 0 hands out the fits, the others do
-    them.
+    Every finished fit is kept: interrupted or killed, the same command goes on, with what is left
+    of its budget. Started as `mpiexec -n 65 python -m mpi4py -m learn tune ...` rank 0 hands out
+    the fits, the others do them.
     """
     from learn.comparison import jobs
     from learn.comparison.search.budget import seconds

@@ -4,7 +4,6 @@ A job runs on the master. It reads as if there were one process: the executor (`
 does its fits on the workers.
 """
 
-import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from dataclasses import dataclass
 from gen.runtime.interruption import Interruption
 from gen.runtime.progress import RunProgress
 from learn import dataset
+from learn.comparison.clock import Clock
 from learn.comparison.folder import Folder
 from learn.comparison.preparation import prepare
 from learn.comparison.results import (
@@ -24,6 +24,7 @@ from learn.comparison.results import (
     write_search,
 )
 from learn.comparison.search import budget, pruning, spaces, whole_grid
+from learn.comparison.search.budget import Share
 from learn.comparison.search.grid_search import GridSearch
 from learn.comparison.search.spaces import Space
 from learn.comparison.search.staged import require_served
@@ -55,42 +56,28 @@ class _Target:
         """Fit, score and time a model while nothing else runs."""
         return self.executor.call(fit_and_time, self.training, task)
 
+    @property
+    def name(self) -> str:
+        """Name of the target, and of its folder."""
+        return self.folder.path.name
+
     @contextmanager
-    def searching(self, model: Model, source: str, space: Space) -> Iterator[GridSearch]:
-        """Open the finished fits of a model's grid, whose name is `source`."""
+    def searching(
+        self, model: Model, source: str, space: Space, clock: Clock
+    ) -> Iterator[tuple[GridSearch, Share | None]]:
+        """Open the finished fits of a model's grid, whose name is `source`; yield its time too."""
         grid = pruning.grid(model, space, self.training.columns)
         features, columns = self.request.features, self.training.columns
         _, known = spaces.untuned(model.name, features)
         optimum = grid.number_of(pruning.canonical_settings(model, known, columns))
         carried = spaces.baseline(model.name, features), optimum
         path = self.folder.path / "trials" / f"{model.name}.jsonl"
-        with Trials(path, self.folder.record()["conditions"]) as trials:
+        with (
+            Trials(path, self.folder.record()["conditions"]) as trials,
+            clock.search(self.name, model.name, self.stopping) as share,
+        ):
             context = self.training, trials, self.executor, self.stopping
-            yield GridSearch(model, grid, *context, source, *carried)
-
-
-class _Clock:
-    """The time of a job, shared evenly among the searches that are left.
-
-    Parameters
-    ----------
-    limit : float or None
-        Time of the whole job [s], None for no limit.
-    searches : int
-        Number of searches.
-    """
-
-    def __init__(self, limit: float | None, searches: int) -> None:
-        self._limit, self._left = limit, searches
-        self._began = time.monotonic()
-
-    def share(self) -> float | None:
-        """Return the time for the next search [s], None for no limit."""
-        if self._limit is None:
-            return None
-        share = max(self._began + self._limit - time.monotonic(), 0.0) / self._left
-        self._left -= 1
-        return share
+            yield GridSearch(model, grid, *context, source, *carried), share
 
 
 def compare(request: Request, executor: Executor) -> int:
@@ -145,13 +132,14 @@ def tune(request: Request, executor: Executor, given: Mapping[str, Space] | None
     """
     models = models_named(list(request.models))
     grids = _grids(request, models, given)
-    clock = _Clock(request.limit, len(models) * len(request.targets))
     with Interruption(listening=True) as interruption:
+        clock = Clock("tune", request, grids)
         for target in _targets(request, models, executor, interruption, searched=True):
-            for model in models:
-                if not interruption.requested():
-                    with target.searching(model, *grids[model.name]) as grid_search:
-                        _tune_model(target, grid_search, clock.share())
+            for model in _left(target, models, clock):
+                with target.searching(model, *grids[model.name], clock) as (grid_search, share):
+                    _tune_model(target, grid_search, share)
+        if not interruption.requested():
+            clock.close()
     return interruption.signal
 
 
@@ -177,15 +165,16 @@ def estimate(request: Request, executor: Executor) -> int:
     """
     models = models_named(list(request.models))
     grids = _grids(request, models)
-    clock = _Clock(request.limit, len(models) * len(request.targets))
     with Interruption(listening=True) as interruption:
+        clock = Clock("estimate", request, grids)
         for target in _targets(request, models, executor, interruption, searched=True):
-            for model in models:
-                if not interruption.requested():
-                    with target.searching(model, *grids[model.name]) as grid_search:
-                        cost = whole_grid.estimate(grid_search, clock.share() or 0.0)
-                        if cost is not None:
-                            write_cost(target.folder, grid_search, cost)
+            for model in _left(target, models, clock):
+                with target.searching(model, *grids[model.name], clock) as (grid_search, share):
+                    cost = whole_grid.estimate(grid_search, share or Share(0.0))
+                    if cost is not None:
+                        write_cost(target.folder, grid_search, cost)
+        if not interruption.requested():
+            clock.close()
     return interruption.signal
 
 
@@ -238,10 +227,17 @@ def _fit_baselines(target: _Target, models: list[Model]) -> None:
             progress.advance(1, 0)
 
 
-def _tune_model(target: _Target, grid_search: GridSearch, limit: float | None) -> None:
+def _left(target: _Target, models: list[Model], clock: Clock) -> Iterator[Model]:
+    """Yield the models whose searches the job still lacks, until a signal comes."""
+    for model in models:
+        if not target.stopping() and not clock.ended(target.name, model.name):
+            yield model
+
+
+def _tune_model(target: _Target, grid_search: GridSearch, share: Share | None) -> None:
     """Search one model's grid, and fit and time the winner, which may be the baseline."""
     folder, model = target.folder, grid_search.model
-    search = grid_search.whole() if limit is None else budget.search(grid_search, limit)
+    search = grid_search.whole() if share is None else budget.search(grid_search, share)
     if target.stopping():
         return
     every_fit_failed = search is not None and not search.scores.scored and search.scores.failures

@@ -143,11 +143,24 @@ class Trial(Document):
     candidate: str
     fold: Annotated[int, Field(ge=0, lt=FOLDS)]
     rows: Count
-    r2: Score | None
+    r2: Annotated[float, Field(le=1)] | None
     failure: str = ""
     remark: str = ""
     seconds: Seconds = 0.0
     collapsed: bool = False
+
+
+class Clock(Document):
+    """The file trials/MODEL.clock.json: see `learn.comparison.clock`."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    command: str
+    budget: Seconds
+    models: list[str]
+    targets: list[str]
+    spent: Seconds
+    ended: bool
 
 
 KINDS: dict[str, tuple[type[Document], ...]] = {

@@ -1,4 +1,4 @@
-"""What the shipped reading gives, and what another split and other loads change."""
+"""What the shipped reading gives, and what another split or another line of the scene changes."""
 
 import re
 from collections.abc import Mapping
@@ -26,6 +26,8 @@ ERRORS = "nmse", "nmae", "nmaxe", "r2"
 LINES: Mapping[str, dict[str, str]] = {
     "as shipped": {},
     "10 loads a surface": {"samples_per_surface": "10"},
+    "Hurst exponents of 0.5 to 0.8": {"hurst": "[0.5, 0.8]"},
+    "uniform pressure": {"kernel": '"uniform-pressure"'},
 }
 """Databases by name: the lines of the shipped scene that they have otherwise."""
 
@@ -41,6 +43,8 @@ CASES = (
     Case("as shipped", "surfaces"),
     Case("10 loads a surface", "surfaces"),
     Case("10 loads a surface", "rows"),
+    Case("Hurst exponents of 0.5 to 0.8", "surfaces"),
+    Case("uniform pressure", "surfaces"),
 )
 """All cases; the first one is nearest to the paper, and has no two rows of one surface."""
 

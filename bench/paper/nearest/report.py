@@ -22,7 +22,7 @@ from learn.models import MODELS
 
 
 def report(folder: Path, rows: int, surfaces: int, minutes: float) -> Report:
-    """Measure the shipped scene, another split and other loads; then search for some minutes."""
+    """Measure the shipped scene and what it costs to leave it; then search for some minutes."""
     scores, databases = cases.measure(folder, rows)
     search = Search(folder, rows, surfaces, time.monotonic() + 60 * minutes)
     best, settled = search.nearest(factors())

@@ -13,7 +13,8 @@ their scores on few rows are:
   best. They come after the others in the order of the fits.
 
 The rungs get half of the time in equal shares, the decision gets the rest; what it leaves undone is
-told, and done by the same command with a further budget. The first rung draws its candidates with
+told, and done by the same command with a further budget. An interrupted search goes on with the
+time that is left (`learn.comparison.clock`). The first rung draws its candidates with
 odds inverse to their expected work: it spends as much of its time on cheap ones as on expensive
 ones, and sees more of them. A rung whose time ends before the best candidate so far is finished is
 dropped. Where the first rung shows that the whole grid fits into the time, the whole grid is
@@ -24,6 +25,7 @@ The result depends on the speed of the machine: it says which part of the grid w
 """
 
 import time
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -55,6 +57,22 @@ USUAL_GROWTH = 1.5
 
 UNITS = {"s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
 """Seconds of the units in which a time may be given."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """The time of one search.
+
+    Attributes
+    ----------
+    limit : float
+        The time in all [s].
+    spent : float
+        What an interrupted run of the same job has taken of it [s].
+    """
+
+    limit: float
+    spent: float = 0.0
 
 
 def seconds(text: str) -> float:
@@ -121,22 +139,22 @@ def drawn_order(grid_search: GridSearch, rows: int) -> list[int]:
     return [int(family) for family in np.argsort(waiting, kind="stable")]
 
 
-def search(grid_search: GridSearch, limit: float) -> SearchResult | None:
+def search(grid_search: GridSearch, share: Share) -> SearchResult | None:
     """Search a grid within a time.
 
     Parameters
     ----------
     grid_search : GridSearch
         The grid to search.
-    limit : float
-        The time [s]. A fit that is under way at its end is finished.
+    share : Share
+        The time. A fit that is under way at its end is finished.
 
     Returns
     -------
     SearchResult or None
         None if the time sufficed neither for the baseline nor, without one, for a candidate.
     """
-    halving = _Halving(grid_search, limit)
+    halving = _Halving(grid_search, share)
     halving.run()
     scores = grid_search.scores(halving.total)
     spent = sum(trial.seconds for trial in grid_search.trials.finished.values())
@@ -160,9 +178,9 @@ class _Halving:
         Numbers of the candidates that were to be judged on all rows and folds.
     """
 
-    def __init__(self, grid_search: GridSearch, limit: float) -> None:
-        self.grid_search, self.limit = grid_search, limit
-        self.began = time.monotonic()
+    def __init__(self, grid_search: GridSearch, share: Share) -> None:
+        self.grid_search, self.limit = grid_search, share.limit
+        self.began = time.monotonic() - share.spent
         self.total = grid_search.training.rows
         self.told: list[str] = []
         self.judged: list[int] = []
@@ -250,7 +268,8 @@ class _Halving:
         """Whether the time left suffices for the whole grid, after a rung with all candidates."""
         left = self.limit - (time.monotonic() - self.began)
         longer = growth(self.grid_search.model, self.total / rows) * FOLDS / RUNG_FOLDS
-        return scores.seconds * longer / self.grid_search.executor.workers < left
+        lacking = scores.seconds * longer - self.grid_search.scores(self.total).seconds
+        return lacking / self.grid_search.executor.workers < left
 
 
 def _extent(rows: int, folds: int) -> str:

@@ -15,7 +15,7 @@ from learn.arrays import Values
 from learn.comparison.search.pruning import shared_fit
 from learn.comparison.search.staged import shared_predictions
 from learn.comparison.search.task import Task
-from learn.comparison.search.trials import Trial
+from learn.comparison.search.trials import DIVERGED, LEAST_SCORE, Trial
 from learn.comparison.training_data import Training
 from learn.models import MODELS, STEP, pipeline
 
@@ -138,8 +138,11 @@ def _score(truth: Values, fitted: Fitted) -> float | str:
         return fitted.failure
     if not np.isfinite(fitted.prediction).all():
         return "prediction not finite"
-    score = float(r2_score(truth, fitted.prediction))
-    return score if math.isfinite(score) else "score not finite"
+    with np.errstate(over="ignore"):  # squares of diverged predictions
+        score = float(r2_score(truth, fitted.prediction))
+    if not math.isfinite(score):
+        return "score not finite"
+    return score if score >= LEAST_SCORE else DIVERGED
 
 
 def _one_line(message: object) -> str:

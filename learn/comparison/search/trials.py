@@ -21,6 +21,12 @@ from learn.comparison import records
 AT_BOUND = "close to the specified lower bound"
 """Words of scikit-learn's warning of a collapsed likelihood: older files have no other mark."""
 
+DIVERGED = "prediction diverged"
+"""The failure of a fit whose score is below `LEAST_SCORE`."""
+
+LEAST_SCORE = -1e20
+"""R2 below which a fit has diverged: a score like this would spoil means and tables."""
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -35,7 +41,7 @@ class Trial:
     rows : int
         Number of training rows; all of them, but for a search with a budget.
     r2 : float or None
-        Coefficient of determination on the fold, None if the fit failed or is not finite.
+        Coefficient of determination on the fold, None if the fit failed or diverged.
     failure : str
         The reason why there is no score.
     remark : str
@@ -157,6 +163,8 @@ class Trials:
             read = documents.checked(f"{self.path}, line {number}", line, records.Trial)
             if "collapsed" not in read:
                 read["collapsed"] = AT_BOUND in read.get("remark", "")
+            if read["r2"] is not None and read["r2"] < LEAST_SCORE:  # in older files
+                read |= {"r2": None, "failure": DIVERGED, "collapsed": False}
             trial = Trial(**read)
             self.finished[trial.place] = trial
 

@@ -90,16 +90,16 @@ def drawn(grid: Grid, seed: int) -> list[Place]:
     return [(int(family), place % FOLDS) for place, family in enumerate(families[:DRAWN])]
 
 
-def estimate(grid_search: GridSearch, limit: float) -> Cost | None:
+def estimate(grid_search: GridSearch, share: budget.Share) -> Cost | None:
     """Do the drawn fits that the time allows, and estimate the time of the whole grid.
 
     Parameters
     ----------
     grid_search : GridSearch
         The grid.
-    limit : float
-        The time [s]: about half for the first number of rows, equal shares for the others. A fit
-        that is under way at its end is finished; one that is expected to last longer is not begun.
+    share : Share
+        The time: about half for the first number of rows, equal shares for the others. A fit that
+        is under way at its end is finished; one that is expected to last longer is not begun.
 
     Returns
     -------
@@ -107,8 +107,8 @@ def estimate(grid_search: GridSearch, limit: float) -> Cost | None:
         The time of the grid and of the baseline; None if a fit of the baseline, or all drawn fits,
         were not finished.
     """
-    training = grid_search.training
-    began = time.monotonic()
+    training, limit = grid_search.training, share.limit
+    began = time.monotonic() - share.spent
     sizes = budget.steps(training.rows, LEAST_ROWS)
     beside = grid_search.baseline_tasks(training.rows)
     if beside:
@@ -117,10 +117,10 @@ def estimate(grid_search: GridSearch, limit: float) -> Cost | None:
     for place, rows in enumerate([] if known else sizes):
         fewer = sizes[place - 1] if place else 0
         tasks = _tasks(grid_search, fewer, rows, left=began + limit - time.monotonic())
-        share = FIRST_SHARE + (1 - FIRST_SHARE) * (place + 1) / len(sizes)
+        part = FIRST_SHARE + (1 - FIRST_SHARE) * (place + 1) / len(sizes)
         grid_search.run(
             tasks,
-            until=began + share * limit,
+            until=began + part * limit,
             title=(
                 f"{grid_search.model.title}: {grid_search.fits} fits, {len(tasks)} drawn to be"
                 f" timed on {rows} rows"

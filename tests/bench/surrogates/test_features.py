@@ -72,5 +72,10 @@ def test_the_study_runs_and_goes_on_with_what_it_has(tmp_path, capsys):
     assert [each.variant.name for each in again] == ["dimensionless"]
     _, rows = read_table(tmp_path / "features.csv")
     assert [row["features"] for row in rows] == ["dimensionless"]
+    (path,) = (tmp_path / "predictions").glob("*.npz")
+    with np.load(path) as kept:
+        np.savez(path, **{name: kept[name] for name in ("known", "numbers")})
+    assert bench.main([*command, "--surfaces", "2", "--rows", "100"]) == 2
+    assert f"{path} is not what this command keeps there" in capsys.readouterr().err
     assert bench.main([*command, "--rows", "50"]) == 2
     assert "--rows 50: give 100 or more" in capsys.readouterr().err

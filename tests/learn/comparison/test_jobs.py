@@ -1,6 +1,7 @@
 """Compare, tune and estimate: their results, what they repeat, and how they are stopped."""
 
 import json
+import os
 import signal
 import subprocess
 import time
@@ -230,6 +231,32 @@ def test_a_search_that_was_stopped_goes_on_and_ends_with_the_same_tables(
     assert "550 fits, 550 to do" not in said
     for name in ("scores.csv", "tuning.csv", "tuned/decision-tree-grid.csv"):
         assert (work / "cut/area" / name).read_bytes() == (undisturbed / name).read_bytes()
+
+
+@pytest.mark.parametrize("verb", ["tune", "estimate"])
+def test_a_job_with_a_budget_that_was_stopped_does_what_is_left(work, verb, capsys, monkeypatch):
+    from learn.comparison import jobs
+
+    begun, step = [], "_tune_model" if verb == "tune" else "write_cost"
+    done = getattr(jobs, step)
+
+    def noted(*arguments):
+        (grid_search,) = (each for each in arguments if isinstance(each, jobs.GridSearch))
+        begun.append(grid_search.model.name)
+        if begun == ["decision-tree", "svm"]:
+            os.kill(os.getpid(), signal.SIGTERM)
+        done(*arguments)
+
+    monkeypatch.setattr(jobs, step, noted)
+    models = ("--model", "decision-tree", "--model", "svm", "--model", "kernel-ridge")
+    arguments = (verb, "database.h5", "-o", "cut", *models, "--budget", "12s")
+    assert run(*arguments) == 128 + signal.SIGTERM
+    clocks = sorted(path.name for path in (work / "cut/area/trials").glob("*.clock.json"))
+    assert clocks == ["decision-tree.clock.json", "svm.clock.json"]
+    assert run(*arguments) == 0
+    assert begun == ["decision-tree", "svm", "svm", "kernel-ridge"]
+    assert not [*(work / "cut/area/trials").glob("*.clock.json")]
+    assert "Kernel Ridge" in capsys.readouterr().out
 
 
 @pytest.mark.mpi

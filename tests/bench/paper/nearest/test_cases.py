@@ -19,6 +19,12 @@ def test_databases_differ_from_the_shipped_scene_in_one_line() -> None:
     assert differences(shipped, made["10 loads a surface"]) == [
         "samples_per_surface: 1 in the file, 10 asked for"
     ]
+    assert differences(shipped, made["Hurst exponents of 0.5 to 0.8"]) == [
+        "surface.hurst[1]: 0.6 in the file, 0.8 asked for"
+    ]
+    assert differences(shipped, made["uniform pressure"]) == [
+        "contact.kernel: 'concentrated-force' in the file, 'uniform-pressure' asked for"
+    ]
     assert CASES[0] == ("as shipped", "surfaces")
     assert {case.database for case in CASES} == set(LINES)
 
@@ -26,8 +32,8 @@ def test_databases_differ_from_the_shipped_scene_in_one_line() -> None:
 def test_scores_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cases, "MODELS", ["decision-tree", "kernel-ridge"])
     scores, databases = measure(tmp_path, 60)
-    assert len(scores) == 6
-    assert len({row["r2"] for row in scores if row["model"] == "kernel-ridge"}) == 3
+    assert len(scores) == 10
+    assert len({row["r2"] for row in scores if row["model"] == "kernel-ridge"}) == 5
     monkeypatch.setattr(cases, "baseline", None)
     again, _ = measure(tmp_path, 60)
     assert [float(row["nmse"]) for row in again] == [row["nmse"] for row in scores]

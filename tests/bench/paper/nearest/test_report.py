@@ -29,7 +29,7 @@ def test_report_has_both_tables_beside_the_papers(
             tables[name] = list(csv.DictReader(file))
     assert [row["model"] for row in tables["baselines"]] == [each.title for each in FEW.values()]
     assert tables["baselines"][0]["paper_nmse"] == "8.99"
-    assert len(tables["costs"]) == 3
+    assert len(tables["costs"]) == 5
     assert len(tables["ranges"]) == 25
     assert sum(row["counts"] == "yes" for row in tables["ranges"]) == 23
     assert len(tables["search"]) == 3

@@ -8,6 +8,7 @@ import pytest
 
 from gen.runtime.errors import InputError
 from learn.comparison.search import budget, fits
+from learn.comparison.search.budget import Share
 from learn.comparison.search.pruning import canonical_settings
 from learn.comparison.search.trials import Trials
 from learn.comparison.training_data import Training
@@ -35,7 +36,7 @@ def test_steps_triple_and_end_with_all_rows():
 
 def halved(searching, space, limit):
     search = searching("decision-tree", space)
-    return search.grid, budget.search(search, limit)
+    return search.grid, budget.search(search, Share(limit))
 
 
 def test_a_budget_that_is_large_enough_gets_the_whole_grid(searching, trees, trials, monkeypatch):
@@ -53,6 +54,38 @@ def never_whole(monkeypatch):
     monkeypatch.setattr(budget, "LEAST_ROWS", 20)
     for model in MODELS:
         monkeypatch.setitem(budget.GROWTH, model, 99.0)
+
+
+@pytest.mark.usefixtures("never_whole")
+def test_an_interrupted_search_keeps_the_schedule_of_its_share(searching, trees, trials):
+    search = searching("decision-tree", trees)
+    budget.search(search, Share(1e6))
+    for place in [*trials.finished][12:]:  # the first rung was interrupted after six candidates
+        del trials.finished[place]
+    result = budget.search(search, Share(1e6, spent=6e5))
+    assert result.how == (
+        "successive halving: 6 candidates on 26 rows, 2 folds, 2 candidates on 80 rows, 5 folds"
+    )
+    assert budget.search(search, Share(1e6, spent=1e6)).how == result.how
+
+
+def test_a_whole_grid_that_was_interrupted_is_still_searched_whole(
+    searching, trees, trials, monkeypatch
+):
+    monkeypatch.setattr(budget, "LEAST_ROWS", 20)
+    search = searching("decision-tree", trees)
+    exact = budget.search(search, Share(1e6))
+    first = [trial for trial in trials.finished.values() if trial.rows == 26]
+    done = [trial for trial in trials.finished.values() if trial.rows == 80]
+    for trial in first:  # ten thousand seconds for each fit, of which all but ten are done
+        trials.finished[trial.place] = replace(trial, seconds=1e4)
+    for number, trial in enumerate(done):
+        del trials.finished[trial.place]
+        if number >= 10:
+            trials.finished[trial.place] = replace(trial, seconds=1e5)
+    result = budget.search(search, Share(1e6))
+    assert result.how == exact.how == "whole grid"
+    np.testing.assert_array_equal(result.scores.folds, exact.scores.folds)
 
 
 @pytest.mark.usefixtures("never_whole")
@@ -107,11 +140,11 @@ def test_the_optimum_of_the_paper_is_judged_on_all_rows_whatever_few_rows_say(se
     search = replace(searching("decision-tree", SHALLOW), training=levels(720))
     settings = {"max_depth": 30, "min_samples_leaf": 1}
     deep = search.grid.number_of(canonical_settings(search.model, settings, 2))
-    lost = budget.search(search, 1e6).scores
+    lost = budget.search(search, Share(1e6)).scores
     few = search.scores(26, 2).means
     assert few[deep] < np.sort(few)[-3]
     assert not lost.of(deep), "halving alone drops the best candidate"
-    found = budget.search(replace(search, optimum=deep), 1e6).scores
+    found = budget.search(replace(search, optimum=deep), Share(1e6)).scores
     assert found.winner == deep
     assert found.means[deep] > lost.means[lost.winner] + 0.3
     assert len(found.of(deep)) == 5
@@ -123,7 +156,7 @@ def test_the_baseline_is_judged_on_every_rung_and_wins_where_no_candidate_is_bet
 ):
     space = {"max_depth": [1, 2, 3], "min_samples_leaf": [1, 40]}
     search = replace(searching("decision-tree", space), training=levels(720), baseline={})
-    result = budget.search(search, 1e6)
+    result = budget.search(search, Share(1e6))
     judged = {(rows, fold) for name, fold, rows in trials.finished if name == "baseline"}
     rungs = {(rows, fold) for rows in (26, 80, 240) for fold in (0, 1)}
     assert judged == rungs | {(720, fold) for fold in range(5)}
@@ -138,7 +171,7 @@ def test_the_baseline_is_judged_on_every_rung_and_wins_where_no_candidate_is_bet
 
 def test_without_the_baselines_five_folds_there_is_no_result(searching, trees, trials):
     search = replace(searching("decision-tree", trees), baseline={})
-    assert budget.search(search, 1e-9) is None
+    assert budget.search(search, Share(1e-9)) is None
     assert not trials.finished, "no fit is begun after the time"
 
 
@@ -157,7 +190,7 @@ def test_a_collapsed_likelihood_is_not_dropped_by_its_score_on_few_rows(
 ):
     space = {"alpha": [0.1, 0.5, 0.7, 0.8, 1.0, 1.1]}
     search = replace(searching("gaussian-process", space), training=waves())
-    result = budget.search(search, 1e6)
+    result = budget.search(search, Share(1e6))
     few = [trials.finished["alpha=0.1", fold, 22] for fold in (0, 1)]
     assert [trial.collapsed for trial in few] == [True, True]
     assert max(trial.r2 for trial in few) < 0.01
@@ -165,7 +198,7 @@ def test_a_collapsed_likelihood_is_not_dropped_by_its_score_on_few_rows(
     assert search.grid.differing[result.scores.winner] == {"alpha": 0.1}
     monkeypatch.setattr(fits, "collapsed", lambda truth, fitted: False)
     with Trials(tmp_path / "other.jsonl", {}) as others:
-        dropped = budget.search(replace(search, trials=others), 1e6).scores
+        dropped = budget.search(replace(search, trials=others), Share(1e6)).scores
     assert not dropped.of(0), "without the rule the best candidate does not get beyond 22 rows"
     assert dropped.means[dropped.winner] < result.scores.means[0]
 

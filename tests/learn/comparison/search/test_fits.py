@@ -5,6 +5,7 @@ import pytest
 
 from gen.runtime.errors import InputError
 from learn import memory
+from learn.comparison.search.trials import Trials
 
 
 def test_a_staged_fit_that_fails_late_keeps_its_good_beginnings(searching, monkeypatch):
@@ -24,6 +25,18 @@ def test_a_staged_fit_that_fails_late_keeps_its_good_beginnings(searching, monke
     assert np.isnan(scores.means[2])
     assert scores.failures == {"diverged": 5}
     assert search.grid.first(scores.winner)["n_estimators"] == 5
+
+
+@pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
+def test_a_fit_that_diverges_is_a_failure_that_the_next_run_can_read(searching, trials):
+    """Steps of 50 times the gradient: 49 times the residual after each, with other signs."""
+    space = {"learning_rate": [0.1, 50.0], "n_estimators": [2, 60]}
+    scores = searching("gradient-boost", space).whole().scores
+    assert scores.failures == {"prediction diverged": 5}
+    assert np.isnan(scores.means).sum() == 1
+    trials.__exit__(None, None, None)
+    with Trials(trials.path, {}) as again:
+        assert again.finished == trials.finished
 
 
 def test_tiny_alphas_have_scores_and_a_warning_that_is_kept(searching):
