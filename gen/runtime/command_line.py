@@ -39,9 +39,6 @@ EXTRAS = {
 }
 """Extra that installs a package, for packages that only some commands need."""
 
-FORWARDING = 0.5
-"""Time for the launcher to pass on a last line [s]; an abort would lose it."""
-
 
 def _print_version(wanted: bool) -> None:
     """Print the version and end the command, if `--version` was given."""
@@ -118,7 +115,7 @@ def _ended(world: farm.World, code: int, message: str) -> int:
         if not message:
             raise
         _complain(f"{message} (rank {world.rank})")
-        time.sleep(FORWARDING)
+        time.sleep(farm.FORWARDING)
         world.communicator.Abort(code)
         sys.exit(code)
 

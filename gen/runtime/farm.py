@@ -32,6 +32,9 @@ LONGEST_NAP = 0.01
 """Longest pause between two looks for a message of the master [s]; MPI's own waiting would keep a
 core busy while the master works alone."""
 
+FORWARDING = 0.5
+"""Time for the launcher to pass on a last line [s]; an abort would lose it."""
+
 _own_work: ContextVar[Callable[[Any], Any]] = ContextVar("_own_work")
 """The function that this process applies to tasks while it is in `run`."""
 
@@ -143,6 +146,7 @@ class World:
         traceback.print_exc()
         sys.stderr.flush()
         if self.communicator is not None:
+            time.sleep(FORWARDING)
             self.communicator.Abort(1)
         sys.exit(1)
 
