@@ -130,7 +130,8 @@ def solve_complementarity(
             descend(operators, interference, iterate, steps)
             violation, safe_steps = iterate.violation(), 2 * safe_steps
             progress.begin_again()
-        if violation <= CERTAIN and iterate.pressure.max(initial=0.0) > hardness:
+        certain = hardness < np.inf and violation <= CERTAIN
+        if certain and iterate.pressure.max(initial=0.0) > hardness:
             return iterate, False
         floor = max(rtol, ROUNDING * renewed)
         ended = progress.ends() or iterate.effort.iterations >= max_iterations

@@ -13,7 +13,7 @@ import numpy as np
 
 from bem.arrays import Mask, Nodes, Real, Values
 from bem.factor import ContactFactor
-from bem.vectors import combined, largest_of, scale, subtract_scaled, sum_of, where
+from bem.vectors import combined, each_long, largest_of, room_for, sum_of, where
 
 
 class Image(Protocol):
@@ -159,7 +159,7 @@ class Iterate:
 
         The solution has the least energy of all p >= 0, or of all that carry a given load.
         """
-        energy = -inner(self.pressure, combined(np.add, interference, self.residual)) / 2
+        energy = -_inner_with(self.pressure, np.add, interference, self.residual) / 2
         return energy + self.shift * float(self.pressure.sum()) / 2 if self.shift else energy
 
     def violation(self) -> float:
@@ -204,14 +204,13 @@ class Iterate:
 
 def rescale(operators: Operators, interference: Values, iterate: Iterate) -> None:
     """Multiply the pressure by the factor that gives the least energy, or the given load."""
-    image = combined(np.subtract, interference, iterate.residual)
     if operators.load is None:
-        stiffness = inner(iterate.pressure, image)
+        stiffness = _inner_with(iterate.pressure, np.subtract, interference, iterate.residual)
         if stiffness > 0:
             factor = inner(iterate.pressure, interference) / stiffness
-            scale(iterate.pressure, factor)
-            iterate.residual = subtract_scaled(interference, factor, image)
+            _scale(iterate, interference, factor)
         return
+    image = interference - iterate.residual
     carried = float(iterate.pressure.sum())
     if not carried > 0:
         iterate.pressure[:] = operators.load / iterate.pressure.size
@@ -225,10 +224,40 @@ def rescale(operators: Operators, interference: Values, iterate: Iterate) -> Non
 
 
 def inner(a: Real, b: Real) -> float:
-    """Compute an inner product without BLAS, whose threads would change its last bits."""
+    """Compute an inner product without BLAS, whose threads would change its last bits.
+
+    That of long vectors adds up pieces, which do not depend on the number of threads.
+    """
     if a.size < LONG:
         return float(np.einsum("i,i->", a, b))
     return sum_of(lambda piece: float(np.einsum("i,i->", a[piece], b[piece])), a.size)
+
+
+def _inner_with(a: Values, by: np.ufunc, b: Values, c: Values) -> float:
+    """Compute the inner product of a with a function of b and c, piece by piece if it is long."""
+    if a.size < LONG:
+        return inner(a, combined(by, b, c))
+
+    def measure(piece: slice) -> float:
+        both = room_for(piece)
+        by(b[piece], c[piece], out=both)
+        return float(np.einsum("i,i->", a[piece], both))
+
+    return sum_of(measure, a.size)
+
+
+def _scale(iterate: Iterate, interference: Values, factor: float) -> None:
+    """Multiply the pressure by a factor, and update the residual."""
+    pressure, residual = iterate.pressure, iterate.residual
+
+    def run(piece: slice) -> None:
+        here, image = residual[piece], room_for(piece)
+        pressure[piece] *= factor
+        np.subtract(interference[piece], here, out=image)
+        image *= factor
+        np.subtract(interference[piece], image, out=here)
+
+    each_long(run, pressure.size)
 
 
 @dataclass

@@ -308,7 +308,7 @@ def block_sums(field: Real, factors: Real | None = None) -> Real:
         for node in range(2, BLOCK):
             sums[some] += rows[:, node::BLOCK]
 
-    each_row(add_up, len(blocks), BLOCK * field.shape[1])
+    each_row(add_up, len(blocks), field.shape[1])  # what is summed fits into the cache
     return sums
 
 

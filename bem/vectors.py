@@ -29,7 +29,11 @@ Pass = Callable[[slice], None]
 
 
 def is_short(size: int) -> bool:
-    """Return whether the plain expression takes less time than pieces of vectors of a size."""
+    """Return whether a plain gather takes less time than pieces of vectors of a size.
+
+    Passes that read and write entries in their order take so little time up to `SHORT` entries that
+    another thread would not have begun before they end.
+    """
     return size < SHARED or (size < SHORT and workers().threads == 1)
 
 
@@ -51,6 +55,14 @@ def each(run: Pass, size: int) -> None:
     workers().share(run, pieces(size, piece_length(size)))
 
 
+def each_long(run: Pass, size: int) -> None:
+    """Run a pass over all pieces of long vectors, and over short ones at once."""
+    if size < SHORT:
+        run(slice(0, size))
+    else:
+        each(run, size)
+
+
 def each_row(run: Pass, rows: int, columns: int) -> None:
     """Run a pass over all pieces of an array's rows."""
     if rows * columns < SHORT:
@@ -61,7 +73,7 @@ def each_row(run: Pass, rows: int, columns: int) -> None:
 
 def clear(field: Real) -> None:
     """Set a flat field to zero."""
-    if is_short(field.size):
+    if field.size < SHORT:
         field.fill(0)
     else:
         each(lambda piece: field[piece].fill(0), field.size)
@@ -69,7 +81,7 @@ def clear(field: Real) -> None:
 
 def combined(by: np.ufunc, a: Values, b: Values, out: Values | None = None) -> Values:
     """Return a function of two vectors entry by entry, in `out` if it is given."""
-    if is_short(a.size):
+    if a.size < SHORT:
         result: Values = by(a, b, out=out)
         return result
     whole = np.empty_like(a) if out is None else out
@@ -79,7 +91,7 @@ def combined(by: np.ufunc, a: Values, b: Values, out: Values | None = None) -> V
 
 def largest_of(measure: Callable[[slice], float], size: int) -> float:
     """Return the largest number that a measure finds in any piece; nan if there is one."""
-    if is_short(size):
+    if size < SHORT:
         return measure(slice(0, size))
     found: list[float] = []
     each(lambda piece: found.append(measure(piece)), size)
@@ -112,6 +124,11 @@ class _Scratch(threading.local):
 
 
 _SCRATCH = _Scratch()
+
+
+def room_for(piece: slice) -> Values:
+    """Return room for a piece in double precision, which this thread's next pass takes again."""
+    return _SCRATCH.room(piece.stop - piece.start, "d")
 
 
 def take(values: Real, nodes: Nodes, out: Real | None = None) -> Real:
@@ -188,7 +205,7 @@ def add_taken(target: Values, values: Real, nodes: Nodes) -> None:
 
 def add_scaled(target: Values, factor: float, values: Values) -> None:
     """Add factor times values to the target."""
-    if is_short(target.size):
+    if target.size < SHORT:
         target += factor * values
         return
 
@@ -238,7 +255,7 @@ def add_taken_product(target: Values, factor: float, values: Real, nodes: Nodes)
 
 def scale_and_add(target: Values, factor: float, values: Values) -> None:
     """Multiply the target by a factor and add values."""
-    if is_short(target.size):
+    if target.size < SHORT:
         target *= factor
         target += values
         return
@@ -253,7 +270,7 @@ def scale_and_add(target: Values, factor: float, values: Values) -> None:
 
 def keep_positive(target: Values) -> None:
     """Set negative entries to zero."""
-    if is_short(target.size):
+    if target.size < SHORT:
         np.maximum(target, 0, out=target)
         return
 
@@ -261,33 +278,6 @@ def keep_positive(target: Values) -> None:
         np.maximum(target[piece], 0, out=target[piece])
 
     each(run, target.size)
-
-
-def scale(target: Values, factor: float) -> None:
-    """Multiply the target by a factor."""
-    if is_short(target.size):
-        target *= factor
-        return
-
-    def run(piece: slice) -> None:
-        target[piece] *= factor
-
-    each(run, target.size)
-
-
-def subtract_scaled(values: Values, factor: float, other: Values) -> Values:
-    """Return values - factor * other, in the place of the other vector."""
-    if is_short(other.size):
-        other *= factor
-        return np.subtract(values, other, out=other)
-
-    def run(piece: slice) -> None:
-        here = other[piece]
-        here *= factor
-        np.subtract(values[piece], here, out=here)
-
-    each(run, other.size)
-    return other
 
 
 def anywhere(test: Callable[[slice], Mask], size: int) -> bool:
@@ -331,7 +321,7 @@ def where(test: Callable[[slice], Mask], size: int) -> Nodes:
 
 def joined(first: Nodes, second: Nodes) -> Nodes:
     """Return two lists of nodes as one."""
-    if is_short(first.size):
+    if first.size < SHORT:
         return np.concatenate([first, second])
     whole = np.empty(first.size + second.size, np.intp)
     whole[first.size :] = second

@@ -44,7 +44,6 @@ def test_passes_in_pieces_are_the_plain_expressions(
         vectors.scale_and_add(target, 0.7, b)
         np.testing.assert_array_equal(target, 0.7 * (a + 0.3 * b) + b)
         np.testing.assert_array_equal(vectors.combined(np.subtract, a, b), a - b)
-        np.testing.assert_array_equal(vectors.subtract_scaled(a, 0.3, b.copy()), a - 0.3 * b)
         vectors.keep_positive(target)
         assert target.min() >= 0
         assert vectors.largest_magnitude(a) == np.abs(a).max()
