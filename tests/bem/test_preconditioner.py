@@ -6,10 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bem
-from bem import preconditioner
+from bem import preconditioner, vectors
 from bem.convolution import Filter
 from bem.influence import KERNELS, Kernel
-from bem.preconditioner import circulant_inverse, half_space_preconditioner
+from bem.preconditioner import BLOCK, block_sums, circulant_inverse, half_space_preconditioner
+from bem.workers import on_threads
 from bench.references import dense
 from gen.surface import generate
 
@@ -118,3 +119,21 @@ def test_sums_over_blocks_in_pieces_are_those_of_the_whole_list(
         preconditioner._sum_by_rows(field, blocks, weights)
         expected = np.bincount(blocks, weights=weights, minlength=field.size)
         np.testing.assert_array_equal(field.reshape(-1), expected)
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize("weighted", [False, True])
+def test_sums_over_blocks_have_the_same_bits_in_pieces(
+    monkeypatch: pytest.MonkeyPatch, dtype: str, *, weighted: bool
+) -> None:
+    random = np.random.default_rng(0)
+    field, weights = random.standard_normal((2, 40 * BLOCK, 6 * BLOCK)).astype(dtype)
+    factors = weights if weighted else None
+    whole = block_sums(field, factors)
+    blocks = (field * weights if weighted else field).reshape(40, BLOCK, 6, BLOCK)
+    np.testing.assert_allclose(whole, blocks.sum(axis=(1, 3)), atol=1e-5)
+    monkeypatch.setattr(vectors, "PIECE", 64)
+    monkeypatch.setattr(vectors, "SHORT", 128)
+    for threads in (1, 3):
+        with on_threads(threads):
+            np.testing.assert_array_equal(block_sums(field, factors), whole)
