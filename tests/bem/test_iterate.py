@@ -15,7 +15,7 @@ RIGID = cast("Any", SimpleNamespace(load=None))  # all that `rescale` asks of op
 
 
 def some_iterate(size: int) -> tuple[Iterate, Values]:
-    """An iterate and its interference, which some pressure of the matrix 2 I leaves a residual of.
+    """Return an iterate whose residual is that of the influence matrix 2 I, and the interference.
 
     About half of the nodes are under pressure.
     """
