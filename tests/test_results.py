@@ -87,14 +87,14 @@ SHOWN = {
     "yielding": (1, 1, 0x4EA9D63A),
     "hardness": (1, 2, 0xDA28CBBD),
     "yielding-surrogate": (0, 1, 0x69E98F91),
-    "periodic": (1, 2, 0xEC724436),
+    "periodic": (1, 2, 0x1B7A3AD8),
     "theory": (2, 0, 0x00000000),
     "stability": (0, 6, 0x0843641A),
     "calculix": (1, 1, 0x782416EC),
     "threads": (1, 2, 0xC49A5BEC),
-    "speedup": (0, 0, 0x00000000),
+    "speedup": (0, 1, 0x835C75AD),
     "databases": (0, 1, 0xD5FCBEDD),
-    "outputs": (0, 1, 0x5486EB2B),
+    "outputs": (0, 1, 0x73B5BF42),
     "scale": (1, 1, 0xCA82B964),
     "writers": (0, 0, 0x00000000),
     "faults": (0, 0, 0x00000000),
@@ -107,7 +107,7 @@ SHOWN = {
     "features": (1, 1, 0xE35BF21B),
     "tolerance": (1, 1, 0xD323C97D),
     "grow": (2, 1, 0xB233A737),
-    "cost": (1, 1, 0x4DC77E0F),
+    "cost": (1, 1, 0x21FAB547),
     "throughput": (0, 1, 0x5D3588E7),
     "memory": (0, 1, 0xA59AEEB4),
     "generalisation": (1, 1, 0x0C31F533),
@@ -116,7 +116,7 @@ SHOWN = {
     "paper": (13, 7, 0x6F585B83),
     "unstated": (1, 3, 0xD9D70DBE),
     "nearest": (1, 5, 0xE445F053),
-    "benchmarks": (0, 1, 0x5B5B351C),
+    "benchmarks": (0, 1, 0xAC2078E4),
 }
 """Pictures and tables of each part as published, and a checksum of the tables' texts."""
 
@@ -131,7 +131,7 @@ def test_pictures_and_tables_of_the_page_are_those_published(page: str) -> None:
     left_out = re.findall(r"Left out: ([^.]*)\.", page)
     assert not left_out, "not run at full size"
     missing = re.findall(r"Not here. It is made by: python -m (?:bench |tests\.)(\w+)", page)
-    assert missing == ["speedup", "writers", "faults"], "not run yet"
+    assert missing == ["writers", "faults"], "not run yet"
     assert "cannot be read" not in page
 
 
