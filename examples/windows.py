@@ -1,7 +1,8 @@
 """How large does a map have to be for the law of its interface? (--plot windows.png draws it.)
 
 One surface is cut into windows of several sizes, each pressed between its mirror images. Their
-closures and conductances scatter less where windows are larger than the roll-off wavelength.
+closures and conductances scatter less where windows are larger than the roll-off wavelength;
+--table writes the numbers as CSV.
 """
 
 import argparse
@@ -13,6 +14,7 @@ import bem
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 PRESSURES = (10.0, 100.0)
+COLUMNS = "roll_offs,closure_10_mpa,closure_100_mpa,conductance_10_mpa,conductance_100_mpa"
 
 
 def laws(heights: np.ndarray, spacing: float, hardness: float) -> np.ndarray:
@@ -32,6 +34,7 @@ def main(arguments: list[str]) -> np.ndarray:
     parser.add_argument("--hardness", type=float, default=2000.0, help="[MPa]")
     parser.add_argument("--small", action="store_true", help="256 nodes a side")
     parser.add_argument("--plot", metavar="FILE", help="scatter over size")
+    parser.add_argument("--table", metavar="FILE", help="sizes and scatter as CSV")
     given = parser.parse_args(arguments)
     nodes, spacing, roll_off = 256 if given.small else 1024, 1.0, 64.0
     spectrum = SelfAffineSpectrum(hurst=0.8, roll_off=roll_off, cut_off=4 * spacing)
@@ -47,6 +50,8 @@ def main(arguments: list[str]) -> np.ndarray:
         closure, conductance = np.round(100 * scatter, 1)
         print(f"{rows[-1][0]:g} roll-offs, {len(windows)} windows: {closure}, {conductance} %")
     found = np.array(rows)
+    if given.table:
+        np.savetxt(given.table, found, "%.6g", ",", header=COLUMNS, comments="")
     if given.plot:
         from matplotlib.figure import Figure
 

@@ -18,12 +18,14 @@ import numpy as np
 import pytest
 from pages import PAGES, ROOT
 
+import gen.cli
 from bench.benchmarks import SOLVES
 from bench.files import named
 from bench.table import read_table
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.scene import Scene
+from gen.surface import generate
 
 RESULTS = ROOT / "bench" / "results"
 OTHERS = {"bem", "paper's NNLS"}
@@ -355,6 +357,19 @@ def test_as_many_rows_lie_beyond_full_contact_as_is_said() -> None:
     full = [(h := surface_of(scene, plan, row)).max() - h.mean() for row in range(600)]
     found = 100 * float(np.mean(plan.load > np.array(full)))
     assert percent == pytest.approx(found, abs=6)
+
+
+def test_an_island_bears_on_its_borders_as_is_said(tmp_path, capsys) -> None:
+    """What the command says of the surface of the first example."""
+    said = stated("docs/how-to/boundaries.md", "at 50 MPa this is # %, on # % of the nodes")
+    surface = tmp_path / "surface.npy"
+    np.save(surface, generate("diamond-square", 129, 0.7, 12.0, np.random.default_rng(0)))
+    material = ["--young", "210e3", "--poisson", "0.3"]
+    assert gen.cli.main(["contact", str(surface), "--side=1000", "--pressure=50", *material]) == 0
+    told = " ".join("".join(capsys.readouterr()).split())
+    (nodes,) = re.findall(r"the outer 5 % on each side \((\d+) % of the nodes\)", told)
+    (force,) = re.findall(r"carry ([0-9.]+) % of the force", told)
+    assert said == [round(float(force)), float(nodes)]
 
 
 def test_files_that_the_text_names_are_there() -> None:
