@@ -95,7 +95,7 @@ SHOWN = {
     "speedup": (0, 1, 0x835C75AD),
     "databases": (0, 1, 0xD5FCBEDD),
     "outputs": (0, 1, 0x73B5BF42),
-    "scale": (1, 1, 0xCA82B964),
+    "scale": (1, 1, 0x3E514994),
     "writers": (0, 1, 0x5991980C),
     "faults": (0, 0, 0x00000000),
     "comparison": (0, 2, 0x878D84F1),
