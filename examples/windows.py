@@ -1,8 +1,7 @@
-"""How large does a map have to be for the law of its interface? (--plot windows.png draws it.)
+"""How large does a map have to be for the law of its interface? (--plot and --table write it.)
 
 One surface is cut into windows of several sizes, each pressed between its mirror images. Their
-closures and conductances scatter less where windows are larger than the roll-off wavelength;
---table writes the numbers as CSV.
+closures and conductances scatter less where windows are larger than the roll-off wavelength.
 """
 
 import argparse
@@ -14,14 +13,13 @@ import bem
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 PRESSURES = (10.0, 100.0)
-COLUMNS = "roll_offs,closure_10_mpa,closure_100_mpa,conductance_10_mpa,conductance_100_mpa"
+LAWS = [f"{law} at {p:g} MPa" for law in ("closure", "conductance") for p in PRESSURES]
 
 
 def laws(heights: np.ndarray, spacing: float, hardness: float) -> np.ndarray:
     """Return closure [um] and stiffness per area [MPa / um] at all pressures, shape (2, loads)."""
-    level = np.linspace(-1, 1, len(heights))
-    for across in (level[:, None], level[None, :]):  # a window's tilt belongs to its form
-        heights = heights - across * (heights * across).mean() / (across**2).mean()
+    level = np.linspace(-1, 1, len(heights))[:, None]  # a window's tilt belongs to its form
+    heights = heights - sum(x * (heights * x).mean() / (x**2).mean() for x in (level, level.T))
     side = spacing * len(heights)
     settings = {"boundary": "mirror", "modulus": 230e3, "hardness": hardness}
     contacts = bem.ladder(heights, side, pressures=PRESSURES, **settings)
@@ -38,31 +36,28 @@ def main(arguments: list[str]) -> np.ndarray:
     given = parser.parse_args(arguments)
     nodes, spacing, roll_off = 256 if given.small else 1024, 1.0, 64.0
     spectrum = SelfAffineSpectrum(hurst=0.8, roll_off=roll_off, cut_off=4 * spacing)
-    random = np.random.default_rng(2025)
-    heights = generate_spectral((nodes, nodes), nodes * spacing, spectrum, random, rms_slope=0.1)
-    rows = []
+    shape, random = (nodes, nodes), np.random.default_rng(2025)
+    heights = generate_spectral(shape, nodes * spacing, spectrum, random, rms_slope=0.1)
+    found = []
     for size in (nodes // 2 ** np.arange(1, 6 if nodes > 256 else 4)).tolist():
         places = [(i, j) for i in range(0, nodes, size) for j in range(0, nodes, size)][:64]
         windows = [heights[i : i + size, j : j + size] for i, j in places]
-        each = np.array([laws(window, spacing, given.hardness) for window in windows])
-        scatter = each.std(axis=0) / each.mean(axis=0)
-        rows.append([size * spacing / roll_off, *scatter.reshape(-1)])
-        closure, conductance = np.round(100 * scatter, 1)
-        print(f"{rows[-1][0]:g} roll-offs, {len(windows)} windows: {closure}, {conductance} %")
-    found = np.array(rows)
+        each = np.array([laws(window, spacing, given.hardness).ravel() for window in windows])
+        found.append([size * spacing / roll_off, *(each.std(axis=0) / each.mean(axis=0))])
+        percent = 100 * np.round(found[-1][1:], 3)
+        print(f"{found[-1][0]:g} roll-offs, {len(windows)} windows: {percent} %")
     if given.table:
-        np.savetxt(given.table, found, "%.6g", ",", header=COLUMNS, comments="")
+        np.savetxt(given.table, found, "%g", ",", header="roll-offs," + ",".join(LAWS), comments="")
     if given.plot:
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(5.5, 3.6), layout="constrained")
-        axis = figure.subplots()
-        labels = [f"{name}, {p:g} MPa" for name in ("closure", "conductance") for p in PRESSURES]
-        axis.semilogx(found[:, 0], 100 * found[:, 1:], "o-", base=2, label=labels)
+        axis = Figure(figsize=(5.5, 3.6), layout="constrained").subplots()
+        sizes, *scatters = np.transpose(found)
+        axis.semilogx(sizes, 100 * np.transpose(scatters), "o-", base=2, label=LAWS)
         axis.set(xlabel="window / roll-off wavelength", ylabel="scatter [%]", ylim=(0, None))
         axis.legend()
-        figure.savefig(given.plot, dpi=110)
-    return found
+        axis.figure.savefig(given.plot, dpi=110)
+    return np.array(found)
 
 
 if __name__ == "__main__":
