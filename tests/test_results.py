@@ -179,8 +179,8 @@ def test_what_the_manual_says_of_unflagged_rows_is_what_was_counted() -> None:
         return [f"{factor * float(found[case][name]):.{digits}f}" for case in cases]
 
     first = (
-        "{} % on other rows of 257 nodes; the preset alone has {} %, all rows flagged, and the 20"
-        " rows alone have {} %"
+        "{} % on other rows of 257 nodes; the rows of `paper` alone have {} %, all rows flagged,"
+        " and the 20 rows alone have {} %"
     )
     for nodes, text in ((257, first), (513, "At 513 nodes they are {}, {} and {} %")):
         fine = f"fine-{nodes}"
