@@ -211,6 +211,9 @@ def test_hertz_is_met_as_closely_as_is_said() -> None:
         "docs/results/reports.md",
         "cell, gives the force within # % at # nodes a side and within # % at #, at an indentation",
     )
+    assert {f"{said[1]:.0f}", f"{said[3]:.0f}"} == {
+        nodes for solution, nodes in force if solution == "uniform-pressure"
+    }
     for bound, nodes in (said[:2], said[2:]):
         error = abs(force["uniform-pressure", f"{nodes:.0f}"] / force["hertz", ""] - 1)
         assert bound / 2 < 100 * error <= bound
