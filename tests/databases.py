@@ -20,3 +20,14 @@ def status(path: Path) -> np.ndarray:
     """The status of every row."""
     with h5py.File(path, "r", locking=False) as file:
         return file["status"][:]
+
+
+def has_begun(path: Path) -> bool:
+    """Whether a run that is under way has finished a row; look again if not.
+
+    HDF5 checks the sums of the headers it reads, and a writer may be rewriting one of them.
+    """
+    try:
+        return bool((status(path) != 0).any())
+    except OSError:  # not there yet, or met in the midst of a write: the caller looks again
+        return False

@@ -5,7 +5,7 @@ import subprocess
 import time
 
 import pytest
-from databases import deterministic_bytes, status
+from databases import deterministic_bytes, has_begun, status
 from launch import TIMEOUT, command, environment, is_open_mpi, launch, mpiexec
 
 from gen import cli
@@ -60,7 +60,7 @@ def start(folder, ranks, output, scene="scene.toml"):
         text=True,
     )
     limit = time.monotonic() + TIMEOUT
-    while not (folder / output).exists() or not (status(folder / output) != 0).any():
+    while not has_begun(folder / output):
         assert time.monotonic() < limit
         assert run.poll() is None
         time.sleep(0.02)

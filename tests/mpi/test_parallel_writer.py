@@ -13,7 +13,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from databases import deterministic_bytes, status
+from databases import deterministic_bytes, has_begun, status
 from launch import TIMEOUT, command, environment, launch, mpiexec
 
 HAS_MPI = bool(h5py.get_config().mpi)
@@ -226,7 +226,7 @@ def test_a_killed_run_resumes(folder, victim):
         stderr=subprocess.DEVNULL,
     ) as started:
         limit = time.monotonic() + TIMEOUT
-        while not (folder / output).exists() or not (status(folder / output) != 0).any():
+        while not has_begun(folder / output):
             assert time.monotonic() < limit
             assert started.poll() is None
             time.sleep(0.02)
