@@ -115,7 +115,7 @@ SHOWN = {
     "scans": (1, 1, 0x66204D04),
     "paper": (13, 7, 0x6F585B83),
     "unstated": (1, 3, 0xEFA99BA9),
-    "nearest": (1, 5, 0xE445F053),
+    "nearest": (1, 5, 0xA660F320),
     "benchmarks": (0, 1, 0xAC2078E4),
 }
 """Pictures and tables of each part as published, and a checksum of the tables' texts."""
