@@ -219,6 +219,15 @@ def test_the_nearest_readings_are_those_of_the_search_as_is_said() -> None:
     assert all_nine["as shipped", "surfaces"] < all_nine["10 loads a surface", "surfaces"]
 
 
+def test_no_fault_did_harm_as_is_said() -> None:
+    page, faults = "docs/results/reports.md", rows("faults/faults.csv")
+    injected = sum(int(row["injected"]) for row in faults)
+    assert [injected, len(faults)] == stated(page, "injects # faults of # kinds")
+    assert {(row["wrong"], row["verdict"]) for row in faults} == {("0", "passed")}
+    longest = max(float(row["longest_end_s"]) for row in faults)
+    assert [round(longest, 1)] == stated(page, "The longest end of a run came # s after the fault")
+
+
 def test_the_paper_needed_as_long_as_is_said() -> None:
     (row,) = (row for row in rows("cost/cost.csv") if "as published" in row["features"])
     (seconds,) = stated("README.md", "implements needed # seconds (`bench/results/cost/cost.csv`)")

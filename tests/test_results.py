@@ -97,7 +97,7 @@ SHOWN = {
     "outputs": (0, 1, 0x73B5BF42),
     "scale": (1, 1, 0x3E514994),
     "writers": (0, 1, 0x5991980C),
-    "faults": (0, 0, 0x00000000),
+    "faults": (0, 1, 0x726B0A22),
     "comparison": (0, 2, 0x878D84F1),
     "tuning": (0, 1, 0x13436DE1),
     "grids": (0, 1, 0x35772F9C),
@@ -131,7 +131,7 @@ def test_pictures_and_tables_of_the_page_are_those_published(page: str) -> None:
     left_out = re.findall(r"Left out: ([^.]*)\.", page)
     assert not left_out, "not run at full size"
     missing = re.findall(r"Not here. It is made by: python -m (?:bench |tests\.)(\w+)", page)
-    assert missing == ["faults"], "not run yet"
+    assert not missing, "not run yet"
     assert "cannot be read" not in page
 
 
