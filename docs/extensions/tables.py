@@ -1,6 +1,7 @@
 """The tables of the manual, made of the files in `bench/results` and of the code's own lists."""
 
 import csv
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -244,7 +245,7 @@ def nearest_hurst() -> list[str]:
         f"| {hurst[1:-1].replace(',', ' to')} | "
         + cells(ranges[hurst], *(f"{name}_nmse" for name in names), "table_1", "table_4")
         + " |"
-        for hurst in sorted(ranges)
+        for hurst in sorted(ranges, key=json.loads)
     ]
 
 
