@@ -100,7 +100,7 @@ SHOWN = {
     "faults": (0, 1, 0x726B0A22),
     "comparison": (0, 2, 0xF22B1950),
     "tuning": (0, 1, 0xCEF47EB0),
-    "grids": (0, 1, 0x11146B43),
+    "grids": (0, 1, 0xC78675C3),
     "comparison-hybrid": (0, 1, 0x1AE00F86),
     "comparison-concentrated": (0, 1, 0xE1F5760D),
     "models": (1, 1, 0x31CA4971),
