@@ -26,6 +26,7 @@ from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.scene import Scene
 from gen.surface import generate
+from learn.models import MODELS
 
 RESULTS = ROOT / "bench" / "results"
 OTHERS = {"bem", "paper's NNLS"}
@@ -215,6 +216,22 @@ def test_the_nearest_readings_are_those_of_the_search_as_is_said() -> None:
         for row in rows("nearest/costs.csv")
     }
     assert all_nine["as shipped", "surfaces"] < all_nine["10 loads a surface", "surfaces"]
+
+
+def test_the_coefficients_are_as_undecided_as_is_said() -> None:
+    worse: dict[str, set[str]] = {"as shipped": set(), "uniform pressure": set()}
+    for row in rows("nearest/scores.csv"):
+        if row["database"] in worse and float(row["nmse"]) > float(row["paper_nmse"]):
+            worse[row["database"]].add(row["model"])
+    assert worse["as shipped"] == {"adaboost"}
+    assert worse["uniform pressure"] == {*MODELS} - {"kernel-ridge"}
+
+
+def test_the_winners_are_those_that_are_named() -> None:
+    by = {row["model"]: row["winner"] for row in rows("comparison/area/tuning.csv")}
+    optimum = {model for model, winner in by.items() if winner == "optimum"}
+    assert optimum == {"adaboost", "xgboost", "gradient-boost", "svm"}
+    assert [model for model, winner in by.items() if winner == "baseline"] == ["gaussian-process"]
 
 
 def test_no_fault_did_harm_as_is_said() -> None:
