@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: quickstart test docs slurm-test campaign check browser calculix debian parallel test-parallel wheel clean
+.PHONY: quickstart test test-all long docs slurm-test campaign check browser calculix debian parallel test-parallel wheel clean
 
 quickstart: .venv/quickstart-installed
 	$(BIN)/mpiexec -n 3 $(BIN)/python -m mpi4py -m gen run quick -o quick.h5
@@ -10,10 +10,18 @@ quickstart: .venv/quickstart-installed
 	$(BIN)/python -m gen plot quick.h5 -o quick.png
 	@echo "Look at quick.png; go on with README.md, below 'After that'."
 
-# On two processors; the batch scripts' tests and the fault campaign stand apart. A test that hangs ends
-# its process, and is not begun again in a new one.
+# On two processors; what takes long, the batch scripts' tests and the fault campaign stand apart. A test
+# that hangs ends its process, and is not begun again in a new one.
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --max-worker-restart 0
 test: .venv/test-installed
-	$(BIN)/python -m pytest -m "not slurm and not campaign" -n 2 --dist loadfile --max-worker-restart 0
+	$(PYTEST) -m "not long and not slurm and not campaign"
+
+# Everything, as CI runs it.
+test-all: test long campaign slurm-test
+
+# Properties over thousands of problems, and what only few changes can break.
+long: .venv/test-installed
+	$(PYTEST) -m "long and not slurm and not campaign"
 
 # The manual, docs/_build/html/index.html: tables from bench/results, the gallery run, links checked.
 docs: .venv/docs-installed
