@@ -12,15 +12,14 @@ from gen.runtime import farm as processes
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
 COMMANDS = (
-    *(page.run, page.page, page.publish, page.paper, page.unstated),
-    page.nearest,
+    *(page.run, page.page, page.publish, page.paper),
     *(solver.solver, solver.peers, solver.growth, solver.yielding),
     *(solver.threads, solver.hertz, solver.theory, solver.calculix, solver.stability),
     *(surrogates.models, surrogates.tolerance, surrogates.generalisation),
     *(surrogates.coverage, surrogates.scans),
     *(surrogates.grow, surrogates.features),
     *(surrogates.cost, surrogates.throughput, surrogates.memory, surrogates.yielding_surrogate),
-    *(farm.scale, farm.speedup, farm.writers, farm.outputs, farm.databases),
+    *(farm.speedup, farm.writers, farm.outputs, farm.databases),
 )
 
 for _command in COMMANDS:

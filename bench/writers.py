@@ -19,7 +19,6 @@ import numpy as np
 
 from bench.report import Report
 from bench.scale.launch import answer, launch
-from bench.scale.probe import empty_rows
 from bench.table import markdown
 from gen import database
 from gen.arrays import Columns
@@ -27,7 +26,7 @@ from gen.generation.delivery import Block, Target, delivery
 from gen.generation.run import blocks_of
 from gen.runtime import farm
 from gen.scene import Scene
-from gen.schema import row_bytes
+from gen.schema import Status, columns_for, row_bytes
 
 SCENE = "samples = {rows}\n[surface]\nnodes = {nodes}\n[store]\npressure = true\n"
 
@@ -162,7 +161,12 @@ def write(target: Target, blocks: Sequence[Block], template: Columns, world: far
 
 def template_of(scene: Scene, blocks: Sequence[Block]) -> Columns:
     """Return rows for the largest block; the fields are random, as zeros could be cheaper."""
-    rows = empty_rows(scene, max(stop - start for start, stop in blocks))
+    count = max(stop - start for start, stop in blocks)
+    rows = {
+        column.name: np.full(column.shape(count, scene.shape), column.fill, column.dtype)
+        for column in columns_for(scene)
+    }
+    rows["status"][:] = Status.DONE
     rows["pressure"] = np.random.default_rng(0).normal(size=rows["pressure"].shape)
     return rows
 

@@ -1,4 +1,4 @@
-"""Commands on the farm and its database: scale, writing, outputs."""
+"""Commands on the farm and its database: speed-up, writing, outputs."""
 
 from pathlib import Path
 
@@ -51,25 +51,6 @@ def outputs(
 
     require_place(output, "outputs.csv")
     tell(output, report(measure(scene, rounds)))
-
-
-def scale(
-    output: Folder,
-    costs: Path | None = option(
-        None, "DIR/costs.json of an earlier report, not measured anew.", metavar="JSON"
-    ),
-    validate: bool = option(False, "Compare with real runs on this machine first.", "--validate"),
-) -> None:
-    """Simulate the farm on 10 to 10,000 ranks, from costs that are measured here.
-
-    Costs of rows, messages, bookkeeping and writing: DIR/costs.json. Efficiency, idle tail and the
-    master's memory for 1e4 to 1e7 rows, both writers and several sizes of blocks: DIR/scale.csv and
-    DIR/scale.png. Some minutes.
-    """
-    from bench.scale.studies import report
-
-    require_place(output, "costs.json", "scale.csv", "scale.png", "validation.csv")
-    tell(output, report(costs, validate=validate))
 
 
 def speedup(

@@ -4,9 +4,8 @@ from pathlib import Path
 
 import typer
 
-from bench.commands.options import PAPER_DATABASE, PARTS, Folder, option, require_place, tell
+from bench.commands.options import PAPER_DATABASE, PARTS, Folder, option
 from bench.report import remark
-from gen.runtime.errors import InputError
 
 
 def run(
@@ -102,43 +101,3 @@ def paper(
     given = {name: path for name, path in inputs.items() if path is not None}
     for path in write_report(output, given, rows, only=only or ()):
         typer.echo(path)
-
-
-def unstated(
-    output: Folder,
-    rows: int = option(1000, "Rows of each database.", min=50),
-) -> None:
-    """Vary what the paper leaves unstated, one choice at a time, and show what that moves.
-
-    Influence coefficients, far field, spacing, generator, sigma0, shares of Delta, simulations
-    that were cut off; readings of bandwidth, peaks and asperities; an iteration that stops early.
-    Generates a dozen databases in DIR/databases, goes on there after Ctrl-C; DIR/unstated.csv,
-    readings.csv, early-stop.csv and unstated.png. Minutes.
-    """
-    from bench.paper.unstated.report import report
-
-    require_place(output, "unstated.csv", "readings.csv", "early-stop.csv", "unstated.png")
-    tell(output, report(output, rows))
-
-
-def nearest(
-    output: Folder,
-    rows: int = option(15_878, "Rows of each database; the paper's number.", min=100),
-    surfaces: int = option(3000, "Surfaces of each population, a multiple of 50.", min=1),
-    minutes: float = option(30.0, "Time for the search, after the databases.", min=0.0),
-) -> None:
-    """Search what the paper leaves open for the reading that gives its numbers most nearly.
-
-    Baselines of the shipped scene paper-nearest first, and with ten loads a surface, split by
-    surfaces and by rows. Then the search: its readings are those of
-    bench/paper/candidates.toml, the distance is that of the ends of Table 1 and of the baselines of
-    Table 4; the nearest three again on other splits. Goes on in DIR after Ctrl-C; DIR/search.csv,
-    finalists.csv, baselines.csv, costs.csv, ranges.csv and nearest.png. An hour on one core.
-    """
-    from bench.paper.nearest.population import CHUNK
-    from bench.paper.nearest.report import report
-
-    if surfaces % CHUNK:
-        raise InputError(f"--surfaces {surfaces}: give a multiple of {CHUNK}")
-    require_place(output, "baselines.csv", "costs.csv", "ranges.csv", "nearest.png")
-    tell(output, report(output, rows, surfaces, minutes))

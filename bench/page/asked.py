@@ -17,9 +17,6 @@ Folders = Callable[[str], Path]
 NOT_OTHERS = {"bem", "paper's NNLS"}
 """Solvers among the peers that are not another program."""
 
-BUSY = 0.9
-"""Efficiency from which on the ranks of a run count as busy."""
-
 
 @dataclass(frozen=True)
 class Asked:
@@ -137,19 +134,6 @@ def growth(rows: list[Row]) -> str:
     )
 
 
-def scale(rows: list[Row]) -> str:
-    """Number of ranks that the longest simulated run keeps busy."""
-    longest = max(int(row["rows"]) for row in rows)
-    busy = [
-        int(row["ranks"])
-        for row in rows
-        if int(row["rows"]) == longest and float(row["efficiency"]) >= BUSY
-    ]
-    return (
-        f"In a simulation, {longest:,} rows keep up to {max(busy):,} ranks {100 * BUSY:.0f} % busy."
-    )
-
-
 def models(rows: list[Row]) -> str:
     """Best of the nine models with the paper's features, beside the paper's best."""
     ours, theirs = (max(rows, key=lambda row: float(row[name])) for name in ("r2", "paper_r2"))
@@ -218,7 +202,7 @@ def cost(rows: list[Row]) -> str:
 ANSWERS: dict[str, Callable[[list[Row]], str]] = {
     each.__name__: each
     for each in (
-        *(hertz, peers, periodic, stability, growth, scale),
+        *(hertz, peers, periodic, stability, growth),
         *(models, features, coverage, scans, grow, cost),
     )
 }

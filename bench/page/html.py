@@ -54,12 +54,15 @@ def write_page(parts: Sequence[Part], inputs: Inputs) -> Path:
 
 def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
     """Return the page of what a folder holds."""
-    shown = [_shown(part, inputs) for part in parts]
+    present = [part for part in parts if not part.retired or read(inputs.making(part).path)]
+    shown = [_shown(part, inputs) for part in present]
     chapters = groupby(shown, key=lambda each: each.part.chapter)
     said: dict[str, Any] = {"chapters": {chapter: list(each) for chapter, each in chapters}}
     folders = {each.part.folder or each.part.name: inputs.folder(each.part) for each in shown}
     said["asked"] = lines(lambda name: folders.get(name, inputs.output / name))
-    said["states"] = states([each.record for each in shown if each.contents])
+    said["states"] = states(
+        [each.record for each in shown if each.contents and not each.part.retired]
+    )
     said |= {"made": circumstances(), "judged": sum(len(each.verdicts) for each in shown)}
     said |= {"failures": sum(each.failures for each in shown)}
     return rendered("page/page.html", said, markup=True)

@@ -34,6 +34,7 @@ class Part:
     full: str
     show: ShowContents  # lists what the part's folder holds
     folder: str = ""  # name of another part, to whose files it adds; empty for a folder of its own
+    retired: str = ""  # commit up to which the code has the command that made it
     judges: bool = False  # whether exit code 1 says that a check failed, not that the report did
 
 
@@ -51,7 +52,7 @@ def part_of(report: str, chapter: str) -> Part:
         contents: ShowContents | None = resolve_name(own) if own else None
         return contents(folder) if contents else contents_of(report, folder)
 
-    return Part(report.rpartition("/")[2], chapter, **{"quick": "", **said}, show=show)
+    return Part(report.rpartition("/")[2], chapter, **{"quick": "", "full": "", **said}, show=show)
 
 
 def contents_of(report: str, folder: Path) -> list[Content]:

@@ -10,7 +10,6 @@ import bem
 from bench.page.content import Content
 from bench.paper.facts import DELTAS, GRIDS
 from bench.paper.texts import DIGITS, picture
-from bench.paper.unstated.readings import ALONG, NEIGHBOURS, above
 from bench.picture import COLOURS, new_figure
 from bench.table import write_table
 from gen.arrays import Heights
@@ -27,11 +26,23 @@ SIDE, NODES = PRESET.side, PRESET.nodes
 ROUGH, SMOOTH = limits(PRESET.hurst)
 # The middle of the preset's range [um].
 SIGMA0 = sum(limits(PRESET.sigma0)) / 2
+ALONG, ACROSS = ((-1, 0), (1, 0)), ((0, -1), (0, 1))  # neighbours in profiles along x and along y
 
 
 def surface(hurst: float, generator: str = "diamond-square", nodes: int = NODES) -> Heights:
     """Return the heights, shape (nodes, nodes), of the surface that all pictures show [um]."""
     return generate(generator, nodes, hurst, SIGMA0, np.random.default_rng(SEED))
+
+
+def above(heights: Heights, *offsets: tuple[int, int]) -> NDArray[np.bool_]:
+    """Mark the nodes that are above all of their neighbours, given by places relative to a node.
+
+    Nodes at the border are not marked.
+    """
+    padded = np.pad(heights, 1, constant_values=np.nan)  # no number is above NaN
+    nx, ny = heights.shape
+    neighbours = (padded[1 + i : 1 + i + nx, 1 + j : 1 + j + ny] for i, j in offsets)
+    return np.asarray(np.all([heights > neighbour for neighbour in neighbours], axis=0))
 
 
 def levels(folder: Path) -> list[Content]:
@@ -61,8 +72,8 @@ def profile(folder: Path) -> list[Content]:
     heights = surface(ROUGH)
     middle = NODES // 2
     x, line = np.linspace(0, SIDE, NODES), heights[:, middle]
-    peaks = above(heights, ALONG, border=False)[:, middle]
-    asperities = above(heights, NEIGHBOURS[4], border=False)
+    peaks = above(heights, *ALONG)[:, middle]
+    asperities = above(heights, *ALONG, *ACROSS)
     figure = new_figure(11, 4.2)
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.7))
     figure.colorbar(_image(left, heights), ax=left, label="height [µm]")

@@ -1,1 +1,1 @@
-"""How far the farm scales: its costs measured here, and a simulation of many more ranks."""
+"""How much faster the farm is on more processes of this machine."""

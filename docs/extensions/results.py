@@ -76,9 +76,10 @@ def _made(part: Part) -> str:
         command = typed(INPUTS.arguments(part)).replace(str(RESULTS), "report")
         return f"Made by `{command.replace('report/none.h5', 'paper.h5')}`."
     command = re.sub(r"\S*/none\.h5", "paper.h5", found.command).replace(f"{RESULTS}/", "")
+    left = f" The code up to commit {part.retired} has the command." if part.retired else ""
     return (
         f"Made by `{command}` on {found.machine.processor}, {found.created[:10]},"
-        f" commit {found.commit[:7]}."
+        f" commit {found.commit[:7]}.{left}"
     )
 
 

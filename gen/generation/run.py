@@ -42,7 +42,7 @@ BLOCK_NODES = 64 * 129**2
 
 ANSWER_NODES = 129**2 / 10
 """Number of nodes whose contact a worker solves in the time that the master takes to hand out,
-receive and write one block (measured by `python -m bench scale`)."""
+receive and write one block."""
 
 MASTER_SHARE = 1.5
 """Smallest ratio of a block's compute time to the master's time to serve every worker once."""

@@ -2,16 +2,14 @@
 
 from pathlib import Path
 
-import pytest
-
-from bench.page.asked import ASKED, hertz, lines, peers, scale
+from bench.page.asked import ASKED, hertz, lines, peers
 
 RESULTS = Path(__file__).resolve().parents[3] / "bench" / "results"
 
 
 def test_all_questions_are_answered_by_what_is_published():
     found = lines(lambda part: RESULTS / part)
-    assert len(found) == 12
+    assert len(found) == 11
     assert all(line.answer.endswith(".") and len(line.answer) < 280 for line in found)
 
 
@@ -50,17 +48,3 @@ def test_the_fastest_other_solver_is_chosen_case_by_case():
         for delta, solver, times in table
     ]
     assert "takes 5 to 7 times" in peers(rows)
-
-
-def test_ranks_are_busy_up_to_nine_tenths_of_the_longest_run():
-    table = [("10", "100", "0.99"), ("20", "100", "0.9"), ("40", "100", "0.89"), ("80", "9", "1")]
-    rows = [dict(zip(("ranks", "rows", "efficiency"), row, strict=True)) for row in table]
-    assert scale(rows) == "In a simulation, 100 rows keep up to 20 ranks 90 % busy."
-
-
-def test_a_run_that_keeps_no_rank_busy_has_no_answer(tmp_path):
-    (tmp_path / "scale.csv").write_text("ranks,rows,efficiency\n10,100,0.5\n")
-    (line,) = (each for each in lines(lambda _: tmp_path) if each.part == "scale")
-    assert line.answer == ""
-    with pytest.raises(ValueError, match="empty"):
-        scale([{"ranks": "10", "rows": "100", "efficiency": "0.5"}])

@@ -48,6 +48,6 @@ def test_what_is_there_takes_no_time(tmp_path: Path) -> None:
 def test_command_plans_and_makes_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "--full", "-o", str(tmp_path / "report"), "--plan"]) == 0
     said = capfd.readouterr().out
-    assert "unstated " in said
+    assert "coverage " in said
     assert "parts to make: " in said
     assert not (tmp_path / "report").exists()

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from bench.paper import surfaces
-from bench.paper.unstated.readings import ACROSS, ALONG, above
 from gen.statistics import describe
 
 
@@ -18,6 +17,6 @@ def test_levels_are_one_surface():
 def test_marks_are_what_the_statistics_count():
     heights = surfaces.surface(surfaces.ROUGH)
     values = describe(heights, 1.0).values
-    along = [above(heights, each, border=False) for each in (ALONG, ACROSS)]
+    along = [surfaces.above(heights, *each) for each in (surfaces.ALONG, surfaces.ACROSS)]
     assert sum(marks.sum() for marks in along) == round(values["peak_density"] * 2 * heights.size)
     assert heights[along[0] & along[1]].mean() == pytest.approx(values["asperity_mean"])

@@ -1,1 +1,0 @@
-"""The reading of what the paper leaves open that gives numbers nearest to its tables."""
