@@ -42,7 +42,9 @@ class Contact:
     contact_nodes : int
         Number of nodes under pressure.
     delta : float
-        Far-field displacement Delta, given or computed [um].
+        Far-field displacement Delta, given or computed. Where every node in contact has yielded,
+        one pressure is in balance at every Delta until the next node touches; under a given load
+        it is the smallest of them [um].
     approach : float
         Total displacement of the far field: Delta, plus F / K if it is compliant [um].
     residual : float

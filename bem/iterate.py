@@ -5,6 +5,7 @@ Delta, and pressures are scaled so that H maps a pressure to a displacement. Nod
 never carry pressure.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from typing import NamedTuple, Protocol
@@ -302,8 +303,8 @@ class YieldingIterate(Iterate):
 
     def excess(self) -> float:
         """Return how far the free pressure exceeds the hardness, over the hardness [1]."""
-        largest = float(self.pressure.max(initial=0.0, where=~self.yielded))
-        return max(largest / self.hardness - 1, 0.0)
+        excess = float(self.pressure.max(initial=0.0, where=~self.yielded)) / self.hardness - 1
+        return excess if excess > ROUNDING else 0.0
 
     def join(self) -> None:
         """Let the nodes at or above the hardness yield."""
@@ -334,20 +335,22 @@ class YieldingIterate(Iterate):
     def balance(self, load: float) -> None:
         """Scale the free pressure so that all of the pressure adds up to a load.
 
-        Where the yielded nodes alone carry more, those that penetrate the least are freed first;
-        where no free node is under pressure, those next to touch are given some.
+        Where the yielded nodes alone carry the load or more, those that penetrate the least are
+        freed until some load is left for the free nodes, which tell the displacement of the far
+        field. So a load that is a whole multiple of the hardness keeps one node free, whose
+        pressure may turn out to be the hardness. Where no free node is under pressure, those next
+        to touch are given some.
         """
-        most = int(load / self.hardness * (1 + ROUNDING))
+        most = math.ceil(load / self.hardness * (1 - ROUNDING)) - 1
         if np.count_nonzero(self.yielded) > most:
             deepest = np.argsort(np.where(self.yielded, -self.residual, np.inf), kind="stable")
             self.yielded = np.zeros_like(self.yielded)
             self.yielded[deepest[:most]] = True
         left = load - self.hardness * int(np.count_nonzero(self.yielded))
+        left = self.hardness if abs(left - self.hardness) <= ROUNDING * load else left
         free = ~self.yielded
         carried = float(self.pressure[free].sum())
-        if left <= ROUNDING * load:
-            self.pressure[free] = 0
-        elif carried > 0:
+        if carried > 0:
             self.pressure[free] *= left / carried
         else:
             outside = np.flatnonzero(free)
@@ -368,10 +371,7 @@ class YieldingIterate(Iterate):
     def follow(self, operators: Operators) -> None:
         """Shift the far field, under a given load, so that the free nodes are in balance."""
         if operators.load is not None:
-            weights = np.where(self.yielded, 0.0, np.maximum(self.pressure, 0))
-            if not weights.any():  # the least displacement that leaves no gap where nodes yielded
-                weights[np.argmin(np.where(self.yielded, self.residual, np.inf))] = 1
-            self.level(weights, self.residual)
+            self.level(np.where(self.yielded, 0.0, np.maximum(self.pressure, 0)), self.residual)
 
 
 def scaled_to_carry(pressure: Values, load: float, hardness: float, largest: float) -> Values:

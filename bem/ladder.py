@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bem.arrays import Field
 from bem.contact import Contact
 from bem.equilibrium import Equilibrium, Start
-from bem.problem import pose
+from bem.problem import checked_heights, pose, refuse_masked
 from bem.solving import contact_of, equilibrium_of
 from bem.workers import checked_threads, on_threads
 
@@ -53,27 +54,54 @@ def ladder(
     **settings
         Further arguments of `solve`.
 
-    Yields
-    ------
-    Contact
-        The contact at one load, in the order of the loads.
+    Returns
+    -------
+    iterator of Contact
+        The contacts, each solved when it is asked for, in the order of the loads. An error belongs
+        to one load: whoever catches it can go on with ``next`` to the contact at the next load, so
+        that loads that were solved are never lost.
 
     Raises
     ------
     ValueError, NoSolution, NotConverged
-        As `solve` raises them, at the load that causes them.
+        As `solve` raises them: for the heights at once, else at the load that causes them.
+        A load that is not solved from the contacts before is tried from scratch first.
     """
     name, loads = _chosen(delta=deltas, force=forces, pressure=pressures)
-    last: list[Rung] = []
-    for load in loads:
-        given: dict[str, Any] = {"delta": None, name: load}
-        problem = pose(heights, side, **given, **settings)
-        near = _extrapolated(last, load, problem.spacing[0])
-        with on_threads(checked_threads(threads)):
+    return _Ladder(checked_heights(heights), side, name, loads, checked_threads(threads), settings)
+
+
+class _Ladder(Iterator[Contact]):
+    """The contacts of `ladder`, unlike a generator also after one that could not be found."""
+
+    def __init__(
+        self,
+        heights: Field,
+        side: float | tuple[float, float],
+        name: str,
+        loads: Iterable[float],
+        threads: int | None,
+        settings: dict[str, Any],
+    ) -> None:
+        self._heights, self._side, self._settings = heights, side, settings
+        self._name, self._loads, self._threads = name, iter(loads), threads
+        self._last: list[Rung] = []
+
+    def __next__(self) -> Contact:
+        """Solve for the next load."""
+        load = next(self._loads)
+        given: dict[str, Any] = {"delta": None, self._name: load}
+        problem = pose(self._heights, self._side, **given, **self._settings)
+        near = _extrapolated(self._last, load, problem.spacing[0])
+        with on_threads(self._threads):
             equilibrium = equilibrium_of(problem, near, keep_displacement=True)
-        yield contact_of(problem, equilibrium)
+            if near is not None and equilibrium is not None and not equilibrium.converged:
+                equilibrium = equilibrium_of(problem, None, keep_displacement=True)
+        contact = contact_of(problem, equilibrium)
         if equilibrium is not None:
-            last = [*[rung for rung in last if rung[0] != load][-2:], (load, equilibrium)]
+            others = [rung for rung in self._last if rung[0] != load]
+            self._last = [*others[-2:], (load, equilibrium)]
+        return contact
 
 
 def _chosen(**given: Iterable[float] | None) -> tuple[str, Iterable[float]]:
@@ -82,7 +110,9 @@ def _chosen(**given: Iterable[float] | None) -> tuple[str, Iterable[float]]:
     if len(chosen) != 1:
         said = " and ".join(f"{name}s" for name, _ in chosen) or "no loads"
         raise ValueError(f"{said} given: give one of deltas [um], forces [uN] and pressures [MPa]")
-    return chosen[0]
+    name, loads = chosen[0]
+    refuse_masked(f"{name}s", loads)
+    return name, loads.copy() if isinstance(loads, np.ndarray) else loads
 
 
 def _extrapolated(last: list[Rung], load: float, spacing: float) -> Start | None:

@@ -139,7 +139,7 @@ def pose(
         If the load is more than the hardness on all nodes carries, or the displacement of elastic
         bodies on a patch without edges is that of full contact or more.
     """
-    surface = _checked_heights(heights)
+    surface = checked_heights(heights)
     boundary = _checked_choice("boundary", boundary, BOUNDARIES)
     cells = _checked_spacing(surface.shape, side, spacing, boundary)
     patch = surface.size * cells[0] * cells[1]
@@ -236,6 +236,7 @@ def checked_start(near: ArrayLike, problem: Problem) -> Field:
     ValueError
         If the shape is another one, or a number is negative or not finite.
     """
+    refuse_masked("pressures of near", near)
     start = np.asarray(near, dtype=np.float64)
     shape = problem.heights.shape
     if start.shape != shape or not np.isfinite(start).all() or (start < 0).any():
@@ -298,11 +299,9 @@ def _check_range(problem: Problem) -> None:
             )
 
 
-def _checked_heights(heights: ArrayLike) -> Field:
+def checked_heights(heights: ArrayLike) -> Field:
     """Return a copy of the heights as (nx, ny) finite floats, or refuse them."""
-    rows = heights if isinstance(heights, list | tuple) else [heights]
-    if any(np.ma.is_masked(row) for row in rows):
-        raise ValueError("heights are masked in places: fill or crop them")
+    refuse_masked("heights", heights)
     try:
         given = np.asarray(heights)
     except ValueError:
@@ -322,6 +321,13 @@ def _checked_heights(heights: ArrayLike) -> Field:
         raise ValueError(f"heights hold {holes} values that are not finite: fill or crop them")
     surface.setflags(write=False)
     return surface
+
+
+def refuse_masked(name: str, given: Any) -> None:
+    """Refuse an array, or rows of arrays, of which some entries are masked."""
+    rows = given if isinstance(given, list | tuple) else [given]
+    if any(np.ma.is_masked(row) for row in rows):
+        raise ValueError(f"{name} are masked in places: fill or crop them")
 
 
 def _is_nullable_table(heights: Any) -> bool:

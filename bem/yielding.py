@@ -156,6 +156,7 @@ def solve_within(
     grow = operators.load is None or operators.edgeless
     if not converged and grow and not capped.stalled:
         converged = _grow_yielded(operators, interference, capped, rtol, max_iterations)
+    np.minimum(capped.pressure, hardness, out=capped.pressure)  # rounding of a balance
     if not converged or capped.depth() > rtol:
         return capped, converged
     return _elastic_after_all(operators, interference, capped, bounds, near, pace)

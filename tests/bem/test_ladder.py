@@ -1,14 +1,16 @@
 """Ladders of loads, against single solves at the same loads."""
 
 from dataclasses import replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 import pytest
 
 import bem
-from bem import displacement_control
+from bem import displacement_control, solving
 from bem.analytic import Paraboloid, distances_to_centre
+from bem.equilibrium import Equilibrium, Start
 from bem.half_space import HalfSpace
 from bem.influence import KERNELS, Kernel
 from bem.iterate import Iterate
@@ -93,6 +95,29 @@ def test_a_ladder_of_pressures_saves_convolutions() -> None:
 def test_a_ladder_has_one_kind_of_load(given: dict[str, Any], told: str) -> None:
     with pytest.raises(ValueError, match=told):
         list(bem.ladder(ROUGH, 1000.0, **given))
+
+
+def test_a_load_that_is_not_solved_from_the_contacts_before_is_solved_from_scratch(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def spoilt(problem: bem.Problem, near: Start | None, **how: Any) -> Equilibrium | None:
+        few = problem if near is None else replace(problem, max_iterations=1)
+        return solving.equilibrium_of(few, near, **how)
+
+    monkeypatch.setattr(import_module("bem.ladder"), "equilibrium_of", spoilt)
+    for contact in bem.ladder(ROUGH, 1000.0, [20.0, 25.0, 30.0, 35.0]):
+        assert contact.force == bem.solve(ROUGH, 1000.0, contact.delta).force
+
+
+def test_a_ladder_goes_on_after_a_load_that_could_not_be_solved() -> None:
+    few = {"max_iterations": 5, "boundary": "mirror"}
+    rungs = bem.ladder(ROUGH, 1000.0, [0.01, 10.0, np.nan, 0.02], **few)
+    assert next(rungs).delta == 0.01
+    with pytest.raises(bem.NotConverged, match=r"raise max_iterations \(5\)$"):
+        next(rungs)
+    with pytest.raises(ValueError, match="delta = nan"):
+        next(rungs)
+    assert [contact.delta for contact in rungs] == [0.02]
 
 
 def violation(contact: bem.Contact) -> float:

@@ -3,6 +3,8 @@
 `tests/bench/references` holds the pressures against bounded least squares.
 """
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,6 +14,7 @@ import bem
 from bem import displacement_control, half_space, yielding
 from bem.active_set import solve_complementarity
 from bem.analytic import PowerLaw
+from bem.spacing import BOUNDARIES, Boundary
 from bench.references.surfaces import SURFACES
 
 SIDE = 100.0
@@ -227,6 +230,49 @@ def test_loads_just_below_the_hardness_are_carried(share: float):
     contact = bem.solve(self_affine(0), SIDE, pressure=share * 0.01, hardness=0.01)
     assert contact.force == pytest.approx(share * 0.01 * (SIDE * 33 / 32) ** 2, rel=1e-12)
     assert contact.yielded_percent > 85
+
+
+ROUND = (1, 2, 5, 10, 20, 50, 100, 200, 250, 400, 500, 800, 1000, 1500, 2000, 3000)
+LONG = pytest.mark.long
+ROUND_GRIDS = [
+    ("self-affine", (16, 16), 3),
+    *(
+        pytest.param(kind, shape, 1, marks=LONG)
+        for kind in ("self-affine", "white noise", "plateaus")
+        for shape in ((20, 20), (25, 40), (50, 50))
+    ),
+]
+
+
+@pytest.mark.parametrize(("kind", "shape", "every"), ROUND_GRIDS)
+def test_round_loads_are_carried(kind: str, shape: tuple[int, int], every: int):
+    """Loads that are whole multiples of hardness times cell, alone and in ladders; 2,600 in all."""
+    heights = 0.3 * SURFACES[kind](np.random.default_rng(shape[1]), shape)
+    for hardness, boundary in itertools.product((500.0, 1000.0, 2000.0, 4000.0), BOUNDARIES):
+        body = {"modulus": 2.1e5, "poisson": 0.3, "spacing": 1.0, "hardness": hardness}
+        pressures = [pressure for pressure in ROUND[::every] if pressure < hardness]
+        alone = [bem.solve(heights, 1, pressure=p, boundary=boundary, **body) for p in pressures]
+        rungs = bem.ladder(heights, 1, pressures=pressures, boundary=boundary, **body)
+        for pressure, *contacts in zip(pressures, alone, rungs, strict=True):
+            for contact in contacts:
+                assert contact.force == pytest.approx(pressure * heights.size, rel=1e-11)
+                assert contact.largest_pressure <= hardness
+                assert contact.residual <= 2e-7
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+@pytest.mark.parametrize("many", [1, 7, 45])
+def test_where_all_that_touches_yields_the_displacement_is_the_smallest(
+    boundary: Boundary, many: int
+):
+    """The same nodes carry the load at every displacement until the next node touches."""
+    heights = np.sort(np.random.default_rng(many).uniform(0, 3, 100)).reshape(10, 10)
+    heights.flat[-many:] += 50.0
+    contact = bem.solve(heights, 10, force=many * 1e-3, boundary=boundary, hardness=1e-3, spacing=1)
+    np.testing.assert_array_equal(contact.pressure.flat[-many:], 1e-3)
+    assert contact.contact_nodes == many
+    shallowest = contact.yielded_depth.flat[-many:].min()
+    assert shallowest == pytest.approx(0, abs=2e-7 * contact.delta)
 
 
 @pytest.mark.parametrize("hardness", [0, -1.0, float("nan"), float("inf"), True, "soft"])

@@ -255,7 +255,7 @@ def _of_critical(share: float, kernel: Kernel, heights: Field) -> float:
 def _refusals() -> Iterator[Case]:
     """What is said of heights, of numbers, and of results beyond double precision."""
     case, holed = partial(contact_case, "refused"), topographies.with_middle_at
-    unfinished = Refusal(bem.NotConverged, ("after 3 iterations", "raise max_iterations (3) or"))
+    unfinished = Refusal(bem.NotConverged, ("after 3 iterations", "raise max_iterations (3)"))
     yield case("3 iterations", paper, max_iterations=3, refusal=unfinished)
     for name, heights, words in (
         (
