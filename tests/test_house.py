@@ -71,7 +71,7 @@ ROOMS = {
         *("gen.scene", "gen.schema", "gen.statistics"),
     },
     "gen.display": {
-        *("gen.arrays", "gen.database", "gen.generation", "gen.measured", "gen.runtime"),
+        *("gen.database", "gen.generation", "gen.measured", "gen.runtime"),
         *("gen.scene", "gen.schema", "gen.statistics"),
     },
     "gen.export": {"gen.database", "gen.runtime", "gen.schema"},

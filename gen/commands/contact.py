@@ -123,7 +123,7 @@ def contact(
     modulus = combined_modulus(young or [], poisson or [], e_star)
     softer = require_hardness(hardness, material=material)
     source = Source.of_options(surface, reading._asdict())
-    topography, _ = surface_of(source, second_body(source, facing), boundary)
+    topography = surface_of(source, second_body(source, facing), boundary)
     with on_threads(threads or default_threads(cores())):
         contacts, warnings = follow_contacts(
             topography,

@@ -25,7 +25,7 @@ def describe(
     from gen.display import surfaces
     from gen.measured import single
     from gen.measured.areal import areal_parameters
-    from gen.measured.preparation import surface_warnings, tilt
+    from gen.measured.preparation import surface_warnings
     from gen.measured.source import Source, surface_of
     from gen.runtime.table import write_csv
 
@@ -33,12 +33,11 @@ def describe(
     check_outputs(outputs, facing.with_first(surface))
     figure = empty_figure(picture, 10.5, 8.6)
     source = Source.of_options(surface, reading._asdict())
-    topography, measured = surface_of(source, second_body(source, facing), boundary)
+    topography = surface_of(source, second_body(source, facing), boundary)
     warnings = surface_warnings(topography)
     surfaces.print_preparation(topography, warnings)
     description = single.describe(topography)
-    slopes = None if measured is None else tilt(measured)
-    surfaces.print_statistics(topography.heights, topography.spacing, slopes, description)
+    surfaces.print_statistics(topography, description)
     areal = areal_parameters(topography)
     surfaces.print_areal(areal)
     if table is not None:

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from gen.measured.areal import PARAMETERS
+from gen.measured.preparation import tilt
 from gen.runtime.console import console as new_console
 from gen.runtime.console import plain_console
 from gen.schema import statistics_columns
 
 if TYPE_CHECKING:  # statistics are printed without the solver
-    from gen.arrays import Heights
     from gen.measured.self_affine import SelfAffineFit
     from gen.measured.topography import Topography
     from gen.statistics import Description
@@ -37,32 +37,25 @@ def print_preparation(topography: Topography, warnings: list[str]) -> None:
         )
 
 
-def print_statistics(
-    heights: Heights,
-    spacing: tuple[float, float],
-    tilt: tuple[float, float] | None,
-    description: Description,
-) -> None:
-    """Print the 22 roughness statistics of a surface.
+def print_statistics(topography: Topography, description: Description) -> None:
+    """Print the 22 roughness statistics of a surface, and its tilt unless it has been levelled.
 
     Parameters
     ----------
-    heights : ndarray, shape (nx, ny)
-        Heights without holes [um].
-    spacing : tuple of float
-        Distance of the nodes along x and y [um].
-    tilt : tuple of float or None
-        Slopes of the least-squares plane of the surface as measured, along x and y [1]; None for a
-        composite surface.
+    topography : Topography
+        Surface without holes.
     description : gen.statistics.Description
         Statistics of the heights.
     """
     console = plain_console()
-    console.print(
+    heights, spacing = topography.heights, topography.spacing
+    said = (
         f"{heights.shape[0]} x {heights.shape[1]} nodes, spacing {spacing[0]:.6g} x"
         f" {spacing[1]:.6g} um, heights {heights.min():.6g} to {heights.max():.6g} um"
-        + (f", tilt as measured {tilt[0]:.4g} along x, {tilt[1]:.4g} along y" if tilt else "")
     )
+    if not topography.followed & {"--level plane", "--level quadratic", "--form"}:
+        said += ", tilt {:.4g} along x, {:.4g} along y".format(*tilt(topography))
+    console.print(said)
     table = Table(box=None, pad_edge=False)
     for title in ("statistic", "value", "unit", "meaning"):
         table.add_column(title, justify="right" if title == "value" else "left")

@@ -11,14 +11,10 @@ from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
 from gen.measured import steps
-from gen.measured.settings import Preparation
+from gen.measured.settings import SPIKE, Preparation
 from gen.measured.topography import Topography, intervals
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
-
-SPIKE = 7.0
-"""Height of the highest node above the median of its neighbours from which it is called a spike, in
-robust standard deviations of this quantity over all nodes; self-affine surfaces stay below 5."""
 
 ROWS = 64
 """Rows of nodes whose neighbours are gathered at a time, which bounds the memory."""
@@ -39,6 +35,13 @@ MANY_HOLES = 0.1
 
 MOST_HOLES = 0.5
 """Share of missing heights above which filling them is refused unless the user insists."""
+
+TILTED = 0.8
+"""Share of the variance in the mean plane from which a map is called tilted: the rms height of this
+plane is twice that of the rest. Pieces of self-affine surfaces without a roll-off rarely do."""
+
+FEWEST_TILTED = 8
+"""Nodes a side from which a map can be called tilted: a plane fits fewer by chance."""
 
 TRIPLES = 100
 """Rows from which a file with three columns is a list of points rather than a narrow map."""
@@ -63,7 +66,8 @@ def prepare(topography: Topography, settings: Preparation) -> Topography:
     Returns
     -------
     Topography
-        Surface without holes, with the steps that were taken.
+        Surface without holes, with the steps that were taken. One that is still tilted gets a
+        warning.
 
     Raises
     ------
@@ -72,20 +76,21 @@ def prepare(topography: Topography, settings: Preparation) -> Topography:
         than heights, or heights are too large to compute with.
     """
     settings.check()
+    if settings.options:
+        topography = replace(topography, followed=topography.followed | settings.options)
     if settings.despike or settings.form or settings.filter or settings.downsample:
         steps.require_useful_heights(topography)
     topography = _with_measured_nodes(topography, settings)
     if topography.missing:
-        raise InputError(
-            f"{topography.name}: {topography.missing} of {topography.heights.size} heights are"
-            " missing (NaN): --fill closes holes, --crop leaves them out"
-        )
+        fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
+        remedies = "--fill closes holes", "--crop leaves them out"
+        raise InputError(f"{topography.name}: {advised(topography, fault, *remedies)}")
     short, long = settings.cutoffs()
     if short is not None or long is not None:
         topography = steps.filtered(topography, short, long)
     if settings.downsample is not None:
         topography = steps.downsampled(topography, settings.downsample)
-    return topography
+    return _with_tilt_warning(topography)
 
 
 def _with_measured_nodes(topography: Topography, settings: Preparation) -> Topography:
@@ -127,10 +132,10 @@ def surface_warnings(topography: Topography) -> list[str]:
     spike = _spike(topography.heights)
     if spike is not None:
         row, column, above = spike
-        warnings.append(
-            f"the highest node ({row}, {column}) is a spike, {above:.4g} um above its neighbours:"
-            " Delta counts from its tip; --despike 7 removes spikes, --crop this part"
-        )
+        fault = f"the highest node ({row}, {column}) is a spike from whose tip Delta counts,"
+        fault += f" {above:.4g} um above its neighbours"
+        remedies = f"--despike {SPIKE:g} removes spikes", "--crop leaves this part out"
+        warnings.append(advised(topography, fault, *remedies))
     slope = rms_slope(topography.heights, topography.spacing)
     if slope > STEEP:
         warnings.append(
@@ -138,9 +143,8 @@ def surface_warnings(topography: Topography) -> list[str]:
             f" (below {STEEP:g}); check the unit of heights and lengths"
         )
     if 0 < slope < FLAT:
-        warnings.append(
-            f"rms slope {slope:.2g}: flatter than a mirror; are the heights in metres? --unit says"
-        )
+        fault = f"rms slope {slope:.2g}: flatter than a mirror; are the heights in metres"
+        warnings.append(advised(topography, fault, "--unit m reads them so"))
     warnings += _border_warnings(topography)
     rows, columns = topography.heights.shape
     if columns == 3 and rows >= TRIPLES:
@@ -152,13 +156,14 @@ def surface_warnings(topography: Topography) -> list[str]:
 
 def _border_warnings(topography: Topography) -> list[str]:
     """Warn of a periodic patch whose opposite borders differ by more than the rms height."""
-    if topography.boundary != "periodic":
+    if topography.boundary != "periodic" or is_tilted(topography):
         return []
     step, rms = _border_step(topography.heights), float(topography.heights.std())
     if step <= rms:
         return []
     said = f"opposite borders differ by {step:.4g} um (rms), more than the rms height, {rms:.4g} um"
-    return [f"{said}: the map is not periodic; --boundary mirror takes it as it is"]
+    fault = f"{said}: the map is not periodic"
+    return [advised(topography, fault, "--boundary mirror takes it as it is")]
 
 
 def _border_step(heights: Heights) -> float:
@@ -176,8 +181,56 @@ def _with_level_warning(before: Topography, after: Topography) -> Topography:
     if step <= LEVEL_STEP * was:
         return after
     said = f"the fit that was taken out is not periodic: opposite borders differ by {step:.4g} um"
-    advice = f"(rms), {was:.4g} um before; a periodic map needs --level mean"
-    return replace(after, warnings=(*after.warnings, f"{said} {advice}"))
+    fault = f"{said} (rms), {was:.4g} um before"
+    warning = advised(after, fault, "--level mean keeps the map periodic")
+    return replace(after, warnings=(*after.warnings, warning))
+
+
+def advised(topography: Topography, fault: str, *remedies: str) -> str:
+    """Add remedies to a fault, but none that the command follows already.
+
+    Parameters
+    ----------
+    topography : Topography
+        The surface, which knows the options it was read and prepared by.
+    fault : str
+        What is wrong with it.
+    *remedies : str
+        Each an option and what it does: "--crop leaves this part out".
+
+    Returns
+    -------
+    str
+        One line.
+    """
+    followed = {*topography.followed, f"--boundary {topography.boundary}"}
+    followed |= {"--unit"} if topography.unit else set()
+    left = [each for each in remedies if not each.startswith(tuple(f"{o} " for o in followed))]
+    return f"{fault}: {', '.join(left)}" if left else fault
+
+
+def is_tilted(topography: Topography) -> bool:
+    """Tell whether the mean plane of a surface without holes outweighs its roughness."""
+    heights = topography.heights
+    if min(heights.shape) < FEWEST_TILTED:
+        return False
+    heights = (heights - heights.mean()) / (float(np.ptp(heights)) or 1.0)
+    held = 0.0
+    for axis in (0, 1):
+        places = np.linspace(-1, 1, heights.shape[axis])
+        slope = places @ heights.mean(axis=1 - axis) / (places @ places)
+        held += float(slope**2 * np.mean(places**2))
+    return held > TILTED * float(heights.var())
+
+
+def _with_tilt_warning(topography: Topography) -> Topography:
+    """Warn of a surface that lies as it lay under its instrument."""
+    if not is_tilted(topography):
+        return topography
+    x, y = tilt(topography)
+    fault = f"tilted by {x:.2g} along x and {y:.2g} along y, more than it is rough, so one edge"
+    warning = advised(topography, f"{fault} carries the load", "--level plane takes the tilt out")
+    return replace(topography, warnings=(*topography.warnings, warning))
 
 
 def tilt(topography: Topography) -> tuple[float, float]:
@@ -311,8 +364,8 @@ def _levelled(topography: Topography, level: str) -> Topography:
         return steps.changed(topography, heights - mean, f"levelled by the mean, {mean:.6g} um")
     slopes = tilt(topography)
     fit, _ = _least_squares(heights, _plane if level == "plane" else _quadratic)
-    tilted = f"tilt {slopes[0]:.4g} along x, {slopes[1]:.4g} along y"
-    return steps.changed(topography, heights - fit, f"levelled by a {level}, {tilted}")
+    was = f"tilt was {slopes[0]:.4g} along x, {slopes[1]:.4g} along y"
+    return steps.changed(topography, heights - fit, f"levelled by a {level} ({was})")
 
 
 def _spike(heights: Heights) -> tuple[int, int, float] | None:

@@ -10,6 +10,10 @@ from gen.measured.form import HIGHEST_DEGREE
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
 
+SPIKE = 7.0
+"""Height of the highest node above the median of its neighbours from which it is called a spike, in
+robust standard deviations of this quantity over all nodes; self-affine surfaces stay below 5."""
+
 LEVELS = ("mean", "plane", "quadratic")
 
 
@@ -77,6 +81,19 @@ class Preparation:
             )
         if self.downsample is not None and self.downsample < 2:
             raise InputError(f"--downsample {self.downsample}: give a whole number of 2 or more")
+
+    @property
+    def options(self) -> frozenset[str]:
+        """Options that are given, in the words of advice: "--crop", "--level plane"; a threshold
+        of spikes counts as the one that is advised if it takes out as many.
+        """
+        given = {f"--{name.replace('_', '-')}" for name, value in vars(self).items() if value}
+        given -= {"--level", "--despike"}
+        if self.level:
+            given.add(f"--level {self.level}")
+        if self.despike is not None and self.despike <= SPIKE:
+            given.add(f"--despike {SPIKE:g}")
+        return frozenset(given)
 
     def kept_heights(self) -> tuple[float, float] | None:
         """Return the lowest and the highest height to keep [um]; None without a mask."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gen.measured.outcome import NOTHING, Wanted, answers
+from gen.measured.preparation import is_tilted
 from gen.measured.topography import Topography
 from gen.runtime import memory
 from gen.runtime.errors import InputError
@@ -161,7 +162,8 @@ def border_remark(topography: Topography, contacts: Sequence[Contact]) -> str:
     Returns
     -------
     str
-        One line; "" for a patch without edges or with too few nodes, and without a force.
+        One line, which advises no boundary while the map is tilted; "" for a patch without edges
+        or with too few nodes, and without a force.
     """
     pressure = contacts[-1].pressure
     outer = [int(OUTER * nodes) for nodes in pressure.shape]
@@ -170,11 +172,13 @@ def border_remark(topography: Topography, contacts: Sequence[Contact]) -> str:
     (nx, ny), (x, y) = pressure.shape, outer
     share = 1 - float(pressure[x : nx - x, y : ny - y].sum() / pressure.sum())
     nodes = 1 - (nx - 2 * x) * (ny - 2 * y) / pressure.size
-    return (
+    said = (
         f"the outer 5 % on each side ({100 * nodes:.2g} % of the nodes) carry {100 * share:.3g} %"
-        f" of the {'last ' if len(contacts) > 1 else ''}force: if this is a piece of a larger"
-        " surface, --boundary mirror leaves no edges"
+        f" of the {'last ' if len(contacts) > 1 else ''}force"
     )
+    if is_tilted(topography):  # whose mirror images are tilted too
+        return said
+    return f"{said}: if this is a piece of a larger surface, --boundary mirror leaves no edges"
 
 
 def describe(topography: Topography) -> Description:

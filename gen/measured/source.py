@@ -108,9 +108,7 @@ class Opposite:
         return prepare(self.measured(boundary), self.source.preparation)
 
 
-def surface_of(
-    source: Source, opposite: Opposite | None, boundary: Boundary
-) -> tuple[Topography, Topography | None]:
+def surface_of(source: Source, opposite: Opposite | None, boundary: Boundary) -> Topography:
     """Read and prepare a surface, or the composite surface of two bodies.
 
     Parameters
@@ -124,18 +122,15 @@ def surface_of(
 
     Returns
     -------
-    surface : Topography
+    Topography
         Prepared surface.
-    measured : Topography or None
-        The only body as it was measured; None for two.
 
     Raises
     ------
     InputError
         If a file cannot be read or prepared, or the bodies share fewer than 2 x 2 nodes.
     """
-    measured = source.measured(boundary)
-    surface = prepare(measured, source.preparation)
+    surface = prepare(source.measured(boundary), source.preparation)
     if opposite is None:
-        return surface, measured
-    return composite(surface, opposite.prepared(boundary), opposite.placement), None
+        return surface
+    return composite(surface, opposite.prepared(boundary), opposite.placement)

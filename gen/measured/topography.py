@@ -56,6 +56,8 @@ class Topography:
         One line for each reason to distrust the heights.
     unit : str
         Unit of the heights in the file, "" if it names none and they are taken as um.
+    followed : frozenset of str
+        Options of the preparation, which no warning advises again: "--crop", "--level plane".
     """
 
     name: str
@@ -65,6 +67,7 @@ class Topography:
     warnings: tuple[str, ...] = ()
     boundary: Boundary = "free"
     unit: str = ""
+    followed: frozenset[str] = frozenset()
 
     @property
     def spacing(self) -> Sides:

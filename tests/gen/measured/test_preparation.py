@@ -18,6 +18,7 @@ from gen.measured.preparation import filled_harmonically, prepare, surface_warni
 from gen.measured.settings import Preparation
 from gen.measured.topography import Topography
 from gen.runtime.errors import InputError
+from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.statistics import rms_slope
 from gen.surface import generate
 
@@ -115,7 +116,7 @@ def test_a_filter_goes_round_a_periodic_map() -> None:
 def test_a_fit_that_is_not_periodic_is_told_of_periodic_maps(settings: dict[str, Any]) -> None:
     told = prepare(waves("periodic"), Preparation(**settings)).warnings
     assert len(told) == 1
-    assert "a periodic map needs --level mean" in told[0]
+    assert "--level mean keeps the map periodic" in told[0]
     for other in (waves("free"), waves("mirror"), waves("periodic", tilt=0.1)):
         assert prepare(other, Preparation(**settings)).warnings == ()
     assert prepare(waves("periodic"), Preparation(level="mean")).warnings == ()
@@ -235,6 +236,82 @@ def test_steep_surfaces_are_told() -> None:
     assert warning.startswith("rms slope 1")
 
 
+def rough(nodes: int = 64, *, tilt: float = 0.0, spike: int = 0) -> Topography:
+    """A rough map, perhaps on a slope and with a spike of that many nodes a side."""
+    spectrum = SelfAffineSpectrum(0.8, nodes / 6, 4.0)
+    heights = generate_spectral(
+        (nodes, nodes), float(nodes), spectrum, np.random.default_rng(7), rms_height=0.3
+    )
+    heights = heights + tilt * np.arange(float(nodes))[:, None]
+    heights[20 : 20 + spike, 30 : 30 + spike] += 40.0
+    if spike:
+        heights[20, 30] += 40.0
+    return Topography("map", heights, (float(nodes), float(nodes)))
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
+@pytest.mark.parametrize("level", ["", "mean", "plane", "quadratic"])
+@pytest.mark.parametrize("tilt_x", [0.15, -0.15, 0.05, 0.0])
+def test_a_tilted_map_is_told_with_what_levels_it(
+    tilt_x: float, level: str, boundary: Boundary
+) -> None:
+    surface = prepare(replace(rough(tilt=tilt_x), boundary=boundary), Preparation(level=level))
+    told = [line for line in surface_warnings(surface) if "tilted by" in line]
+    assert len(told) == (tilt_x != 0 and level in {"", "mean"})
+    for line in told:
+        along_x = float(line.removeprefix("tilted by ").split()[0])
+        assert along_x == pytest.approx(tilt_x, abs=0.005)
+        assert "--level plane takes the tilt out" in line
+        assert not [each for each in surface_warnings(surface) if "--boundary" in each]
+
+
+def test_surfaces_without_a_roll_off_are_not_called_tilted() -> None:
+    for seed in range(100):
+        fractal = generate("diamond-square", 65, 0.8, 12.5, np.random.default_rng(seed))
+        assert not prepare(topography(fractal, (1000.0, 1000.0)), Preparation()).warnings
+
+
+STEPS: list[dict[str, Any]] = [
+    {}, {"despike": 7.0}, {"despike": 3.0}, {"despike": 20.0}, {"crop": "10:35,10:35"},
+    {"level": "mean"}, {"level": "plane"}, {"form": 2}, {"fill": True}, {"invert": True},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
+@pytest.mark.parametrize("spike", [0, 1, 3, 5])
+@pytest.mark.parametrize("scale", [1.0, 1e-6])
+def test_no_warning_advises_what_the_command_follows(
+    scale: float, spike: int, boundary: Boundary
+) -> None:
+    advice = 0
+    for tilt_x in (0.0, 0.3):
+        for unit in ("", "um"):
+            made = rough(40, tilt=tilt_x, spike=spike)
+            made = replace(made, heights=scale * made.heights, boundary=boundary, unit=unit)
+            for one in STEPS:
+                for other in STEPS[:2]:
+                    settings = Preparation(**{**one, **other})
+                    surface = prepare(made, settings)
+                    lines = " ".join(surface_warnings(surface))
+                    advice += "--" in lines
+                    assert not (settings.crop and "--crop" in lines)
+                    assert not ((settings.despike or 99) <= 7 and "--despike 7" in lines)
+                    assert not (settings.form and "--level plane" in lines)
+                    assert not (settings.level and f"--level {settings.level}" in lines)
+                    assert f"--boundary {boundary}" not in lines
+                    assert not (unit and "--unit" in lines)
+    assert advice > 0 or (scale, spike) == (1e-6, 0)
+
+
+def test_what_is_left_of_a_wide_spike_is_not_to_be_despiked_again() -> None:
+    [before] = surface_warnings(prepare(rough(spike=5), Preparation()))[:1]
+    [after] = surface_warnings(prepare(rough(spike=5), Preparation(despike=7.0)))[:1]
+    assert "is a spike" in before
+    assert "--despike 7 removes spikes" in before
+    assert "is a spike" in after
+    assert "--despike" not in after
+
+
 def test_flat_and_smooth_surfaces_have_nothing_to_tell() -> None:
     assert not surface_warnings(topography(np.zeros(X.shape)))
     assert not surface_warnings(topography(-((X - 11) ** 2) / 1e3))
@@ -243,7 +320,7 @@ def test_flat_and_smooth_surfaces_have_nothing_to_tell() -> None:
 def test_heights_in_metres_and_lists_of_points_are_told() -> None:
     rough = generate("diamond-square", 33, 0.65, 2.0, np.random.default_rng(0))
     [warning] = surface_warnings(topography(1e-6 * rough, (100.0, 100.0)))
-    assert "in metres? --unit" in warning
+    assert "in metres: --unit" in warning
     points = np.column_stack([np.arange(200.0), np.arange(200.0) % 7, np.zeros(200)])
     assert any("a list of x, y and z" in line for line in surface_warnings(topography(points)))
 

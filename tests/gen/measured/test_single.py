@@ -178,11 +178,11 @@ def test_a_free_patch_says_what_its_borders_carry_and_which_option_has_none(wide
 def test_a_map_that_is_not_periodic_is_warned_of(wide, capsys) -> None:
     *_, row = solved(capsys, "--delta", "1", "--boundary", "mirror")
     assert not isinstance(row.warnings, str)
-    np.save("wide.npy", WIDE + np.linspace(0, 40, 33)[:, None])
+    np.save("wide.npy", WIDE + 20 * np.linspace(0, 1, 33)[:, None] ** 8)
     _, said, row = solved(capsys, "--delta", "1", "--boundary", "periodic")
     (line,) = said.splitlines()
     assert line.startswith("warning: opposite borders differ by ")
-    assert line.endswith("the map is not periodic; --boundary mirror takes it as it is")
+    assert line.endswith("the map is not periodic: --boundary mirror takes it as it is")
     assert row.warnings in line
     x, y = (2 * np.pi * np.arange(nodes) / nodes for nodes in WIDE.shape)
     np.save("wide.npy", np.cos(x)[:, None] * np.cos(y))
@@ -238,3 +238,19 @@ def test_a_load_without_equilibrium_is_refused_before_any_is_solved(
     monkeypatch.setattr(bem, "ladder", never)
     assert contact(surface, *loads) == 2
     assert refusal in capsys.readouterr().err
+
+
+def test_the_edge_of_a_tilted_map_is_told_without_a_boundary_that_does_not_help(
+    wide, capsys
+) -> None:
+    np.save("wide.npy", WIDE + np.linspace(0, 99, 33)[:, None])
+    for command in (["contact", "wide.npy", "--delta", "2"], ["describe", "wide.npy"]):
+        assert cli.main([*command, *SIDES]) == 0
+        said = capsys.readouterr()
+        assert "--level plane takes the tilt out" in said.err
+        assert "--boundary" not in said.out + said.err
+    assert cli.main(["describe", "wide.npy", *SIDES, "--level", "plane"]) == 0
+    said = capsys.readouterr()
+    assert "levelled by a plane (tilt was 0.3" in said.out
+    assert said.out.count("tilt") == 1
+    assert "tilted" not in said.err

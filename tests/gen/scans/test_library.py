@@ -227,3 +227,11 @@ def test_warnings_of_maps_name_the_keys_of_scenes(tmp_path, home):
     (found,) = made(rough, home, wanted).maps
     (warning,) = (line for line in found.remarks if "taken out as spikes" in line)
     assert warning.endswith("raise despike")
+
+
+def test_maps_that_a_scene_leaves_tilted_are_told(paths, home):
+    wanted = Wanted((9, 9), None, Preparation(fill=True, level="mean"))
+    for path, found in zip(paths, made(paths, home, wanted).maps, strict=True):
+        told = [line for line in found.remarks if "level plane takes the tilt out" in line]
+        assert len(told) == ("ground" in path.name)
+    assert not any("tilt" in line for each in made(paths, home).maps for line in each.remarks)
