@@ -5,7 +5,28 @@ import os
 for library in ("OMP", "OPENBLAS", "MKL"):
     os.environ[f"{library}_NUM_THREADS"] = "1"
 
+import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
 settings.register_profile("project", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("project")
+
+
+@pytest.fixture(scope="session")
+def populations(tmp_path_factory):
+    """A folder with a scene and a database for each of `POPULATIONS`."""
+    import textwrap
+
+    from small_populations import MAPS, POPULATIONS
+
+    from bench.populations.made_maps import write_all
+    from gen import cli
+
+    folder = tmp_path_factory.mktemp("populations")
+    write_all(folder / "maps", MAPS)
+    for name, scene in POPULATIONS.items():
+        (folder / f"{name}.toml").write_text(textwrap.dedent(scene))
+        assert (
+            cli.main(["run", str(folder / f"{name}.toml"), "-o", str(folder / f"{name}.h5")]) == 0
+        )
+    return folder

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import os
 import signal
+import socket
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated
 
@@ -51,16 +52,19 @@ def serve(
 ) -> None:
     """Serve solver and surrogates to UM-Bridge's clients until Ctrl-C.
 
-    The model of a scene takes the parameters of a surface and a load, and returns area, force and
-    Delta; the model of a surrogate predicts them. Clients may send `surface`, `seed` and `nodes`.
+    The model of a scene takes the parameters that the scene draws and a load, and returns area,
+    force and Delta; the model of a surrogate predicts its targets. Clients may send `surface`,
+    `seed`, `nodes` and `stiffness`.
     """
     from aiohttp import web
 
     from asperity.serving.models import model_of
-    from asperity.serving.protocol import Server
+    from asperity.serving.protocol import SLOW, Server
     from asperity.serving.workers import Workers
     from bem.workers import cores
 
+    if not host.strip():
+        raise InputError(f"--host {host!r}: give an address; 0.0.0.0 lets other machines ask")
     models = [model_of(source) for source in sources]
     names = [model.name for model in models]
     if len(set(names)) < len(names):
@@ -75,11 +79,23 @@ def serve(
     async def stop(_: web.Application) -> None:
         echo("stopping: questions under way are answered first; Ctrl-C again ends at once")
 
-    served = Server(models, workers).app()
+    everywhere = host in {"0.0.0.0", "::"}  # whoever lets others in knows better how they call us
+    own = () if everywhere else ("localhost", host.lower(), socket.gethostname().lower())
+    served = Server(models, workers, own).app()
     served.on_startup.append(ctrl_c.listen)
     served.on_shutdown.append(stop)
     try:
-        web.run_app(served, host=host, port=port, print=tell, access_log=None)
+        web.run_app(
+            served,
+            host=host,
+            port=port,
+            print=tell,
+            access_log=None,
+            handler_cancellation=True,  # of clients that are gone
+            keepalive_timeout=SLOW,
+            lingering_time=1.0,  # for the rest of a question that was refused
+            auto_decompress=False,  # a small question could become a large one
+        )
     except OSError as error:
         raise InputError(f"http://{host}:{port}: {error.strerror or error}") from None
     finally:

@@ -1,18 +1,17 @@
 """The models of the server: the solver on a scene's surfaces, and surrogates."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import bem
-from asperity.serving.questions import Inputs, Vectors, question, require_servable
+from asperity.serving.questions import Configuration, Inputs, Vectors, question
 from gen.generation.completion import completed
 from gen.generation.sample import solve_contact
 from gen.runtime.errors import InputError
 from gen.runtime.output import kind_of
 from gen.scene import Scene, load, preset_names
-
-FORCE = 1
-"""Index of the force among the outputs of the solver."""
 
 AREA_FORCE_DELTA = 3
 """Number of the solver's outputs: area [%], force [uN] and Delta [um]."""
@@ -22,10 +21,6 @@ class Unsolved(Exception):
     """A contact problem without a solution, or one that did not converge."""
 
 
-class Unsupported(Exception):
-    """A derivative that a model does not have."""
-
-
 class Model(Protocol):
     """A function of vectors that answers a client.
 
@@ -33,26 +28,25 @@ class Model(Protocol):
     ----------
     name : str
         Name for clients.
-    input_sizes, output_sizes : list of int
+    input_sizes : list of int
         Sizes of the vectors.
-    derivatives : bool
-        Whether `slope` has an answer for one pair of output and input.
     """
 
     name: str
     input_sizes: list[int]
-    output_sizes: list[int]
-    derivatives: bool
 
-    def evaluate(self, vectors: Vectors, config: dict[str, Any]) -> Vectors:
+    def output_sizes(self, config: Configuration) -> list[int]:
+        """Return the sizes of the output vectors."""
+
+    def evaluate(self, vectors: Vectors, config: Configuration) -> Vectors:
         """Return the outputs of inputs that have the right sizes."""
-
-    def slope(self, output: int, given: int, vectors: Vectors, config: dict[str, Any]) -> float:
-        """Return the derivative of an output of one number by an input of one number."""
 
 
 class SolverModel:
     """The solver: parameters of a surface and a load in; area [%], force [uN], Delta [um] out.
+
+    On request the stiffness of the contact [N/m] is a fourth output; it takes one more linear
+    solve.
 
     Parameters
     ----------
@@ -63,48 +57,38 @@ class SolverModel:
     """
 
     def __init__(self, scene: Scene, name: str) -> None:
-        require_servable(scene, name)
-        self.scene, self.name = completed(scene), name
-        inputs = Inputs.of(self.scene)
-        self.input_sizes = inputs.sizes
-        self.output_sizes = [1] * AREA_FORCE_DELTA
-        self._load = inputs.load
-        elastic = self.scene.contact.hardness_limits is None
-        rigid = self.scene.contact.far_field == "rigid"
-        self.derivatives = self.scene.quantity == "delta" and elastic and rigid
+        # As a surrogate knows it: parameters of a scene's own in alphabetical order.
+        self.scene, self.name = Scene.from_text(completed(scene).text()), name
+        self._inputs = Inputs.of(self.scene)
+        self.input_sizes = self._inputs.sizes
 
-    def evaluate(self, vectors: Vectors, config: dict[str, Any]) -> Vectors:
+    def output_sizes(self, config: Configuration) -> list[int]:
+        """Return the sizes of the output vectors, one number each."""
+        return [1] * (AREA_FORCE_DELTA + config.stiffness)
+
+    def evaluate(self, vectors: Vectors, config: Configuration) -> Vectors:
         """Solve one contact problem."""
-        contact = self._solved(vectors, config)
-        return [[contact.area_percent], [contact.force], [contact.delta]]
-
-    def slope(self, output: int, given: int, vectors: Vectors, config: dict[str, Any]) -> float:
-        """Return the stiffness dF/dDelta [N/m = uN/um]; it needs one more linear solve."""
-        if not self.derivatives or (output, given) != (FORCE, self._load):
-            raise Unsupported(
-                f"{self.name} has one derivative, of output {FORCE}, the force, by input"
-                f" {self._load}, Delta, where bodies are elastic and Delta is given"
-            )
-        return self._solved(vectors, config).stiffness
-
-    def _solved(self, vectors: Vectors, config: dict[str, Any]) -> bem.Contact:
-        """Solve the contact problem of inputs."""
-        asked = question(self.scene, vectors, config)
+        asked = question(self.scene, self._inputs, vectors, config)
         try:
-            return solve_contact(asked.scene, asked.heights, hardness=asked.hardness, **asked.load)
+            contact = solve_contact(
+                asked.scene, asked.heights, hardness=asked.hardness, **asked.load
+            )
+            stiffness = [[contact.stiffness]] if config.stiffness else []
         except bem.OutOfRange as error:
             raise InputError(str(error)) from None
-        except (bem.NoSolution, bem.NotConverged) as error:
+        except (bem.NoSolution, bem.NotConverged, ArithmeticError) as error:
             raise Unsolved(str(error)) from None
         except MemoryError:
             raise Unsolved("memory has run out: give fewer nodes") from None
+        return [[contact.area_percent], [contact.force], [contact.delta], *stiffness]
 
 
 class SurrogateModel:
     """A surrogate: the same inputs; value, both ends of the interval, and 1 inside the training.
 
     Every target is a vector of four numbers: predicted value, low and high end of its 90 %
-    interval, and 1 where the question lies inside what the surrogate was trained on, else 0.
+    interval, and 1 where the question lies inside what the surrogate was trained on, else 0. Where
+    the scene of the training gives pressures or forces, the load is Delta [um] all the same.
 
     Parameters
     ----------
@@ -112,36 +96,43 @@ class SurrogateModel:
         File of the surrogate.
     """
 
-    derivatives = False
-
     def __init__(self, path: Path) -> None:
         from learn.surrogate import Surrogate
 
         self.name = path.stem
         self.surrogate = Surrogate.load(path)
         self.scene = Scene.from_text(self.surrogate.card["scene"], str(path))
-        require_servable(self.scene, str(path))
-        self.input_sizes = Inputs.of(self.scene).sizes
-        self.output_sizes = [4] * len(self.surrogate.learnt)
+        inputs = Inputs.of(self.scene)
+        limits = self.surrogate.hardness_limits  # of all databases of the training
+        self._inputs = replace(
+            inputs,
+            load=inputs.load if inputs.load.startswith("delta") else "delta",
+            hardness=limits is not None and limits[0] < limits[1],
+        )
+        self.input_sizes = self._inputs.sizes
 
-    def evaluate(self, vectors: Vectors, config: dict[str, Any]) -> Vectors:
+    def output_sizes(self, config: Configuration) -> list[int]:
+        """Return the sizes of the output vectors, four numbers each."""
+        return [4] * len(self.surrogate.learnt)
+
+    def evaluate(self, vectors: Vectors, config: Configuration) -> Vectors:
         """Predict one contact problem."""
-        asked = question(self.scene, vectors, config)
-        if "delta" not in asked.load:
-            raise InputError(f"{self.name}: predicts at a Delta; its scene gives loads otherwise")
+        if config.stiffness:
+            raise InputError("config.stiffness: a surrogate predicts its targets alone")
+        asked = question(self.scene, self._inputs, vectors, config)
         predicted = self.surrogate.predict(
             asked.heights, asked.scene.sides, asked.load["delta"], hardness=asked.hardness
         )
-        inside = float(predicted.inside[0])
-        return [
-            [float(part[name][0]) for part in (predicted.values, predicted.low, predicted.high)]
-            + [inside]
-            for name in self.surrogate.learnt
-        ]
-
-    def slope(self, output: int, given: int, vectors: Vectors, config: dict[str, Any]) -> float:
-        """Refuse derivatives, which surrogates do not have."""
-        raise Unsupported(f"{self.name} is a surrogate, and has no derivatives")
+        parts = predicted.values, predicted.low, predicted.high
+        output = [[float(part[name][0]) for part in parts] for name in self.surrogate.learnt]
+        rows = self.surrogate.card["rows"]["calibration"]
+        for name, (value, *ends) in zip(self.surrogate.learnt, output, strict=True):
+            if math.isfinite(value) and not all(map(math.isfinite, ends)):
+                raise Unsolved(
+                    f"{name}: its 90 % interval has no end, and JSON has no such number: the"
+                    f" surrogate was calibrated with {rows} rows only; fit it to more rows"
+                )
+        return [[*numbers, float(predicted.inside[0])] for numbers in output]
 
 
 def model_of(source: str) -> Model:

@@ -9,13 +9,24 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from asperity.serving.models import Model, Unsolved, Unsupported, model_of
+from asperity.serving.models import Model, Unsolved, model_of
+from asperity.serving.questions import Configuration, Vectors
 from gen.runtime.errors import InputError
 
 ATTEMPTS = 2
 """Times that a question is asked; a worker that was killed is replaced in between."""
+
+WAITING = 1000
+"""Most questions that wait for a free process."""
+
+GRACE = 5.0
+"""Seconds in which a process may end a question whose client is gone; then it is replaced. A new
+process takes part of that time to start, so that impatient clients must not end young ones."""
+
+STATUS = {"ModelError": 500, "InvalidOutput": 500, "Busy": 503}
+"""Status of HTTP by the type of an error; 400 for all others, which are the client's."""
 
 
 class Refusal(Exception):
@@ -24,32 +35,27 @@ class Refusal(Exception):
     Parameters
     ----------
     kind : str
-        Type of the error: "InvalidInput", "UnsupportedFeature" or "ModelError".
+        Type of the error, as "InvalidInput", "UnsupportedFeature", "InvalidOutput", "ModelError".
     message : str
         One line for the client.
     """
 
     def __init__(self, kind: str, message: str) -> None:
         super().__init__(kind, message)  # both, so that it can be pickled
-        self.kind, self.message = kind, message
+        self.kind, self.message = kind, " ".join(message.split())
+
+    @property
+    def status(self) -> int:
+        """Status of the answer."""
+        return STATUS.get(self.kind, 400)
 
 
 class Call(NamedTuple):
-    """A question to a model.
-
-    Attributes
-    ----------
-    model : str
-        Name of the model.
-    method : {"evaluate", "slope"}
-        Method to call.
-    arguments : tuple
-        Its arguments.
-    """
+    """A question to a model: its name, the inputs and the client's settings."""
 
     model: str
-    method: str
-    arguments: tuple[Any, ...]
+    vectors: Vectors
+    config: Configuration
 
 
 _MODELS: dict[str, Model] = {}
@@ -57,7 +63,9 @@ _MODELS: dict[str, Model] = {}
 
 
 class Workers:
-    """A pool of processes which all have all models.
+    """Processes which all have all models; each answers one question at a time.
+
+    Every process is a pool of its own: ended, it takes no other question along.
 
     Parameters
     ----------
@@ -68,48 +76,88 @@ class Workers:
     """
 
     def __init__(self, sources: Sequence[str], number: int) -> None:
-        self._sources, self._number = tuple(sources), number
-        self._pool = self._new_pool()
-        self._closed = False
+        self._sources, self._waiting, self._closed = tuple(sources), 0, False
+        self._pools = {self._new_pool() for _ in range(number)}
+        self._free: asyncio.LifoQueue[ProcessPoolExecutor] = asyncio.LifoQueue()  # those that run
+        for pool in self._pools:
+            self._free.put_nowait(pool)
 
-    async def ask(self, call: Call) -> Any:
+    async def ask(self, call: Call) -> Vectors:
         """Answer a question on a free process.
+
+        A caller that is cancelled, since its client is gone, leaves the queue; a process that
+        computes its answer gets `GRACE`.
 
         Raises
         ------
         Refusal
-            If the model refuses the question, no process lives long enough to answer, or the
-            processes are ended meanwhile.
+            If too many questions wait, the model refuses the question, no process lives long enough
+            to answer, or the processes are ended meanwhile.
         """
-        for _ in range(ATTEMPTS):
-            if self._closed:
-                break
-            pool = self._pool
-            try:
-                with _deaf():  # processes that this starts inherit it: Ctrl-C is the server's
-                    future = pool.submit(_answer, call)
-                return await asyncio.wrap_future(future)
-            except BrokenProcessPool:
-                if pool is self._pool and not self._closed:  # the first of all calls that notice
-                    self._pool = self._new_pool()
-                    pool.shutdown(wait=False)
-            except asyncio.CancelledError:
-                if not self._closed:  # the client is gone
-                    raise
-        who = "server" if self._closed else "process that computed the answer"
-        raise Refusal("ModelError", f"the {who} was ended")
+        if self._waiting >= WAITING:
+            raise Refusal("Busy", f"{WAITING} questions wait already: ask again later")
+        self._waiting += 1
+        try:
+            pool = await self._free.get()
+        finally:
+            self._waiting -= 1
+        answer = asyncio.create_task(self._answered(pool, call))
+        try:
+            return await asyncio.shield(answer)
+        except asyncio.CancelledError:
+            asyncio.get_running_loop().call_later(GRACE, answer.cancel)
+            answer.add_done_callback(lambda done: done.cancelled() or done.exception())
+            raise
+
+    async def _answered(self, pool: ProcessPoolExecutor, call: Call) -> Vectors:
+        """Answer a question on one process, which is free afterwards."""
+        try:
+            for _ in range(ATTEMPTS):
+                if self._closed:
+                    break
+                try:
+                    with _deaf():  # processes that this starts inherit it: Ctrl-C is the server's
+                        future = pool.submit(_answer, call)
+                    return await asyncio.wrap_future(future)
+                except BrokenProcessPool:
+                    pool = self._replaced(pool)
+                except asyncio.CancelledError:
+                    pool = self._replaced(pool)
+                    if not self._closed:
+                        raise
+            who = "server" if self._closed else "process that computed the answer"
+            raise Refusal("ModelError", f"the {who} was ended")
+        finally:
+            self._free.put_nowait(pool)
 
     def close(self) -> None:
         """End all processes; questions that they have not answered are refused."""
         self._closed = True
-        for process in list((self._pool._processes or {}).values()):
-            process.terminate()
-        self._pool.shutdown(cancel_futures=True)  # waits: a thread left behind complains at exit
+        for pool in self._pools:
+            _end(pool)
+        for pool in self._pools:
+            pool.shutdown(cancel_futures=True)  # waits: a thread left behind complains at exit
+
+    def _replaced(self, pool: ProcessPoolExecutor) -> ProcessPoolExecutor:
+        """End a process, and return the one that takes its place unless the server ends."""
+        if self._closed:
+            return pool
+        _end(pool)
+        pool.shutdown(wait=False)
+        self._pools.remove(pool)
+        self._pools.add(new := self._new_pool())
+        return new
 
     def _new_pool(self) -> ProcessPoolExecutor:
-        """Start processes; not by forking, since this one has threads."""
+        """Prepare a process; not by forking, since this one has threads."""
         context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(self._number, context, _begin, (self._sources,))
+        return ProcessPoolExecutor(1, context, _begin, (self._sources,))
+
+
+def _end(pool: ProcessPoolExecutor) -> None:
+    """End the process of a pool, if it has been started."""
+    for process in list((pool._processes or {}).values()):
+        process.terminate()
 
 
 @contextmanager
@@ -142,13 +190,11 @@ def _end_with_server() -> None:
         os._exit(1)
 
 
-def _answer(call: Call) -> Any:
-    """Call a model's method in a worker."""
+def _answer(call: Call) -> Vectors:
+    """Evaluate a model in a worker."""
     try:
-        return getattr(_MODELS[call.model], call.method)(*call.arguments)
+        return _MODELS[call.model].evaluate(call.vectors, call.config)
     except InputError as error:
         raise Refusal("InvalidInput", str(error)) from None
-    except Unsupported as error:
-        raise Refusal("UnsupportedFeature", str(error)) from None
     except (Unsolved, ArithmeticError) as error:
         raise Refusal("ModelError", str(error)) from None

@@ -4,7 +4,7 @@ import hashlib
 import json
 import math
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Self
 
 from pydantic import (
@@ -180,6 +180,34 @@ class Scene(Table):
     def drawn_parameters(self) -> dict[str, Distribution]:
         """Distributions of the surface's parameters by their names, which are columns."""
         return self.surface.drawn()
+
+    def with_parameters(
+        self,
+        values: Mapping[str, float],
+        *,
+        nodes: int | list[int] | None = None,
+        seed: int | None = None,
+    ) -> Self:
+        """Return the scene whose surfaces all have the given parameters.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Parameters by their names in `drawn_parameters`; the others stay as they are.
+        nodes, seed : optional
+            Nodes of the grid and seed; those of this scene if left out.
+
+        Raises
+        ------
+        InputError
+            If a value is not allowed; the message names it.
+        """
+        content = json.loads(self.text())
+        surface = content["surface"]
+        surface.get("parameters", surface).update(values)
+        surface |= {} if nodes is None else {"nodes": nodes}
+        content |= {} if seed is None else {"seed": seed}
+        return self.from_text(json.dumps(content), "the values asked for")
 
     @property
     def surfaces(self) -> int:

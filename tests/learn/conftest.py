@@ -1,14 +1,12 @@
 """Databases for the tests of learn: solved once, then copied and spoilt as a test needs."""
 
 import shutil
-import textwrap
 
 import h5py
 import numpy as np
 import pytest
-from small_populations import MAPS, POPULATIONS
+from small_populations import POPULATIONS
 
-from bench.populations.made_maps import write_all
 from gen import cli
 from gen.surface import generate
 from learn import cli as learn_cli
@@ -43,19 +41,6 @@ def mirrored(tmp_path_factory):
     (folder / "scene.toml").write_text(text)
     assert cli.main(["run", str(folder / "scene.toml"), "-o", str(folder / "mirrored.h5")]) == 0
     return folder / "mirrored.h5"
-
-
-@pytest.fixture(scope="session")
-def populations(tmp_path_factory):
-    """A folder with a scene and a database for each of `POPULATIONS`."""
-    folder = tmp_path_factory.mktemp("populations")
-    write_all(folder / "maps", MAPS)
-    for name, scene in POPULATIONS.items():
-        (folder / f"{name}.toml").write_text(textwrap.dedent(scene))
-        assert (
-            cli.main(["run", str(folder / f"{name}.toml"), "-o", str(folder / f"{name}.h5")]) == 0
-        )
-    return folder
 
 
 @pytest.fixture(params=POPULATIONS)

@@ -10,6 +10,7 @@ import sys
 import time
 import urllib.error
 import urllib.request
+import zlib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -22,23 +23,35 @@ from learn import cli as learning
 
 SCENE = "samples = 60\nsamples_per_surface = 2\n[surface]\nnodes = 17\n"
 TIMEOUT = 60.0
+PATIENT = """
+from asperity import command
+from asperity.serving import protocol
+if __name__ == "__main__":
+    protocol.SLOW = %s
+    raise SystemExit(command.main())
+"""
+
+
+def no_json(constant):
+    raise AssertionError(f"{constant} is no JSON")
 
 
 class Served:
     """A server in a process of its own."""
 
-    def __init__(self, folder, *sources):
+    def __init__(self, folder, *sources, slow=None):
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
-        self.folder, self.sources = folder, sources
+        self.folder, self.sources, self.slow = folder, sources, slow
         self.address = f"http://127.0.0.1:{self.port}"
         self.start()
 
     def start(self):
         line = ["serve", *self.sources, "--port", str(self.port), "--processes", "2"]
+        program = ["-m", "asperity"] if self.slow is None else ["-c", PATIENT % self.slow]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "asperity", *line],
+            [sys.executable, *program, *line],
             cwd=self.folder,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -46,14 +59,14 @@ class Served:
         )
         assert b"serving" in self.process.stdout.readline()
 
-    def ask(self, route, body, raw=None):
+    def ask(self, route, body, raw=None, headers=None):
         data = raw or json.dumps(body).encode()
-        request = urllib.request.Request(f"{self.address}/{route}", data=data)
+        request = urllib.request.Request(f"{self.address}/{route}", data, headers or {})
         try:
             with urllib.request.urlopen(request, timeout=TIMEOUT) as answer:
-                return answer.status, json.load(answer)
+                return answer.status, json.load(answer, parse_constant=no_json)
         except urllib.error.HTTPError as error:
-            return error.code, json.load(error)
+            return error.code, json.load(error, parse_constant=no_json)
 
     def end(self, number=signal.SIGTERM):
         self.process.send_signal(number)
@@ -92,12 +105,16 @@ def folder(tmp_path_factory):
     assert cli.main(["run", str(folder / "small.toml"), "-o", str(folder / "small.h5")]) == 0
     line = ["fit", str(folder / "small.h5"), "-o", str(folder / "learnt.surrogate")]
     assert learning.main([*line, "--target", "area", "--model", "kernel-ridge"]) == 0
+    (folder / "few.toml").write_text(SCENE.replace("60", "30"))
+    assert cli.main(["run", str(folder / "few.toml"), "-o", str(folder / "few.h5")]) == 0
+    line = ["fit", str(folder / "few.h5"), "-o", str(folder / "few.surrogate")]
+    assert learning.main([*line, "--target", "force", "--model", "kernel-ridge"]) == 0
     return folder
 
 
 @pytest.fixture(scope="module")
 def served(folder):
-    served = Served(folder, "small.toml", "soft.toml", "learnt.surrogate")
+    served = Served(folder, "small.toml", "soft.toml", "learnt.surrogate", "few.surrogate")
     yield served
     assert served.end() == 0
 
@@ -113,7 +130,7 @@ def rows(folder):
 
 def test_the_solver_answers_with_the_rows_of_the_database(folder, served):
     model = umbridge.HTTPModel(served.address, "small")
-    assert umbridge.supported_models(served.address) == ["small", "soft", "learnt"]
+    assert umbridge.supported_models(served.address) == ["small", "soft", "learnt", "few"]
     assert model.get_input_sizes() == [2, 1]
     assert model.get_output_sizes() == [1, 1, 1]
     for inputs, config, outputs in list(rows(folder))[:20]:
@@ -139,17 +156,58 @@ def test_a_surrogate_answers_with_its_interval(folder, served):
     assert inside == predicted.inside[0]
 
 
-def test_the_gradient_is_the_stiffness(served):
+def test_the_stiffness_is_an_output_on_request(served):
     """Centred differences of the force, where the contact set stands still."""
-    model = umbridge.HTTPModel(served.address, "small")
-    assert model.supports_gradient()
-    assert model.supports_apply_jacobian()
-    assert not model.supports_apply_hessian()
+    model, config = umbridge.HTTPModel(served.address, "small"), {"stiffness": True}
+    assert model.get_output_sizes(config) == [1, 1, 1, 1]
     inputs, step = [[0.7, 12.0], [10.0]], 1e-4
     above, below = (model([inputs[0], [10.0 + way * step]])[1][0] for way in (1, -1))
-    (slope,) = model.gradient(1, 1, inputs, [3.0])
-    assert slope == pytest.approx(3.0 * (above - below) / (2 * step), rel=1e-5)
-    assert model.apply_jacobian(1, 1, inputs, [3.0]) == [slope]
+    *plain, (slope,) = model(inputs, config)
+    assert slope == pytest.approx((above - below) / (2 * step), rel=1e-5)
+    assert plain == model(inputs)
+
+
+@pytest.mark.parametrize("name", ["small", "learnt"])
+def test_models_keep_the_protocol(served, name):
+    """The checks of UM-Bridge's suite of conformity 1.0, for each model."""
+    request = urllib.request.Request(f"{served.address}/Info")
+    with urllib.request.urlopen(request, timeout=TIMEOUT) as answer:
+        info = json.load(answer)
+    assert info == {"protocolVersion": 1.0, "models": ["small", "soft", "learnt", "few"]}
+
+    def refused(route, kind, **body):
+        status, answer = served.ask(route, body)
+        assert (status, list(answer)) == (400, ["error"])
+        assert sorted(answer["error"]) == ["message", "type"]
+        assert answer["error"]["type"] == kind
+        assert isinstance(answer["error"]["message"], str)
+
+    wrong = {"name": "wrong_model_name"}
+    for route in ("Evaluate", "ModelInfo", "InputSizes", "OutputSizes", "Gradient"):
+        refused(route, "ModelNotFound", **wrong)
+    status, answer = served.ask("ModelInfo", {"name": name})
+    assert (status, list(answer)) == (200, ["support"])
+    features = ("Evaluate", "Gradient", "ApplyJacobian", "ApplyHessian")
+    assert answer["support"] == dict(zip(features, (True, False, False, False), strict=True))
+    sizes = {}
+    for kind in ("input", "output"):
+        status, answer = served.ask(f"{kind.title()}Sizes", {"name": name})
+        assert (status, list(answer)) == (200, [f"{kind}Sizes"])
+        sizes[kind] = answer[f"{kind}Sizes"]
+        assert sizes[kind]
+        assert all(type(size) is int and size > 0 for size in sizes[kind])
+    vectors = [[0.7] * size for size in sizes["input"]]
+    status, answer = served.ask("Evaluate", {"name": name, "input": vectors, "config": {}})
+    assert (status, list(answer)) == (200, ["output"])
+    assert [len(vector) for vector in answer["output"]] == sizes["output"]
+    assert all(type(number) in {int, float} for vector in answer["output"] for number in vector)
+    longer = [[*vector, 0.7] for vector in vectors]
+    refused("Evaluate", "InvalidInput", name=name, input=longer)
+    for route in ("Gradient", "ApplyJacobian", "ApplyHessian"):
+        refused(route, "UnsupportedFeature", name=name)
+        for key, number in (("outWrt", len(sizes["output"])), ("inWrt", len(vectors))):
+            refused(route, "InvalidInput", name=name, input=vectors, **{key: number})
+            refused(route, "InvalidInput", name=name, input=vectors, **{key: -1})
 
 
 def test_nodes_and_seed_are_settings(served):
@@ -164,7 +222,6 @@ def test_the_hardness_is_an_input_where_the_scene_draws_it(served):
     assert model.get_input_sizes() == [2, 1, 1]
     hard, soft = (model([[0.7, 12.0], [10.0], [value]])[0][0] for value in (10.0, 0.01))
     assert soft > hard
-    assert not model.supports_gradient()
 
 
 BAD = [
@@ -176,7 +233,9 @@ BAD = [
     ("Evaluate", {"name": "small", "input": [[0.7, 12.0], [-9.0]]}, "InvalidInput", "delta"),
     ("Evaluate", {"name": "small", "input": [[0.7, 12.0], [1e308]]}, "InvalidInput", "1e+305"),
     ("Gradient", {"name": "learnt", "input": [[0.7, 12.0], [9.0]]}, "UnsupportedFeature", ""),
-    ("ApplyHessian", {"name": "small"}, "UnsupportedFeature", "second"),
+    ("ApplyHessian", {"name": "small"}, "UnsupportedFeature", "derivatives"),
+    ("Gradient", {"name": "small", "inWrt": 10**400}, "InvalidInput", "inWrt"),
+    ("Evaluate", {"name": "learnt", "config": {"stiffness": 1}}, "InvalidInput", "stiffness"),
     ("Nothing", {}, "InvalidInput", "Nothing"),
 ]
 
@@ -190,15 +249,102 @@ def test_bad_questions_get_the_protocols_error(served, route, body, kind, word):
     assert "\n" not in answer["error"]["message"]
 
 
-@pytest.mark.parametrize("raw", [b"{", b"[]", b"\xff\xfe", b'{"name": "small", "input": [[NaN]]}'])
-def test_bodies_that_are_no_questions_get_the_protocols_error(served, raw):
-    status, answer = served.ask("Evaluate", None, raw)
+NUMBERS = '{"name": "small", "input": [[0.7, 12.0], [9.0]], %s}'
+DEEP = b'{"name": "small", "input": [[0.7, 12.0], [9.0]], "config": %s}'
+
+
+def deep(depth):
+    """A configuration that is nested so deeply."""
+    return DEEP % (b'{"a": ' * depth + b"1" + b"}" * depth)
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        *(b"{", b"[]", b"\xff\xfe", b'{"name": "small", "input": [[NaN]]}', b"[" * 10**5),
+        *(deep(depth) for depth in (3, 500, 900, 990, 3000)),
+        *(
+            (NUMBERS % f'"outWrt": 1, "inWrt": 1, "sens": [{number}]').encode()
+            for number in ("NaN", "Infinity", "-Infinity")
+        ),
+        b'{"name": "small", "input": [[0.7, 12.0], [1e400]]}',
+    ],
+    ids=repr,
+)
+@pytest.mark.parametrize("route", ["Evaluate", "Gradient", "ApplyJacobian", "ApplyHessian"])
+def test_bodies_that_are_no_questions_get_the_protocols_error(served, route, raw):
+    status, answer = served.ask(route, None, raw)
     assert (status, answer["error"]["type"]) == (400, "InvalidInput")
+
+
+@pytest.mark.parametrize("encoding", ["deflate", "gzip", "br", "zstd"])
+@pytest.mark.parametrize(
+    "raw", [b"damaged", zlib.compress(b"{}")[:-3], zlib.compress(b" " * 10**7)]
+)
+def test_damaged_and_compressed_bodies_get_the_protocols_error(served, encoding, raw):
+    status, answer = served.ask("Evaluate", None, raw, {"Content-Encoding": encoding})
+    assert (status, answer["error"]["type"]) == (400, "InvalidInput")
+
+
+@pytest.mark.parametrize("number", [1e308, -1e308, 1e-308])
+def test_a_sensitivity_that_overflows_is_no_infinity(served, number):
+    body = json.loads(NUMBERS % '"outWrt": 1, "inWrt": 1')
+    status, answer = served.ask("Gradient", {**body, "sens": [number]})
+    assert (status, answer["error"]["type"]) == (400, "UnsupportedFeature")
+
+
+def test_an_interval_without_ends_is_an_error(served):
+    """JSON has no number for the ends of intervals that few rows calibrate."""
+    question = {"name": "few", "input": [[0.7, 12.0], [9.0]]}
+    status, answer = served.ask("Evaluate", question)
+    assert (status, answer["error"]["type"]) == (500, "ModelError")
+    assert "interval" in answer["error"]["message"]
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [
+        *(
+            ("evil.example", 400),
+            ("evil.example:4242", 400),
+            ("[", 400),
+            ("127.0.0.1.evil.org", 400),
+        ),
+        *(("localhost", 200), ("LOCALHOST:1", 200), ("127.0.0.1:4242", 200), ("[::1]:80", 200)),
+    ],
+)
+def test_names_that_are_not_the_servers_are_refused(served, host, status):
+    """A page of the web can let its own name point to this machine."""
+    found, answer = served.ask("InputSizes", {"name": "small"}, headers={"Host": host})
+    assert found == status
+    assert status == 200 or answer["error"]["type"] == "InvalidInput"
+
+
+@pytest.mark.parametrize(
+    ("sent", "answered"),
+    [
+        (b"POST /Evaluate HTTP/1.1\r\nHost: localhost\r\nContent-Le", b""),
+        (b"POST /Evaluate HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\n{", b"not sent"),
+    ],
+    ids=["header", "body"],
+)
+def test_slow_clients_are_dropped(folder, sent, answered):
+    served = Served(folder, "small.toml", slow=0.5)
+    with socket.create_connection(("127.0.0.1", served.port), timeout=TIMEOUT) as client:
+        client.sendall(sent)
+        received = b""
+        while part := client.recv(2**16):
+            received += part
+    assert answered in received
+    assert served.end() == 0
 
 
 @pytest.mark.parametrize(
     "config",
-    [{"nodes": 100}, {"nodez": 1}, {"surface": -1}, {"surface": 1.5}, {"seed": "x"}, {"nodes": []}],
+    [
+        *({"nodes": 100}, {"nodez": 1}, {"surface": -1}, {"surface": 1.5}, {"seed": "x"}),
+        *({"nodes": []}, {"nodes": [17] * 3}, {"stiffness": 1.0}, {"seed": -(10**30)}),
+    ],
 )
 def test_bad_settings_get_the_protocols_error(served, config):
     question = {"name": "small", "input": [[0.7, 12.0], [9.0]], "config": config}
@@ -248,6 +394,25 @@ def test_a_thousand_calls_eight_at_once_while_workers_and_server_are_killed(fold
     assert served.end(signal.SIGINT) in {0, 130}
 
 
+@pytest.mark.long
+def test_questions_of_clients_that_left_do_not_hold_up_others(folder):
+    """Each of them would take the two processes longer than the test has."""
+    served = Served(folder, "small.toml")
+    body = {"name": "small", "input": [[0.7, 12.0], [10.0]], "config": {"nodes": 4097}}
+    text = json.dumps(body).encode()
+    head = f"POST /Evaluate HTTP/1.1\r\nHost: localhost\r\nContent-Length: {len(text)}\r\n\r\n"
+    gone = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(20)]
+    for client in gone:
+        client.sendall(head.encode() + text)
+    while len(children(served.process.pid)) < 2:
+        time.sleep(0.01)
+    for client in gone:
+        client.close()
+    status, _ = served.ask("Evaluate", {**body, "config": {}})
+    assert status == 200
+    assert served.end() == 0
+
+
 @pytest.mark.parametrize(("presses", "nodes"), [(1, 257), (2, 4097)])
 def test_ctrl_c_lets_a_question_end_and_a_second_one_does_not(folder, presses, nodes):
     """Pressed as soon as the worker has been started, while it still imports."""
@@ -276,6 +441,8 @@ def test_ctrl_c_lets_a_question_end_and_a_second_one_does_not(folder, presses, n
         (["small.h5"], "small.h5"),
         (["small.toml", "--port", "0"], "--port"),
         (["small.toml", "--host", "no.such.host.invalid"], "no.such.host"),
+        (["small.toml", "--host", ""], "--host ''"),
+        (["small.toml", "--host", " "], "--host ' '"),
         ([], "MODEL"),
     ],
 )

@@ -1,0 +1,146 @@
+"""The models of the server: any scene, and any surrogate of it, against rows of its database."""
+
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_populations import POPULATIONS
+
+from asperity.serving.models import SolverModel, SurrogateModel, model_of
+from asperity.serving.questions import Configuration
+from gen import cli
+from gen.database import Reader
+from gen.runtime.errors import InputError
+from gen.scene import load
+from learn import Surrogate
+from learn import cli as learning
+
+ROWS = (0, 1, 7, 40)
+INPUTS = {  # sizes of the vectors: what is drawn, and the load
+    "spectral": [2, 1],
+    "python": [2, 1],
+    "force": [1, 1],
+    "scans": [1],
+    "relative": [2, 1],
+    "unsorted": [2, 1],
+    "fixed": [1],
+    "soft": [1, 1, 1],
+}
+MORE = {
+    "unsorted": """
+        samples = 60
+        [surface]
+        generator = "python"
+        function = "small_populations:waves"
+        nodes = 16
+        parameters = { count = { choice = [4, 8] }, amplitude = [1.0, 3.0] }
+        [load]
+        quantity = "pressure"
+        range = [0.001, 0.02]
+    """,
+    "fixed": """
+        samples = 60
+        [surface]
+        nodes = 17
+        hurst = 0.7
+        sigma0 = 12.0
+    """,
+    "soft": """
+        samples = 60
+        [surface]
+        nodes = 17
+        hurst = 0.7
+        sigma0 = { normal = [12.0, 1.0] }
+        [contact]
+        hardness = [0.01, 0.1]
+    """,
+}
+
+
+@pytest.fixture(scope="module")
+def folder(populations, tmp_path_factory):
+    """Scenes, databases and surrogates of all populations."""
+    more = tmp_path_factory.mktemp("models")
+    for name, scene in MORE.items():
+        (more / f"{name}.toml").write_text(textwrap.dedent(scene))
+        assert cli.main(["run", str(more / f"{name}.toml"), "-o", str(more / f"{name}.h5")]) == 0
+    for name in POPULATIONS:
+        for suffix in ("toml", "h5"):
+            (more / f"{name}.{suffix}").symlink_to(populations / f"{name}.{suffix}")
+    for name in INPUTS:
+        line = ["fit", str(more / f"{name}.h5"), "-o", str(more / f"{name}.surrogate")]
+        assert learning.main([*line, "--target", "area", "--model", "kernel-ridge"]) == 0
+    return more
+
+
+def asked(scene, columns, row, load):
+    """The vectors of a row: what is drawn, and the load."""
+    drawn = {"spectral": ("roll_off", "rms_slope"), "python": ("amplitude", "count")}
+    drawn |= {"unsorted": ("amplitude", "count")}
+    drawn |= {"force": ("rms_height",), "relative": ("hurst", "sigma0"), "soft": ("sigma0",)}
+    vectors = [[float(columns[name][row]) for name in drawn.get(scene, ())]]
+    vectors = [vector for vector in vectors if vector] + [[float(load[row])]]
+    return [*vectors, [float(columns["hardness"][row])]] if scene == "soft" else vectors
+
+
+def columns_of(path):
+    with Reader(path) as reader:
+        return reader.scene, {
+            column.name: reader.column(column.name) for column in reader.columns()
+        }
+
+
+@pytest.mark.parametrize("name", INPUTS)
+def test_the_solver_answers_with_rows_of_any_scene(folder, name, monkeypatch):
+    monkeypatch.chdir(Path((folder / f"{name}.toml").resolve()).parent)
+    model = SolverModel(load(f"{name}.toml"), name)
+    assert model.input_sizes == INPUTS[name]
+    scene, columns = columns_of(folder / f"{name}.h5")
+    given = columns["delta" if scene.quantity == "delta" else "load"]
+    for row in ROWS:
+        config = Configuration(surface=int(columns["surface"][row]))
+        answer = model.evaluate(asked(name, columns, row, given), config)
+        assert answer == [[columns[key][row]] for key in ("area_percent", "force", "delta")]
+
+
+@pytest.mark.parametrize("name", INPUTS)
+def test_a_surrogate_of_any_scene_answers_as_it_predicts(folder, name):
+    """At the Delta of a row where the scene gives pressures or forces."""
+    model, surrogate = model_of(str(folder / f"{name}.surrogate")), None
+    assert isinstance(model, SurrogateModel)
+    assert model.input_sizes == INPUTS[name]
+    surrogate = Surrogate.load(folder / f"{name}.surrogate")
+    scene, columns = columns_of(folder / f"{name}.h5")
+    given = columns["load" if scene.quantity == "delta/height_rms" else "delta"]
+    from gen.generation.plan import parameters
+    from gen.generation.sample import surface_of
+
+    for row in ROWS:
+        config = Configuration(surface=int(columns["surface"][row]))
+        ((value, low, high, inside),) = model.evaluate(asked(name, columns, row, given), config)
+        heights = surface_of(scene, parameters(scene, row, row + 1), 0)
+        hardness = float(columns["hardness"][row]) if name == "soft" else None
+        delta = float(columns["delta"][row])
+        wanted = surrogate.predict(heights, scene.sides, delta, hardness=hardness)
+        assert value == pytest.approx(wanted.area[0], rel=1e-12)
+        assert [low, high] == pytest.approx([wanted.low["area"][0], wanted.high["area"][0]])
+        assert inside == wanted.inside[0]
+
+
+def test_windows_of_maps_keep_their_nodes(folder):
+    model = model_of(str(folder / "scans.surrogate"))
+    with pytest.raises(InputError, match=r"config\.nodes.*windows"):
+        model.evaluate([[1.0]], Configuration(nodes=30))
+
+
+@pytest.mark.parametrize("name", ["scans", "spectral", "soft"])
+def test_the_stiffness_of_any_scene_is_that_of_the_solver(folder, name, monkeypatch):
+    monkeypatch.chdir(Path((folder / f"{name}.toml").resolve()).parent)
+    model = SolverModel(load(f"{name}.toml"), name)
+    scene, columns = columns_of(folder / f"{name}.h5")
+    given = columns["delta" if scene.quantity == "delta" else "load"]
+    config = Configuration(surface=int(columns["surface"][0]), stiffness=True)
+    *_, (stiffness,) = model.evaluate(asked(name, columns, 0, given), config)
+    assert np.isfinite(stiffness)
+    assert stiffness > 0
