@@ -18,12 +18,16 @@ class Seen:
     complaints : errors, warnings and requests that failed
     content_width : of the whole page [pixels]
     shown_pictures, broken_pictures : how many pictures were and were not drawn
+    smallest_scale : least width on the page over the width of the file, of all pictures
+    clipped_code : how many blocks of code are wider than what is seen of them
     """
 
     complaints: list[str]
     content_width: int
     shown_pictures: int
     broken_pictures: int
+    smallest_scale: float
+    clipped_code: int
 
 
 def look(page: Path, width: int, picture: Path | None = None, *, printed: bool = False) -> Seen:
@@ -49,11 +53,17 @@ def look(page: Path, width: int, picture: Path | None = None, *, printed: bool =
             opened.emulate_media(media="print")
         opened.goto(page.resolve().as_uri())
         broken = "[...document.images].filter(i => !i.complete || !i.naturalWidth).length"
+        scales = "[1, ...[...document.images].map(i => i.clientWidth / i.naturalWidth)]"
+        wider = "e => e.clientWidth && e.scrollWidth > e.clientWidth + 1"
         seen = Seen(
             complaints=complaints,
             content_width=opened.evaluate("document.documentElement.scrollWidth"),
             shown_pictures=opened.evaluate(f"document.images.length - {broken}"),
             broken_pictures=opened.evaluate(broken),
+            smallest_scale=opened.evaluate(f"Math.min(...{scales})"),
+            clipped_code=opened.evaluate(
+                f"[...document.querySelectorAll('code, pre')].filter({wider}).length"
+            ),
         )
         if picture is not None:
             opened.screenshot(path=picture, full_page=True)

@@ -1,18 +1,20 @@
 """What is asked of Asperity and what is measured: the lines at the top of the page.
 
-Each line is made of a table of one report, which names the command that made it.
+Each line is made of tables of one report. Its commands are those that the report's records name.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import mean
 
 from bench.files import is_there, named, read_toml
+from bench.page.inputs import Inputs
+from bench.page.parts import Part
+from bench.page.record import read
 from bench.table import read_table
 
 Row = dict[str, str]
-Folders = Callable[[str], Path]
 
 NOT_OTHERS = {"bem", "paper's NNLS"}
 """Solvers among the peers that are not another program."""
@@ -27,46 +29,54 @@ class Asked:
     question : str
         What is asked.
     part : str
-        Name of the report, and of its folder.
+        Name of the report.
     tables : str
         Names of its tables, in which a * stands for several.
-    command : str
-        Command that makes the report.
     answer : callable
         Puts the rows of the tables into words.
+    also : sequence of str
+        Names of further reports that add to these tables.
     """
 
     question: str
     part: str
     tables: str
-    command: str
     answer: Callable[[list[Row]], str]
+    also: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of the page: `answer` is empty if the report is not there."""
+    """A line of the page; its commands are those that were run, none if no record names one."""
 
     question: str
     answer: str
     part: str
-    command: str
+    commands: tuple[str, ...]
 
 
-def lines(folder: Folders) -> list[Line]:
-    """Answer all questions.
+def lines(parts: Sequence[Part], inputs: Inputs) -> list[Line]:
+    """Answer all questions whose tables are there and hold what is asked."""
+    known = {part.name: part for part in parts}
+    found = []
+    for asked in ASKED:
+        made_by = [known[name] for name in (asked.part, *asked.also) if name in known]
+        if made_by and (answer := _answer(asked, inputs.folder(made_by[0]))):
+            commands = tuple(_commands(made_by, inputs))
+            found.append(Line(asked.question, answer, asked.part, commands))
+    return found
 
-    Parameters
-    ----------
-    folder : callable
-        Gives the folder of a report by its name.
-    """
-    return [Line(each.question, _answer(each, folder), each.part, each.command) for each in ASKED]
+
+def _commands(parts: Sequence[Part], inputs: Inputs) -> Iterator[str]:
+    """Yield the commands that made reports, by their records."""
+    for part in parts:
+        if record := read(inputs.making(part).path):
+            yield inputs.command(part, record.command)
 
 
-def _answer(asked: Asked, folder: Folders) -> str:
+def _answer(asked: Asked, folder: Path) -> str:
     """Return the answer to one question, "" if its tables are not there or lack what is asked."""
-    rows = [row for path in _paths(folder(asked.part), asked.tables) for row in read_table(path)[1]]
+    rows = [row for path in _paths(folder, asked.tables) for row in read_table(path)[1]]
     try:
         return asked.answer(rows) if rows else ""
     except (LookupError, ValueError):  # a short run has fewer rows
@@ -136,12 +146,19 @@ def growth(rows: list[Row]) -> str:
 
 def models(rows: list[Row]) -> str:
     """Best of the nine models with the paper's features, beside the paper's best."""
-    ours, theirs = (max(rows, key=lambda row: float(row[name])) for name in ("r2", "paper_r2"))
-    return (
-        f"With a split by surfaces, the best of nine models ({ours['model']}) reaches R2"
-        f" {float(ours['r2']):.2f} % of the area; the paper's best ({theirs['model']}) has"
-        f" {float(theirs['paper_r2']):.2f} %."
+    ours, theirs = (
+        max((row for row in rows if row[name]), key=lambda row: float(row[name]), default=None)
+        for name in ("r2", "paper_r2")
     )
+    if ours is None:
+        return ""
+    best = (
+        f"With a split by surfaces, the best of nine models ({ours['model']}) reaches R2"
+        f" {float(ours['r2']):.2f} % of the area"
+    )
+    if theirs is None:  # other features or another database than the paper's
+        return f"{best}."
+    return f"{best}; the paper's best ({theirs['model']}) has {float(theirs['paper_r2']):.2f} %."
 
 
 def features(rows: list[Row]) -> str:
@@ -194,8 +211,8 @@ def cost(rows: list[Row]) -> str:
     )
     return (
         f"From {int(row['break_even']):,} contacts of new surfaces on, with"
-        f" {int(row['rows']):,} rows to train on; a solve takes"
-        f" {1e3 * float(row['solve']):.0f} ms, an answer {1e3 * float(row['query']):.0f} ms."
+        f" {int(row['rows']):,} rows to train on; an answer takes"
+        f" {float(row['query']) / float(row['solve']):.2g} of the time of a solve."
     )
 
 

@@ -29,9 +29,15 @@ class Shown:
 
     part: Part
     record: Record | None
+    command: str = ""  # that made it, by its record
     contents: Sequence[dict[str, Any]] = ()
-    absent: str = ""
-    how: str = ""  # command that makes it, where no record says what did
+    failure: str = ""  # why what was made cannot be shown
+    how: str = ""  # command that would make it today, where no record says what did
+
+    @property
+    def missing(self) -> bool:
+        """Whether there is nothing to show and nothing failed."""
+        return not self.contents and not self.failure
 
     @property
     def verdicts(self) -> list[bool]:
@@ -56,15 +62,16 @@ def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
     """Return the page of what a folder holds."""
     present = [part for part in parts if not part.retired or read(inputs.making(part).path)]
     shown = [_shown(part, inputs) for part in present]
-    chapters = groupby(shown, key=lambda each: each.part.chapter)
+    there = [each for each in shown if not each.missing]
+    chapters = groupby(there, key=lambda each: each.part.chapter)
     said: dict[str, Any] = {"chapters": {chapter: list(each) for chapter, each in chapters}}
-    folders = {each.part.folder or each.part.name: inputs.folder(each.part) for each in shown}
-    said["asked"] = lines(lambda name: folders.get(name, inputs.output / name))
+    said["missing"] = [each.part for each in shown if each.missing]
+    said |= {"output": inputs.output, "asked": lines(parts, inputs)}
     said["states"] = states(
-        [each.record for each in shown if each.contents and not each.part.retired]
+        [each.record for each in there if each.contents and not each.part.retired]
     )
-    said |= {"made": circumstances(), "judged": sum(len(each.verdicts) for each in shown)}
-    said |= {"failures": sum(each.failures for each in shown)}
+    said |= {"made": circumstances(), "judged": [each for each in there if each.verdicts]}
+    said |= {"failures": sum(each.failures for each in there)}
     return rendered("page/page.html", said, markup=True)
 
 
@@ -91,31 +98,34 @@ def states(records: Sequence[Record | None]) -> str:
 def _shown(part: Part, inputs: Inputs) -> Shown:
     """Return what a part holds; what cannot be shown does not hide the other parts."""
     found = read(inputs.making(part).path)
-    folder = inputs.folder(part)
     if found is not None and not found.finished:
         told = found.told[-1] if found.told else "it said nothing"
-        return Shown(part, found, absent=f"{found.command}: code {found.code}, {told}")
+        return Shown(part, found, failure=f"{found.command}: code {found.code}, {told}")
     try:
-        contents = [_prepared(each) for each in part.show(folder)]
+        contents = [_prepared(each, part, inputs) for each in part.show(inputs.folder(part))]
     except (InputError, ModuleNotFoundError) as error:
-        if found is not None:
-            return Shown(part, found, absent=str(error))
-        contents = []
+        return Shown(part, found, failure=str(error) if found else "")
     if all(each["kind"] == Absent.__name__ for each in contents):
-        return Shown(part, None, absent=f"Not here. It is made by: {_how(part, inputs)}")
-    return Shown(part, found, contents, how="" if found else _how(part, inputs))
+        return Shown(part, None)
+    if found is None:
+        return Shown(part, None, contents=contents, how=_how(part, inputs))
+    return Shown(part, found, inputs.command(part, found.command), contents)
 
 
 def _how(part: Part, inputs: Inputs) -> str:
-    """Return the command that makes a part."""
+    """Return the command that makes a part; "" for what was given: another one may have made it."""
+    if inputs.folder(part) == inputs.comparison:
+        return ""
     if arguments := inputs.arguments(part):
         return typed(arguments)
     return f"python -m bench run --full --only {part.name} -o {inputs.output}"
 
 
-def _prepared(content: Content) -> dict[str, Any]:
+def _prepared(content: Content, part: Part, inputs: Inputs) -> dict[str, Any]:
     """Return the kind of a content and its values, with all files in it."""
     values = {**vars(content), "kind": type(content).__name__}
+    if isinstance(content, Figure | Table):
+        values["command"] = inputs.command(part, content.command)
     if isinstance(content, Figure):
         start = content_of(content.picture)[16:24]  # width and height in a PNG file's header
         values["size"] = int.from_bytes(start[:4]), int.from_bytes(start[4:])

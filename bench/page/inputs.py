@@ -49,6 +49,15 @@ class Inputs:
         values = {"folder": self.folder(part), **self.files}
         return [word.format_map(values) for word in given.split()]
 
+    def command(self, part: Part, command: str) -> str:
+        """Return the command that made a part, with `report` for a folder that is not this one."""
+        own = re.compile(rf"(.+)/{re.escape(part.folder or part.name)}(/.*)?")
+        words = shlex.split(command)
+        roots = {found[1] for word in words if (found := own.fullmatch(word))}
+        for root in roots - {str(self.output)}:
+            words = [re.sub(rf"^{re.escape(root)}(?=/)", "report", word) for word in words]
+        return shlex.join(words)
+
     def making(self, part: Part) -> Making:
         """Return what decides whether a part stays: its record, its command and its inputs."""
         folder, named = self.folder(part), re.findall(r"\{(\w+)\}", self.template(part))

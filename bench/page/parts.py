@@ -63,8 +63,8 @@ def contents_of(report: str, folder: Path) -> list[Content]:
 def _contents(entry: Mapping[str, Any], folder: Path) -> Iterator[Content]:
     """Yield the contents of an entry: one for each file that its name, with a *, may stand for.
 
-    A table that is not there, or has no rows, is `absent` if the entry says so. Words, and what a
-    command of its own makes, are left out where they are not there.
+    A table that is not there, or has no rows, is `absent` if the entry says so. Words, names with
+    a *, and what a command of its own makes, are left out where no file is there.
     """
     (kind,) = entry.keys() & {"figure", "table", "words"}
     name, command = entry[kind], entry.get("command", "")

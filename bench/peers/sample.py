@@ -19,7 +19,7 @@ SURFACE = 18
 HURST = 0.65
 PAPERS_HURST = 0.8
 PAPERS_NODES = 129
-PAPERS_DELTAS = (5.0, 25.0)  # um
+PAPERS_DELTAS = (5.0, 15.0, 25.0)  # um
 
 
 @lru_cache(maxsize=64)  # the same case has its exact solution found once

@@ -19,6 +19,7 @@ from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_f
 from bench.surrogates.times import SolverTimes, SurrogateTimes
 from bench.template import rendered
 from gen.runtime.errors import InputError
+from gen.runtime.figure import log_axis
 from learn.comparison import paper
 from learn.comparison.folder import Folder
 from learn.features import SETS, chosen
@@ -243,10 +244,10 @@ def _picture(costs: Costs) -> Any:
         draw_costs(axis, questions, names, "solver")
         axis.set(title=f"New surfaces, {title}", xlabel="queries", ylabel="total cost [s]")
     for axis, column in ((samples, "trained"), (seconds, "build")):
-        axis.set(xscale="log", yscale="log", ylabel="nMAE [%]")
         draw_curves(axis, costs.points, column, "nmae", by="features", marker="o")
-        axis.yaxis.set_major_formatter("{x:g}")
-        axis.yaxis.set_minor_formatter("{x:g}")
+        axis.set_ylabel("nMAE [%]")
+        log_axis(axis.xaxis)
+        log_axis(axis.yaxis)
         axis.grid(visible=True, which="major", color="0.9")
         axis.legend()
     samples.set(title="Learning curves", xlabel="training samples")

@@ -11,6 +11,7 @@ from bench.picture import STYLES, new_figure
 from bench.report import Report
 from bench.table import read_table
 from gen.runtime.errors import InputError
+from gen.runtime.figure import log_axis
 from learn.models import MODELS
 
 TIMES = {
@@ -86,9 +87,9 @@ def _picture(found: Sequence[Cost]) -> Any:
         x, y = [cost[time] for cost in best], [cost["nmae"] for cost in best]
         slowest = max(cost[time] for cost in known)
         panel.step([*x, slowest], [*y, y[-1]], where="post", color="0.5", lw=1, zorder=0)
-        panel.set(xscale="log", yscale="log", xlabel=TIMES[time])
-        panel.yaxis.set_major_formatter("{x:g}")
-        panel.yaxis.set_minor_formatter("{x:g}")
+        panel.set_xlabel(TIMES[time])
+        log_axis(panel.xaxis)
+        log_axis(panel.yaxis)
         panel.grid(visible=True, color="0.92")
     panels[0].set_ylabel("test error nMAE [%]")
     title = "hollow: library settings; filled: tuned; grey: Pareto front"

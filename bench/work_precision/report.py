@@ -16,6 +16,7 @@ from bench.picture import STYLES, new_figure
 from bench.report import Report, remark
 from bench.work_precision.measurement import AREA_GATE, FORCE_GATE, PRESSURE_GATE, Row
 from bench.work_precision.studies import Extent, sweep
+from gen.runtime.figure import log_axis
 
 TITLES = {
     "tolerance": "Tolerance: 1e-1 (right) to 1e-12 (left), both kernels",
@@ -40,9 +41,6 @@ ERRORS = {
     "pressure_error": "relative error of the pressure, L2 [1]",
 }
 COSTS = {"seconds": "wall time a solve [s]", "convolutions": "applications of H"}
-
-# An axis whose ends are no further apart than this has room for numbers between the powers of ten.
-SHORT_AXIS = 500
 
 
 def draw(rows: Sequence[Row]) -> Any:
@@ -114,24 +112,17 @@ def _draw_study(part: Any, study: str, table: Any, costs: Sequence[str]) -> None
 
 
 def _scale(axis: Any, values: Any) -> None:
-    """Make an axis logarithmic, with a place for 0 if needed, and plain numbers if it is short."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
+    """Make an axis logarithmic, with a place for 0 if needed."""
     positive = values[values > 0]
     if positive.empty:
         return
-    # Errors stand on x: only they can be 0.
-    set_scale = getattr(axis.axes, f"set_{axis.axis_name}scale")
     if len(positive) < len(values):
         floor = 10.0 ** math.floor(math.log10(positive.min()))
-        set_scale("symlog", linthresh=floor, linscale=0.5)
+        # Errors stand on x: only they can be 0.
+        axis.axes.set_xscale("symlog", linthresh=floor, linscale=0.5)
         axis.axes.set_xlim(-0.4 * floor, 2 * positive.max())
         return
-    set_scale("log")
-    if positive.max() / positive.min() < SHORT_AXIS:
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(NullFormatter())
+    log_axis(axis)
 
 
 def report(extent: Extent) -> Report:

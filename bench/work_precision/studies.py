@@ -31,7 +31,7 @@ class Extent:
 
 
 FULL = Extent(nodes=129, samples=8, rtols=DECADES, rounds=4, levels=(5, 6, 7, 8, 9, 10), large=513)
-QUICK = Extent(nodes=33, samples=2, rtols=DECADES[::3], rounds=2, levels=(4, 5, 6), large=65)
+QUICK = Extent(nodes=65, samples=2, rtols=DECADES[::2], rounds=2, levels=(4, 5, 6, 7), large=129)
 
 # The grid matters in the third digit: its reference and its gates need not go down to rounding.
 GRID_RTOL = 1e-6

@@ -60,9 +60,9 @@ def _shown(part: Part, folder: Path) -> list[str]:
         if isinstance(content, Figure):
             picture = relpath(content.picture, folder)
             blocks.append(f":::{{figure}} {picture}\n:alt: {part.title}\n\n{content.caption}\n:::")
-            blocks.extend(_made_by(content.command))
+            blocks.extend(_made_by(part, content.command))
         elif isinstance(content, Table):
-            blocks += [_plain(content.caption), *_made_by(content.command), _rows(content)]
+            blocks += [_plain(content.caption), *_made_by(part, content.command), _rows(content)]
         elif isinstance(content, Words):
             fenced = f"```text\n{content.text}\n```"
             blocks.append(fenced if content.typed else _plain(content.text))
@@ -75,18 +75,17 @@ def _made(part: Part) -> str:
     if found is None:
         command = typed(INPUTS.arguments(part)).replace(str(RESULTS), "report")
         return f"Made by `{command.replace('report/none.h5', 'paper.h5')}`."
-    command = re.sub(r"\S*/none\.h5", "paper.h5", found.command).replace(f"{RESULTS}/", "")
     left = f" The code up to commit {part.retired} has the command." if part.retired else ""
     return (
-        f"Made by `{command}` on {found.machine.processor}, {found.created[:10]},"
-        f" commit {found.commit[:7]}.{left}"
+        f"Made by `{INPUTS.command(part, found.command)}` on {found.machine.processor},"
+        f" {found.created[:10]}, commit {found.commit[:7]}.{left}"
     )
 
 
-def _made_by(command: str) -> Iterator[str]:
+def _made_by(part: Part, command: str) -> Iterator[str]:
     """Yield the command of a content, where it has one of its own."""
     if command:
-        yield f"Made by `{command}`."
+        yield f"Made by `{INPUTS.command(part, command)}`."
 
 
 def _rows(content: Table) -> str:

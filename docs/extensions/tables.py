@@ -9,6 +9,8 @@ from statistics import mean
 
 from bench.benchmarks import in_short
 from bench.page.asked import lines as answers
+from bench.page.inputs import Inputs
+from bench.page.parts import PARTS
 from gen.schema import markdown_table
 from learn.comparison.search_tables import hours
 from learn.models import MODELS
@@ -262,10 +264,10 @@ def outputs() -> list[str]:
 
 
 def asked() -> list[str]:
-    """Return what is asked, what is measured, and the command, as at the top of the page."""
+    """Return what is asked, what is measured, and the commands, as at the top of the page."""
     return [
-        f"| {each.question} | {each.answer} | `python -m {each.command}` |"
-        for each in answers(lambda part: RESULTS / part)
+        f"| {each.question} | {each.answer} | {', '.join(f'`{e}`' for e in each.commands)} |"
+        for each in answers(PARTS, Inputs(RESULTS, None, None, full=True))
     ]
 
 

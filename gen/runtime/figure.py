@@ -38,6 +38,25 @@ def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
     return Figure(figsize=(width, height), dpi=dpi, layout="constrained")
 
 
+def log_axis(axis: Any) -> None:
+    """Make an axis logarithmic, with plain numbers that keep apart where it spans few decades.
+
+    Parameters
+    ----------
+    axis : matplotlib.axis.Axis
+        Axis of a panel whose data are drawn already.
+    """
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+
+    getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
+    axis.axes.autoscale_view()
+    low, high = sorted(axis.get_view_interval())
+    if high < 1000 * low:
+        axis.set_major_locator(MaxNLocator(4) if high < 5 * low else LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
+
+
 def require_picture_name(path: Path) -> None:
     """Refuse a path whose suffix names none of the formats that we draw.
 

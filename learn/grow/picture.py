@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from gen.runtime.figure import log_axis
 from learn.grow.appraisal import LEVEL, Appraisal
 from learn.grow.curve import Curve
 
@@ -61,12 +62,10 @@ def _draw_learning(axis: Any, found: Appraisal, curve: Curve | None) -> None:
         label="all rows, with their bound",
     )
     axis.axhline(found.mark, color=MARK, ls="--", label=f"asked for, {found.mark:g} %")
-    axis.set(xscale="log", yscale="log", xlabel="rows of the database", ylabel="nMAE [%]")
+    axis.set(xlabel="rows of the database", ylabel="nMAE [%]")
     axis.set_title(f"Learning curve, {found.worst}")
-    axis.yaxis.set_major_formatter("{x:g}")
-    axis.yaxis.set_minor_formatter("{x:g}")
-    axis.tick_params(axis="y", which="minor", labelsize=7)
-    axis.xaxis.set_major_formatter("{x:,.0f}")
+    log_axis(axis.xaxis)
+    log_axis(axis.yaxis)
     axis.grid(visible=True, which="major", color="0.9")
     axis.legend(fontsize=8)
 

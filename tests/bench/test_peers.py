@@ -169,7 +169,7 @@ def test_tables_name_the_fastest_peer_and_what_was_left_out() -> None:
 def test_the_papers_algorithm_has_contacts_of_its_own_at_its_grid() -> None:
     plain = samples([33], [5.0, 45.0])
     assert plain == [sample(33, 5.0, None), sample(33, 45.0, None)]
-    assert [s.delta for s in samples([129], [45.0]) if s.hurst == 0.8] == [5.0, 25.0]
+    assert [s.delta for s in samples([129], [45.0]) if s.hurst == 0.8] == [5.0, 15.0, 25.0]
 
 
 def test_command_writes_table_and_picture(tmp_path: Path) -> None:

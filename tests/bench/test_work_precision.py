@@ -89,7 +89,9 @@ def test_errors_of_the_default_kernel_fall_with_the_grid(done: Found) -> None:
             assert fine["force_error"] < coarse["force_error"]
             assert fine["pressure_error"] < coarse["pressure_error"]
     assert uniform[0]["kernel"] == "uniform-pressure"
-    assert [point["area_error_nodes"] for point in uniform] == [None, None, 0]
+    assert [point["area_error_nodes"] for point in uniform] == [None] * (len(QUICK.levels) - 1) + [
+        0
+    ]
     for good, poor in zip(uniform, concentrated, strict=True):
         assert good["force_error"] < poor["force_error"]
 
@@ -223,7 +225,7 @@ def test_tasks_run_back_and_forth_and_the_shortest_time_counts(small: Case) -> N
 def test_curves_are_means_over_the_cases(done: Found) -> None:
     tolerance = [point for point in done[0] if point["study"] == "tolerance"]
     uniform = means("tolerance", tolerance).loc["uniform-pressure"]
-    assert list(uniform.index) == [1e-1, 1e-4, 1e-7, 1e-10]
+    assert list(uniform.index) == list(QUICK.rtols)
     first = [point for point in tolerance if (point["rtol"], point["kernel"][0]) == (0.1, "u")]
     assert len(first) == QUICK.samples
     mean = sum(point["force_error"] for point in first) / len(first)
@@ -234,17 +236,20 @@ def test_curves_are_means_over_the_cases(done: Found) -> None:
 
 def test_means_of_other_cases_are_not_drawn(done: Found) -> None:
     tolerance = [point for point in done[0] if point["study"] == "tolerance"]
-    gone = next(point for point in tolerance if (point["rtol"], point["kernel"][0]) == (1e-7, "c"))
+    gone = next(
+        point for point in tolerance if (point["rtol"], point["kernel"][0]) == (QUICK.rtols[2], "c")
+    )
     drawn = means("tolerance", [point for point in tolerance if point is not gone])
-    assert list(drawn.loc["concentrated-force"].index) == [1e-1, 1e-4, 1e-10]
-    assert len(drawn.loc["uniform-pressure"]) == 4
+    others = [rtol for rtol in QUICK.rtols if rtol != QUICK.rtols[2]]
+    assert list(drawn.loc["concentrated-force"].index) == others
+    assert list(drawn.loc["uniform-pressure"].index) == list(QUICK.rtols)
 
 
 def test_the_finest_grid_is_not_drawn_against_itself(done: Found) -> None:
     assert list(means("grid", done[0]).index) == [
         (kernel, nodes)
         for kernel in ("uniform-pressure", "concentrated-force")
-        for nodes in (17, 33)
+        for nodes in (2**k + 1 for k in QUICK.levels[:-1])
     ]
 
 

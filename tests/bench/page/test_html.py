@@ -24,7 +24,7 @@ def test_a_part_without_a_record_is_shown_and_says_so(tmp_path: Path) -> None:
     (tmp_path / "one" / "made.txt").write_text("by hand")
     text = write_page([one], inputs(tmp_path)).read_text(encoding="utf-8")
     assert "<p>by hand</p>" in text
-    assert "No record says when and where this was made" in text
+    assert "No record says when, where and by which command this was made" in text
     assert f"python -m bench hertz -o {tmp_path / 'one'}</code>" in text
     assert "The state of the code is unknown of all parts." in text
 
@@ -107,10 +107,12 @@ def test_page_shows_what_there_is_and_says_what_is_not(shown: Path) -> None:
     text = shown.read_text(encoding="utf-8")
     assert "&lt;b&gt;bold&lt;/b&gt; &amp; plain" in text
     assert text.count('<tr class="failed">') == 1
-    assert "2 stiff and extreme cases judged" in text
+    assert re.search(r'Rows with a verdict:\s+2 in <a href="#one">All kinds</a>;\s', text)
     assert "1 failed" in text
     assert "Left out: Peers. pip install them" in text
-    assert "Not here. It is made by: python -m bench run --full" in text
+    assert text.index("All kinds") < text.index("1 more reports are not here")
+    assert "<li><code>two</code>: Not made</li>" in text
+    assert "(not here)" not in text
     assert 'alt="A line that falls."' in text
     assert "delta [µm]" in text
     assert ">0.3<" in text
@@ -134,3 +136,6 @@ def test_browser_shows_the_page_without_error_or_overflow(shown: Path, width: in
     assert seen.content_width <= width
     assert seen.broken_pictures == 0
     assert seen.shown_pictures == 1
+    # Of 150 dots an inch: letters of ten points have ten pixels on a phone, nine on a desk.
+    assert seen.smallest_scale >= (0.499 if width < 640 else 0.45)
+    assert seen.clipped_code == 0
