@@ -4,7 +4,6 @@ from __future__ import annotations  # short signatures in help()
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from bem.derived.stiffness import Punch, patch_stiffness, punch_of, without_patc
 from bem.problem import (
     Problem,
 )
+from bem.sections import computed_once
 from bem.spectrum import spectral_filter
 
 # Relative difference of its sides up to which a cell is square.
@@ -68,7 +68,7 @@ class Contact:
     iterations: int
     convolutions: int
 
-    @cached_property
+    @computed_once
     def displacement(self) -> Field:
         """Normal displacement of the half-space's surface, (nx, ny), by one convolution [um]."""
         problem = self.problem
@@ -77,7 +77,7 @@ class Contact:
         displacement.setflags(write=False)
         return displacement
 
-    @cached_property
+    @computed_once
     def gap(self) -> Field:
         """Distance left between the surfaces, (nx, ny), zero in contact [um]."""
         gap = self._elastic_gap
@@ -86,7 +86,7 @@ class Contact:
         gap.setflags(write=False)
         return gap
 
-    @cached_property
+    @computed_once
     def yielded_depth(self) -> Field:
         """Depth by which the softer body has yielded, (nx, ny), zero without a hardness [um]."""
         depth = np.where(self._yielded, np.maximum(-self._elastic_gap, 0.0), 0.0)
@@ -170,14 +170,14 @@ class Contact:
         added = PERIMETER_SHARE * self.perimeter / (across * self.pressure.size)
         return self.area_percent - 100.0 * added
 
-    @cached_property
+    @computed_once
     def spots(self) -> Spots:
         """Connected regions of contact, and whether contact and gap cross the patch."""
         along, across = self.problem.spacing
         periodic = self.problem.boundary == "periodic"
         return spots_of(self.pressure > 0, along * across, periodic=periodic)
 
-    @cached_property
+    @computed_once
     def punch(self) -> Punch:
         """The flat punch of the contact set, by one linear solve."""
         return punch_of(self.problem, np.flatnonzero(self.pressure > 0))
@@ -211,7 +211,7 @@ class Contact:
         """
         return without_patch(self.stiffness, patch_stiffness(self.problem))
 
-    @cached_property
+    @computed_once
     def loading_stiffness(self) -> float:
         """Stiffness dF/dDelta of further loading, while the contact set stands [MPa um].
 

@@ -1,13 +1,13 @@
 """A problem on a patch without edges in reduced units."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from bem.arrays import Values
 from bem.interface import Interface
 from bem.problem import Problem
+from bem.sections import computed_once
 
 # Unit of length under the smallest loads, over the displacement of one cell that carries all of the
 # load. Nodes deeper than the unit stay open whatever the surface, if that cell does not yield, and
@@ -54,7 +54,7 @@ class Patch:
             keep_displacement=keep_displacement,
         )
 
-    @cached_property
+    @computed_once
     def operators(self) -> Interface:
         """The influence matrix of all nodes, for solves on lists of nodes."""
         problem = self.problem
@@ -65,7 +65,7 @@ class Patch:
             keep_field=self.keep_displacement,
         )
 
-    @cached_property
+    @computed_once
     def depth(self) -> float:
         """Displacement at which the contact is full, if the bodies stay elastic [length]."""
         return -float(self.below.mean())

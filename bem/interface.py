@@ -1,7 +1,7 @@
 """The influence matrix of a patch without edges, as the solver applies it."""
 
 import math
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -13,6 +13,7 @@ from bem.factor import ContactFactor
 from bem.half_space import HalfSpace
 from bem.influence import ROWS
 from bem.preconditioner import BLOCK, LevelPreconditioner, block_means, whole_blocks
+from bem.sections import computed_once
 from bem.selection import Selection
 from bem.spacing import Boundary
 from bem.spectrum import even_filter, inverse_filter, spectral_filter, wave_numbers
@@ -65,7 +66,7 @@ class Interface(HalfSpace):
         self._double = Selection(double, nodes)
         self._working = Selection(spectral_filter(shape, boundary, aspect, "float32"), nodes)
 
-    @cached_property
+    @computed_once
     def _preconditioner(self) -> LevelPreconditioner:  # type: ignore[override]
         """The approximate inverse, which dense algebra does without."""
         return interface_preconditioner(*self._patch, self._nodes)

@@ -7,13 +7,41 @@ scipy hold locks: a child that is forked while another thread holds one would wa
 
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
-from typing import Any
+from typing import Any, Generic, Self, TypeVar, overload
+
+Value = TypeVar("Value")
 
 # The controller of a BLAS library and its number of threads.
 BlasThreads = tuple[Any, int]
+
+
+class computed_once(Generic[Value]):  # noqa: N801  used as a decorator, as `property` is
+    """A property that is computed when it is first read, and then kept.
+
+    Unlike `functools.cached_property` of Python 3.11 it holds no lock meanwhile, which a child that
+    is forked then would wait for. Two threads may both compute it; all see what is kept first.
+    """
+
+    def __init__(self, compute: Callable[[Any], Value]) -> None:
+        self._compute, self.__doc__ = compute, compute.__doc__
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Take the name under which objects keep the value."""
+        self._name = name
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, instance: object, owner: type) -> Value: ...
+    def __get__(self, instance: object | None, owner: type) -> Self | Value:
+        """Compute the value; the object's own entry takes the place of this property from then."""
+        if instance is None:
+            return self
+        value: Value = instance.__dict__.setdefault(self._name, self._compute(instance))
+        return value
 
 
 class _Sections:

@@ -7,7 +7,6 @@ scattered; those of few nodes are lists.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from bem.convolution import FieldFilter, kept_filter
 from bem.interface import make_means
 from bem.iterate import CONVOLUTION, Effort, inner
 from bem.preconditioner import BLOCK, VACANT, Preconditioner, block_sums, whole_blocks
+from bem.sections import computed_once
 from bem.spacing import Boundary
 from bem.spectrum import inverse_filter, spectral_filter
 from bem.vectors import clear, each_row
@@ -115,7 +115,7 @@ class WholePatch:
         self._outside = np.ones(patch, np.float32)
         self.outside = self._outside[self._grid]
 
-    @cached_property
+    @computed_once
     def preconditioner(self) -> Preconditioner:
         """The approximate inverse for contact sets that are lists of nodes."""
         return Preconditioner(self.patch[0], None, self._inverse, self._means)

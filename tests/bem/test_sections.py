@@ -160,6 +160,44 @@ def test_children_forked_beside_solving_threads_solve_too() -> None:
     assert codes == [0] * 24
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks here")
+def test_a_child_forked_while_a_contact_computes_computes_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A property of the class must not be locked: the child would wait for its parent's thread."""
+    contacts = [bem.solve(ROUGH, 1000.0, delta, boundary="mirror") for delta in (4.0, 5.0)]
+    inside, leave, parent = threading.Event(), threading.Event(), os.getpid()
+
+    def slow(problem: bem.Problem) -> object:
+        if os.getpid() == parent:
+            inside.set()
+            leave.wait(60)
+        return original(problem)
+
+    original = bem.contact._displacement_filter
+    monkeypatch.setattr(bem.contact, "_displacement_filter", slow)
+    thread = threading.Thread(target=lambda: contacts[0].gap)
+    thread.start()
+    try:
+        assert inside.wait(10)
+        assert forked(lambda: contacts[1].gap) == 0
+    finally:
+        leave.set()
+        thread.join()
+
+
+def test_what_is_computed_once_is_the_same_for_all_threads() -> None:
+    contact, start = bem.solve(ROUGH, 1000.0, 4.0), threading.Barrier(8)
+
+    def gap() -> np.ndarray:
+        start.wait(10)
+        return contact.gap
+
+    with ThreadPoolExecutor(8) as threads:
+        seen = [future.result() for future in [threads.submit(gap) for _ in range(8)]]
+    assert all(field is contact.gap for field in seen)
+
+
 def test_an_interrupt_on_the_way_into_a_section_leaves_no_thread_inside(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
