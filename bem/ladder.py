@@ -4,15 +4,16 @@ from __future__ import annotations  # short signatures in help()
 
 import math
 from collections.abc import Iterable, Iterator
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bem.arrays import Field
+from bem.arrays import Field, refuse_masked
 from bem.contact import Contact
 from bem.equilibrium import Equilibrium, Start
-from bem.problem import checked_heights, pose, refuse_masked
+from bem.problem import checked_heights, pose
 from bem.solving import contact_of, equilibrium_of
 from bem.workers import checked_threads, on_threads
 
@@ -68,6 +69,7 @@ def ladder(
         A load that is not solved from the contacts before is tried from scratch first.
     """
     name, loads = _chosen(delta=deltas, force=forces, pressure=pressures)
+    side, settings = deepcopy((side, settings))  # arrays that the caller may fill anew
     return _Ladder(checked_heights(heights), side, name, loads, checked_threads(threads), settings)
 
 

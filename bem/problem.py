@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeVar, cast, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bem.arrays import Field
+from bem.arrays import Field, refuse_masked
 from bem.influence import KERNELS, Kernel
 from bem.spacing import BOUNDARIES, Boundary, node_spacing
 
@@ -30,6 +30,9 @@ BELOW_ZERO = math.nextafter(0, -1)
 
 # Bounds of numbers in um, MPa and uN, with a margin to the range of double precision.
 NUMBERS = (1e-305, 1e305)
+
+# The number that may be zero: flat surfaces have no span. Sums over all nodes have to be finite.
+SPAN = "height range times nodes [um]"
 
 # Tighter bounds of dimensionless ratios, which enter products with further numbers.
 RATIOS = {
@@ -273,6 +276,7 @@ def _check_range(problem: Problem) -> None:
     heights, (along, across) = problem.heights, problem.spacing
     depth = along if problem.delta is None else problem.delta
     load = problem.force if problem.force else depth * problem.modulus * along
+    half = float(heights.max() / 2 - heights.min() / 2)
     numbers = {
         "spacing [um]": min(along, across),
         "cell aspect ratio": across / max(along, NUMBERS[0]),
@@ -281,18 +285,19 @@ def _check_range(problem: Problem) -> None:
         "force scale [uN]": depth * across * problem.modulus,
         "force [uN]": load,
         "reduced force [um]": load / problem.modulus / max(across, NUMBERS[0]),
-        "height range [um]": float(heights.max() / 2 - heights.min() / 2),
+        "largest pressure [MPa]": load / max(along * across, NUMBERS[0]),
+        "stiffness scale [MPa um]": max(along, across) * problem.modulus,
+        "compliance scale [um / MPa]": along / problem.modulus,
+        SPAN: half * heights.size,
     }
-    if problem.force and numbers["height range [um]"] > 0:
-        numbers["reduced force over heights"] = (
-            numbers["reduced force [um]"] / numbers["height range [um]"]
-        )
+    if problem.force and half > 0:
+        numbers["reduced force over heights"] = numbers["reduced force [um]"] / half
     if problem.hardness is not None:
         numbers["hardness over E*"] = problem.hardness / problem.modulus
         numbers["reduced hardness"] = problem.reduced_hardness(depth)
     for name, number in numbers.items():
         low, high = RATIOS.get(name, NUMBERS)
-        if not (-1.0 if name == "height range [um]" else low) < number < high:
+        if not (-1.0 if name == SPAN else low) < number < high:
             raise OutOfRange(
                 f"{name} = {number:g}: sides, heights, load and modulus must keep it between"
                 f" {low:g} and {high:g}, within double precision"
@@ -321,13 +326,6 @@ def checked_heights(heights: ArrayLike) -> Field:
         raise ValueError(f"heights hold {holes} values that are not finite: fill or crop them")
     surface.setflags(write=False)
     return surface
-
-
-def refuse_masked(name: str, given: Any) -> None:
-    """Refuse an array, or rows of arrays, of which some entries are masked."""
-    rows = given if isinstance(given, list | tuple) else [given]
-    if any(np.ma.is_masked(row) for row in rows):
-        raise ValueError(f"{name} are masked in places: fill or crop them")
 
 
 def _is_nullable_table(heights: Any) -> bool:
@@ -362,6 +360,7 @@ def _checked_spacing(
 
 def _checked_pair(name: str, given: Any) -> tuple[float, float]:
     """Return two lengths, from a pair or from one length for both axes."""
+    refuse_masked(name, given)
     pair = (given, given) if np.ndim(given) == 0 else tuple(given)
     if len(pair) != 2:
         raise ValueError(f"{name} = {given!r}: one length or two are needed, in um")

@@ -155,12 +155,13 @@ def on_threads(threads: int | None) -> Iterator[None]:
     Parameters
     ----------
     threads : int or None
-        Number of threads, this one included; None for those of an outer block, or for as many as
-        `OMP_NUM_THREADS` says, or for one.
+        Number of threads, this one included, of which no more are used than there are processors;
+        None for those of an outer block, or for as many as `OMP_NUM_THREADS` says, or for one.
     """
     before = _CURRENT.workers
     if threads is None:
         threads = before.threads if before.threads > 1 else default_threads(1)
+    threads = min(threads, max(cores(), before.threads))
     if threads == before.threads:
         yield
     elif threads == 1:

@@ -75,7 +75,7 @@ class PowerLaw:
         ndarray, shape of radii
             Height [um].
         """
-        return np.asarray(-self.coefficient * radii**self.exponent)
+        return np.asanyarray(-self.coefficient * radii**self.exponent)
 
     def indentation(self, radius: float) -> float:
         """Return Delta = kappa c a^m, at which a is the contact radius [um].
@@ -148,10 +148,10 @@ class PowerLaw:
         """
         radius = self.contact_radius(delta)
         if not radius:
-            return np.zeros(np.shape(radii))
+            return np.zeros_like(radii, dtype=np.float64)
         inside = np.clip(1 - (radii / radius) ** 2, 0, None)
         shape = np.sqrt(inside) * hyp2f1(1 - self.exponent / 2, 1.0, 1.5, inside)
-        return np.asarray(self.exponent * modulus * delta / (np.pi * radius) * shape)
+        return np.asanyarray(self.exponent * modulus * delta / (np.pi * radius) * shape)
 
 
 class Paraboloid(PowerLaw):
@@ -212,7 +212,7 @@ class FlatPunch:
         ndarray, shape of radii
             Height [um].
         """
-        return np.where(radii <= self.radius, 0.0, -self.depth)
+        return np.asanyarray(0.0 - self.depth * (radii > self.radius))
 
     def contact_radius(self, delta: float) -> float:
         """Return the radius of the punch, which no indentation changes [um].
@@ -264,11 +264,11 @@ class FlatPunch:
             Pressure [MPa].
         """
         if delta <= 0:
-            return np.zeros(np.shape(radii))
+            return np.zeros_like(radii, dtype=np.float64)
         inside = self.radius**2 - radii**2
         with np.errstate(divide="ignore", invalid="ignore"):
-            values = modulus * delta / (np.pi * np.sqrt(inside))
-        return np.where(inside >= 0, values, 0.0)
+            values = modulus * delta / (np.pi * np.sqrt(np.abs(inside)))
+        return np.asanyarray(values * (inside >= 0))
 
 
 def distances_to_centre(

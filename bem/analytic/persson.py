@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import erf, exp1
 
-from bem.arrays import Values
+from bem.arrays import Values, refuse_masked
 
 BUSH_GIBSON_THOMAS = math.sqrt(2 * math.pi)
 """Slope of the area share over the reduced pressure at no load: paraboloids at all summits."""
@@ -55,7 +55,7 @@ def area_share(reduced_pressure: Values, slope: float = PERSSON) -> Values:
     ndarray, shape of reduced_pressure
         Contact area as a share of the whole [1].
     """
-    return np.asarray(erf(math.sqrt(math.pi) / 2 * slope * np.asarray(reduced_pressure)))
+    return np.asanyarray(erf(math.sqrt(math.pi) / 2 * slope * np.asanyarray(reduced_pressure)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +80,12 @@ class PerssonInterface:
     wavenumbers: Values
     spectrum: Values
     gamma: float = 0.45
+
+    def __post_init__(self) -> None:
+        """Keep copies of the spectrum, which the caller may change."""
+        for name in ("wavenumbers", "spectrum"):
+            refuse_masked(name, getattr(self, name))
+            object.__setattr__(self, name, np.array(getattr(self, name), dtype=np.float64))
 
     def rms_height(self) -> float:
         """Return the rms height of these waves [um].
@@ -137,7 +143,7 @@ class PerssonInterface:
         """
         lengths = self._sum_over_waves(_energy_rate(self._ratios(pressure, modulus), self.gamma))
         with np.errstate(divide="ignore"):
-            return np.asarray(pressure / lengths)
+            return np.asanyarray(pressure / lengths)
 
     def light_load_length(self) -> float:
         """Return u0 of dp/dDelta = p / u0 and mean gap = u0 ln(constant / p) at light load [um].
@@ -158,7 +164,7 @@ class PerssonInterface:
     def _scatter(self) -> Values:
         """Return the values of h'(q) / sqrt(2) for the quadrature, from 0, (STEPS + 1,) [1]."""
         largest = math.sqrt(self._squared_scatter()[-1])
-        return np.asarray(largest * np.linspace(0, 1, STEPS + 1) ** 2)
+        return np.asanyarray(largest * np.linspace(0, 1, STEPS + 1) ** 2)
 
     def _ratios(self, pressure: Values, modulus: float) -> Values:
         """Return x = p / (E* scatter), of which erf(x) is the area share P, (k, STEPS + 1) [1]."""
@@ -171,13 +177,13 @@ class PerssonInterface:
         scatter = self._scatter()
         wavenumbers = np.interp(scatter**2, self._squared_scatter(), self.wavenumbers)
         sums = np.trapezoid(values / wavenumbers, scatter, axis=-1)
-        return np.asarray(2 / math.sqrt(math.pi) * sums)
+        return np.asanyarray(2 / math.sqrt(math.pi) * sums)
 
 
 def _energy_rate(ratios: Values, gamma: float) -> Values:
     """Compute sqrt(pi) / 2 dW/dx, where W is the share of full contact's energy and P = erf(x)."""
     shape = gamma + 3 * (1 - gamma) * erf(ratios) ** 2
-    return np.asarray(shape * np.exp(-(ratios**2)))
+    return np.asanyarray(shape * np.exp(-(ratios**2)))
 
 
 def _work(ratios: Values, gamma: float) -> Values:
@@ -191,4 +197,4 @@ def _work(ratios: Values, gamma: float) -> Values:
     for node, weight in zip(*QUADRATURE, strict=True):
         x = near + FAR * (node + 1) / 2
         total += weight * FAR / 2 * np.exp(-(x**2)) * erf(x) ** 2 / x
-    return np.asarray(gamma * exp1(ratios**2) / 2 + 3 * (1 - gamma) * total)
+    return np.asanyarray(gamma * exp1(ratios**2) / 2 + 3 * (1 - gamma) * total)

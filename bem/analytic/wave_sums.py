@@ -49,7 +49,7 @@ class Sine:
             Height [um].
         """
         qx, qy = self.wavevector
-        return np.asarray(self.amplitude * np.cos(qx * x + qy * y + self.phase))
+        return np.asanyarray(self.amplitude * np.cos(qx * x + qy * y + self.phase))
 
     def stiffness(self, modulus: float = 1.0) -> float:
         """Return E* q / 2, the pressure that holds one unit of displacement [MPa/um].
@@ -92,7 +92,7 @@ class SumOfSines:
         ndarray, common shape of x and y
             Height [um].
         """
-        return np.asarray(np.sum([sine.heights(x, y) for sine in self.sines], axis=0))
+        return np.asanyarray(sum(sine.heights(x, y) for sine in self.sines))
 
     def pressure(self, x: Field, y: Field, mean_pressure: float, modulus: float = 1.0) -> Field:
         """Compute the pressure of full contact, the mean + the sum of E* q / 2 times each height.
@@ -112,7 +112,7 @@ class SumOfSines:
             Pressure; where it is negative anywhere contact is not full [MPa].
         """
         waves = [sine.stiffness(modulus) * sine.heights(x, y) for sine in self.sines]
-        return np.asarray(mean_pressure + np.sum(waves, axis=0))
+        return np.asanyarray(mean_pressure + sum(waves))
 
     def full_contact_pressure(self, x: Field, y: Field, modulus: float = 1.0) -> float:
         """Return the least mean pressure at which all of these places are in contact [MPa].
@@ -176,7 +176,7 @@ class DoublySinusoidal:
             Height [um].
         """
         q = 2 * np.pi / self.wavelength
-        return np.asarray(self.amplitude * np.cos(q * x) * np.cos(q * y))
+        return np.asanyarray(self.amplitude * np.cos(q * x) * np.cos(q * y))
 
     def full_contact_pressure(self, modulus: float = 1.0) -> float:
         """Return p* = sqrt(2) pi E* amplitude / wavelength [MPa].

@@ -56,7 +56,7 @@ class WavySurface:
         ndarray, shape of x
             Height [um].
         """
-        return np.asarray(self.amplitude * np.cos(2 * np.pi * x / self.wavelength))
+        return np.asanyarray(self.amplitude * np.cos(2 * np.pi * x / self.wavelength))
 
     def full_contact_pressure(self, modulus: float = 1.0) -> float:
         """Return p* = pi E* amplitude / wavelength, the load that closes all gaps [MPa].
@@ -130,9 +130,9 @@ class WavySurface:
         full = self.full_contact_pressure(modulus)
         angle = np.pi * x / self.wavelength
         if mean_pressure >= full:
-            return np.asarray(mean_pressure + full * np.cos(2 * angle))
+            return np.asanyarray(mean_pressure + full * np.cos(2 * angle))
         inside = np.clip(max(mean_pressure, 0.0) / full - np.sin(angle) ** 2, 0, None)
-        return np.asarray(2 * full * np.abs(np.cos(angle)) * np.sqrt(inside))
+        return np.asanyarray(2 * full * np.abs(np.cos(angle)) * np.sqrt(inside))
 
     def gap(self, x: Field, mean_pressure: float, modulus: float = 1.0) -> Field:
         """Compute the gap between the surface and the half-space.
@@ -156,9 +156,9 @@ class WavySurface:
         load = self._load(mean_pressure, modulus)
         sine = np.abs(np.sin(np.pi * x / self.wavelength))
         if not load:
-            return np.asarray(2 * self.amplitude * sine**2)
+            return np.asanyarray(2 * self.amplitude * sine**2)
         t = np.arccosh(np.maximum(sine / math.sqrt(load), 1.0))
-        return np.asarray(self.amplitude * load * (np.sinh(2 * t) - 2 * t))
+        return np.asanyarray(self.amplitude * load * (np.sinh(2 * t) - 2 * t))
 
     def approach(self, mean_pressure: float, modulus: float = 1.0) -> float:
         """Return Delta = amplitude s (1 - ln s) with s = p / p*, amplitude at full contact [um].

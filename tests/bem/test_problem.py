@@ -1,5 +1,6 @@
 """Arguments that a contact problem accepts or refuses."""
 
+import itertools
 import math
 from typing import Any
 
@@ -8,6 +9,7 @@ import pandas as pd
 import pytest
 
 import bem
+from bem.spacing import BOUNDARIES
 from gen.surface import generate
 
 NAN, INF = math.nan, math.inf
@@ -183,3 +185,84 @@ def test_surfaces_are_neither_changed_nor_kept() -> None:
     contact = bem.solve(heights, 1000.0, 15.0)
     heights[:] = 0
     np.testing.assert_array_equal(contact.problem.heights, ROUGH)
+
+
+def everything(contact: bem.Contact) -> list[bytes]:
+    """All that a contact tells, the properties that are computed when they are read included."""
+    names = [name for name in dir(contact) if not name.startswith("_") and name != "problem"]
+    values = [getattr(contact, name) for name in names]
+    told = [value for value in values if isinstance(value, np.ndarray | float | int)]
+    told += [contact.problem.heights, contact.spots.labels, contact.punch.pressure]
+    return [np.asarray(value).tobytes() for value in told]
+
+
+SETTINGS: list[dict[str, Any]] = [
+    {},
+    {"hardness": 0.02},
+    {"boundary": "mirror"},
+    {"boundary": "periodic", "hardness": 0.02},
+]
+
+
+@pytest.mark.parametrize("settings", SETTINGS)
+@pytest.mark.parametrize("name", ["delta", "pressure"])
+def test_a_caller_may_fill_its_arrays_anew(name: str, settings: dict[str, Any]) -> None:
+    """Every array argument is refilled after the call and before anything of the result is read."""
+    loads = np.array([0.005, 0.008, 0.011]) * (1000.0 if name == "delta" else 1.0)
+    near = bem.solve(ROUGH, 1000.0, **{name: loads[0]}, **settings).pressure
+    arrays = [ROUGH.copy(), np.array([1000.0, 1000.0]), loads.copy(), near.copy()]
+    heights, side, given, start = arrays
+    alone = bem.solve(heights, side, **{"delta": None, name: given[0]}, near=start, **settings)
+    rungs = bem.ladder(heights, side, **{f"{name}s": given}, **settings)
+    for array in arrays:
+        array.fill(7.0)
+    contacts = [alone, *rungs]
+    same = [
+        bem.solve(ROUGH, 1000.0, **{"delta": None, name: loads[0]}, near=near, **settings),
+        *bem.ladder(ROUGH, 1000.0, **{f"{name}s": loads}, **settings),
+    ]
+    assert [everything(contact) for contact in contacts] == [everything(other) for other in same]
+
+
+def test_masked_arrays_are_refused() -> None:
+    masked = np.ma.masked_less(np.array([5.0, 8.0, 11.0]), 6.0)
+    with pytest.raises(ValueError, match="deltas are masked in places"):
+        bem.ladder(ROUGH, 1000.0, masked)
+    with pytest.raises(ValueError, match="heights are masked in places"):
+        bem.ladder(np.ma.masked_less(ROUGH, 10.0), 1000.0, [5.0])
+    with pytest.raises(ValueError, match="near are masked in places"):
+        bem.solve(ROUGH, 1000.0, 5.0, near=np.ma.masked_equal(np.ones((65, 65)), 1.0))
+    with pytest.raises(ValueError, match="side are masked in places"):
+        bem.solve(ROUGH, np.ma.masked_less(np.array([1e3, 2e3]), 1e3 + 1), 5.0)
+
+
+EXPONENTS = [*itertools.product(BOUNDARIES, (-300, 0, 300), (-300, 0, 300), (-100, 0, 100), (1, 4))]
+
+
+@pytest.mark.parametrize("load", ["delta", "force"])
+@pytest.mark.filterwarnings("error")
+def test_results_are_finite_or_the_input_is_out_of_range(load: str) -> None:
+    """Near the ends of double precision nothing overflows on the way or in what is derived."""
+    heights, solved = np.random.default_rng(0).normal(size=(20, 20)), 0
+    for boundary, height, modulus, spacing, share in EXPONENTS:
+        unit = height if load == "delta" else modulus + height + spacing
+        if not abs(unit) < 305:
+            continue
+        cell = {"boundary": boundary, "modulus": 10.0**modulus, "spacing": 10.0**spacing}
+        try:
+            contact = bem.solve(
+                heights * 10.0**height, 1, **{"delta": None, load: 0.1 * share * 10.0**unit}, **cell
+            )
+        except (bem.OutOfRange, bem.NoSolution):
+            continue
+        solved += 1
+        told = contact.force, contact.mean_gap, contact.largest_pressure, contact.stiffness
+        assert np.isfinite(told).all()
+        assert np.isfinite([contact.yielded_depth, contact.flattened, contact.gap]).all()
+    assert solved > 20
+
+
+def test_sums_over_many_nodes_do_not_overflow() -> None:
+    heights = 1e303 * np.random.default_rng(0).uniform(0, 1, (300, 300))
+    with pytest.raises(bem.OutOfRange, match="height range times nodes"):
+        bem.solve(heights, 1e300, 1e302, boundary="mirror", spacing=1.0)

@@ -10,8 +10,31 @@ import pytest
 import bem
 from bem import convolution
 from bem.convolution import Filter
-from bem.workers import Workers, checked_threads, default_threads, on_threads, workers
+from bem.workers import Helpers, Workers, checked_threads, default_threads, on_threads, workers
 from gen.surface import generate
+
+
+@pytest.fixture(autouse=True)
+def four_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    """More threads than there are processors are never begun."""
+    monkeypatch.setattr("bem.workers.cores", lambda: 4)
+
+
+def test_no_more_threads_are_begun_than_there_are_processors(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Counted(Helpers):
+        def __init__(self, many: int) -> None:
+            begun.append(many)
+            super().__init__(min(many, 3))
+
+    begun: list[int] = []
+    monkeypatch.setattr("bem.workers.Helpers", Counted)
+    monkeypatch.setenv("OMP_NUM_THREADS", str(10**9))
+    heights = np.random.default_rng(0).normal(size=(9, 9))
+    for threads in (10**9, None):
+        assert bem.solve(heights, 1.0, 0.5, threads=threads).contact_nodes > 0
+    assert begun == [3, 3]
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])

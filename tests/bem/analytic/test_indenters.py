@@ -1,5 +1,7 @@
 """Closed forms of axisymmetric indenters: consistent with the theory and with one another."""
 
+from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -7,6 +9,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import ellipk
 
+from bem import analytic
 from bem.analytic import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, distances_to_centre
 
 SIDE = 1000.0  # um; with R, the example of the paper's section 2.4
@@ -232,3 +235,43 @@ def test_axes_beside_the_centre_of_a_patch() -> None:
     distance = distances_to_centre((3, 5), (6.0, 16.0), shift=(3.0, -4.0))
     assert distance[2, 1] == 0
     assert distance[0, 4] == pytest.approx(np.hypot(6, 12))
+
+
+MASKED = np.ma.masked_array(np.linspace(0.01, 0.5, 6), mask=[0, 1, 0, 0, 1, 0])
+SINES = analytic.SumOfSines((analytic.Sine(0.1, (1.0, 2.0)), analytic.Sine(0.2, (0.5, 0.0))))
+WAVY = analytic.WavySurface(0.1, 1.0)
+WAVES = np.geomspace(1.0, 100.0, 50)
+PERSSON = analytic.PerssonInterface(WAVES, WAVES**-3.6)
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        *(body.heights for body in (Paraboloid(1.0), Cone(0.3), FlatPunch(0.3), WAVY)),
+        *(
+            partial(body.pressure, **{name: load})
+            for body, name in ((Cone(0.3), "delta"), (FlatPunch(0.3), "delta"))
+            for load in (0.0, 0.01)
+        ),
+        *(partial(way, mean_pressure=p) for way in (WAVY.pressure, WAVY.gap) for p in (0, 0.1, 9)),
+        lambda x: SINES.heights(x, x),
+        lambda x: SINES.pressure(x, x, 1.0),
+        lambda x: analytic.DoublySinusoidal(0.1, 1.0).heights(x, x),
+        analytic.area_share,
+        PERSSON.mean_gap,
+        PERSSON.stiffness,
+    ],
+)
+def test_closed_forms_keep_what_is_masked(formula: Callable[[np.ndarray], np.ndarray]) -> None:
+    values = formula(MASKED)
+    np.testing.assert_array_equal(np.ma.getmaskarray(values), MASKED.mask)
+    np.testing.assert_array_equal(values.compressed(), formula(MASKED.data)[~MASKED.mask])
+
+
+def test_a_spectrum_is_copied() -> None:
+    waves, spectrum = WAVES.copy(), WAVES**-3.6
+    interface = analytic.PerssonInterface(waves, spectrum)
+    waves.fill(1.0), spectrum.fill(0.0)
+    assert interface.rms_slope() == PERSSON.rms_slope()
+    with pytest.raises(ValueError, match="spectrum are masked"):
+        analytic.PerssonInterface(WAVES, np.ma.masked_less(WAVES**-3.6, 0.1))
