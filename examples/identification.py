@@ -17,20 +17,29 @@ POINTS = 400
 """Displacements tried: one call, since the features of a surface are computed once."""
 
 
+def sides(text: str) -> tuple[float, float]:
+    """Read one length, or one for each axis [um]."""
+    x, _, y = text.partition(",")
+    return float(x), float(y or x)
+
+
 def main(arguments: list[str]) -> tuple[float, float, float]:
     """Return Delta and the ends of its interval [um]."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("surrogate", help="made by python -m learn fit")
     parser.add_argument("surface", help="heights in um (.npy)")
-    parser.add_argument("--side", type=float, required=True, help="scan length [um]")
+    parser.add_argument("--side", type=sides, required=True, help="scan length, or X,Y [um]")
     parser.add_argument("--area", type=float, required=True, help="measured area [%%]")
+    parser.add_argument("--hardness", type=float, help="[MPa], if the training has several")
     parser.add_argument("--level", type=float, default=0.9, help="of the interval")
     parser.add_argument("--small", action="store_true", help="60 displacements")
     given = parser.parse_args(arguments)
     surrogate = Surrogate.load(given.surrogate)
+    if "area" not in surrogate.learnt:
+        parser.error(f"{given.surrogate}: predicts {', '.join(surrogate.learnt)}, not the area")
     pressed = surrogate.for_surface(np.load(given.surface), given.side, given.surface)
     deltas = np.linspace(*surrogate.card["delta"], 60 if given.small else POINTS)
-    answer = pressed.predict(deltas, level=given.level)
+    answer = pressed.predict(deltas, hardness=given.hardness, level=given.level)
     # The area grows with Delta; a surrogate need not know that.
     areas = np.maximum.accumulate(answer.area)
     if not areas[0] <= given.area <= areas[-1]:

@@ -2,57 +2,70 @@
 
     python examples/propagation.py area.surrogate --delta 15 --surfaces 1000
 
-Surfaces of one process (Hurst exponent, sigma0) differ by chance. Each is asked once; a few are
-solved too, to see whether the surrogate's answer can be trusted.
+Surfaces differ by chance alone: their parameters are the middle of what the scene draws, or those
+of --set. Each is asked once; a few are solved too, to see whether the answers can be trusted.
 """
 
 import argparse
 import sys
+from contextlib import suppress
 
 import numpy as np
 
-import bem
-from gen.surface import generate
+from gen.generation.quantiles import quantiles
+from gen.generation.sample import UNSOLVED, solve_contact, surface_numbered
+from gen.scene import Scene
 from learn import Surrogate
 
 
 def main(arguments: list[str]) -> np.ndarray:
-    """Return the population's areas [%]."""
+    """Return the values of the first target, areas [%] as a rule."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("surrogate", help="made by python -m learn fit")
-    parser.add_argument("--delta", type=float, default=15.0, help="far-field displacement [um]")
-    parser.add_argument("--hurst", type=float, default=0.65)
-    parser.add_argument("--sigma0", type=float, default=12.5, help="[um]")
+    parser.add_argument("--delta", type=float, help="[um]; the middle of the training if left out")
+    parser.add_argument("--set", nargs=2, metavar=("NAME", "VALUE"), action="append", default=[])
     parser.add_argument("--surfaces", type=int, default=1000)
     parser.add_argument("--small", action="store_true", help="20 surfaces")
     parser.add_argument("--plot", metavar="FILE", help="a histogram")
     given = parser.parse_args(arguments)
     surrogate = Surrogate.load(given.surrogate)
-    (nodes, _), (side, _) = surrogate.card["nodes"], surrogate.card["side"]
-    areas, flagged, solved = [], 0, []
+    (target, about), *_ = surrogate.card["targets"].items()
+    scene, unit = Scene.from_text(surrogate.card["scene"]), about["unit"]
+    middle = {n: quantiles(d, np.array([0.5]))[0] for n, d in scene.drawn_parameters.items()}
+    asked = {name: float(value) for name, value in given.set}
+    if asked.keys() - middle.keys():
+        parser.error(f"--set: the scene has {', '.join(middle) or 'no parameters'}")
+    scene = scene.with_parameters(middle | asked)
+    delta = given.delta or np.mean(surrogate.card["delta"])
+    ratios = surrogate.hardness_limits
+    hardness = None if ratios is None else np.sqrt(np.prod(ratios)) * surrogate.modulus
+    values, flagged, errors = [], 0, []
     for number in range(20 if given.small else given.surfaces):
-        random = np.random.default_rng([2025, number])
-        heights = generate("diamond-square", nodes, given.hurst, given.sigma0, random)
-        answer = surrogate.predict(heights, side, given.delta)
-        areas.append(answer.area[0])
+        heights = surface_numbered(scene, number)
+        answer = surrogate.predict(heights, scene.sides, delta, hardness=hardness)
+        values.append(answer.values[target][0])
         flagged += not answer.inside[0]
-        if number < 10:
-            solved.append(bem.solve(heights, side, given.delta).area_percent)
-    low, middle, high = np.quantile(areas, [0.05, 0.5, 0.95])
-    print(f"area at Delta = {given.delta:g} um: {np.mean(areas):.3g} +- {np.std(areas):.2g} %")
-    print(f"median {middle:.3g} %, nine of ten surfaces between {low:.3g} and {high:.3g} %")
-    print(f"{flagged} of {len(areas)} surfaces lie outside the training ranges")
-    error = np.mean(np.abs(np.array(areas[:10]) - solved)) / np.mean(solved)
-    print(f"mean error on the {len(solved)} surfaces that were solved too: {100 * error:.2g} %")
+        with suppress(*UNSOLVED, AttributeError):  # a target that is no result of every contact
+            if number < 10:
+                solved = getattr(solve_contact(scene, heights, delta, hardness), about["column"])
+                errors.append((abs(values[-1] - solved), abs(solved)))
+    scatter = f" +- {np.std(values, ddof=1):.2g}" if len(values) > 1 else ""
+    print(f"{target} at Delta = {delta:g} um: {np.mean(values):.3g}{scatter} {unit}")
+    if scatter:
+        low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
+        print(f"median {middle:.3g}, nine of ten surfaces between {low:.3g} and {high:.3g} {unit}")
+    print(f"{flagged} of {len(values)} surfaces lie outside the training ranges")
+    if errors:
+        error = 100 * np.divide(*np.mean(errors, axis=0))
+        print(f"mean error where the contact was solved too ({len(errors)}): {error:.2g} %")
     if given.plot:
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(5, 3.5), layout="constrained")
-        axis = figure.subplots()
-        axis.hist(areas, bins=30)
-        axis.set(xlabel="effective contact area [%]", ylabel="surfaces")
-        figure.savefig(given.plot)
-    return np.array(areas)
+        axis = Figure(figsize=(5, 3.5), layout="constrained").subplots()
+        axis.hist(values, bins=30)
+        axis.set(xlabel=f"{target} [{unit}]", ylabel="surfaces")
+        axis.figure.savefig(given.plot)
+    return np.array(values)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""Which input makes the contact area scatter: H, sigma0, Delta, or chance?
+"""Which input makes the contact area scatter: what the scene draws, Delta, or chance?
 
     pip install -e ".[examples]"
     python examples/sobol.py area.surrogate --samples 512
 
-Sobol indices by SALib. Chance is an input too: which of 2^20 seeds makes the noise. First order is
-an input's own share of the variance, the total includes its interplay with the others.
+Sobol indices by SALib. Chance is an input too: which of 2^20 surfaces it is. First order is an
+input's own share of the variance, the total includes its interplay with the others.
 """
 
 import argparse
@@ -14,13 +14,15 @@ import numpy as np
 from SALib.analyze import sobol as analysis
 from SALib.sample import sobol as sampling
 
+from gen.generation.quantiles import log_within, quantiles, within
+from gen.generation.sample import surface_numbered
 from gen.scene import Scene
-from gen.surface import generate
+from gen.scene.distribution import is_drawn
 from learn import Surrogate
 
 
 def main(arguments: list[str]) -> dict[str, np.ndarray]:
-    """Return the indices "S1" and "ST" of H, sigma0, Delta and the seed."""
+    """Return the indices "S1" and "ST" of the drawn parameters, Delta and chance."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("surrogate", help="made by python -m learn fit")
     parser.add_argument("--samples", type=int, default=512, help="a power of two")
@@ -28,31 +30,36 @@ def main(arguments: list[str]) -> dict[str, np.ndarray]:
     given = parser.parse_args(arguments)
     surrogate = Surrogate.load(given.surrogate)
     scene = Scene.from_text(surrogate.card["scene"])
-    problem = {
-        "num_vars": 4,
-        "names": ["H", "sigma0", "Delta", "chance"],
-        "bounds": [scene.surface.hurst, scene.surface.sigma0, surrogate.card["delta"], [0, 2**20]],
-    }
+    drawn = {name: each for name, each in scene.drawn_parameters.items() if is_drawn(each)}
+    low, high = surrogate.hardness_limits or (0.0, 0.0)
+    names = [*drawn, *(["hardness"] if low < high else []), "Delta", "chance"]
+    problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
     number = 32 if given.small else given.samples
+    target = next(iter(surrogate.learnt))
+
+    def answer(shares: np.ndarray) -> float:
+        """Predict at one point of the unit cube, whose sides are shares of probability."""
+        share = dict(zip(names, shares[:, None], strict=True))
+        values = {name: float(quantiles(each, share[name])[0]) for name, each in drawn.items()}
+        heights = surface_numbered(scene.with_parameters(values), int(2**20 * share["chance"][0]))
+        delta = within(*surrogate.card["delta"], share["Delta"])
+        ratio = log_within(low, high, share["hardness"])[0] if low < high else None
+        hardness = None if ratio is None else ratio * surrogate.modulus
+        given = surrogate.predict(heights, scene.sides, delta, hardness=hardness, level=None)
+        return given.values[target][0]
+
     inputs = sampling.sample(problem, number, calc_second_order=False, seed=2025)
-    areas = np.array([area(surrogate, scene, row) for row in inputs])
-    found = analysis.analyze(problem, areas, calc_second_order=False, seed=2025)
-    print(f"{len(areas)} areas, mean {areas.mean():.3g} %, standard deviation {areas.std():.3g} %")
-    for place, name in enumerate(problem["names"]):
-        first, total = (
-            f"{found[index][place]:5.2f} +- {found[f'{index}_conf'][place]:4.2f}"
-            for index in ("S1", "ST")
-        )
-        print(f"{name:8} first order {first}, total {total}")
+    values = np.array([answer(row) for row in inputs])
+    found = analysis.analyze(problem, values, calc_second_order=False, seed=2025)
+    print(f"{len(values)} values of {target}: mean {values.mean():.3g}, std {values.std():.3g}")
+    for place, name in enumerate(names):
+        words = []
+        for index, word in {"S1": "first order", "ST": "total"}.items():
+            bar = found[f"{index}_conf"][place]  # by resampling: one sample has none
+            bar = f" +- {bar:4.2f}" if number > 1 and np.isfinite(bar) else ""
+            words.append(f"{word} {found[index][place]:5.2f}{bar}")
+        print(f"{name:10} {', '.join(words)}")
     return {index: found[index] for index in ("S1", "ST")}
-
-
-def area(surrogate: Surrogate, scene: Scene, inputs: np.ndarray) -> float:
-    """Area of one surface [%]."""
-    hurst, sigma0, delta, seed = inputs
-    random = np.random.default_rng([2025, int(seed)])
-    heights = generate(scene.surface.generator, scene.surface.nodes, hurst, sigma0, random)
-    return float(surrogate.predict(heights, scene.surface.side, delta, level=None).area[0])
 
 
 if __name__ == "__main__":

@@ -6,17 +6,30 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_populations import POPULATIONS
 
 import bem
 import gen.cli
 import learn.cli
 from gen.database import Reader
+from gen.generation.sample import surface_numbered
+from gen.scene import Scene
 from gen.schema import Status
 from gen.statistics import NAMES
 from gen.surface import generate
 from learn import Surrogate
 
 FOLDER = Path(__file__).parents[1] / "examples"
+YIELDING = "[contact]\nhardness_ratio = [0.003, 0.1]\n"
+FIXED = {
+    "spectral": {"roll_off": 250.0, "rms_slope": 0.1},
+    "python": {"amplitude": 2.0, "count": 4.0},
+    "force": {"rms_height": 2.5},
+    "relative": {"hurst": 0.7, "sigma0": 12.0},
+    "yielding": {"hurst": 0.7, "sigma0": 12.0},
+}
+"""Parameters of one surface of each population."""
+
 SCENE = "samples = 300\n[surface]\nnodes = 33\n"
 
 
@@ -48,24 +61,103 @@ def test_every_example_is_short_and_tested():
         "unloading",
         "windows",
     ]
-    assert all(len((FOLDER / f"{n}.py").read_text().splitlines()) < 65 for n in scripts)
+    assert all(len((FOLDER / f"{n}.py").read_text().splitlines()) < 75 for n in scripts)
 
 
 def test_propagation_finds_the_mean_area_of_the_population(surrogate, tmp_path, capsys):
-    areas = example("propagation")([surrogate, "--small", "--plot", str(tmp_path / "areas.png")])
-    solved = []
-    for number in range(20):
-        random = np.random.default_rng([2025, number])
-        heights = generate("diamond-square", 33, 0.65, 12.5, random)
-        solved.append(bem.solve(heights, 1000.0, 15.0).area_percent)
+    asked = [surrogate, "--delta", "15", "--small", "--plot", str(tmp_path / "areas.png")]
+    areas = example("propagation")([*asked, "--set", "hurst", "0.7"])
+    scene = Scene.parse(SCENE, "test").with_parameters({"hurst": 0.7, "sigma0": 12.5})
+    surfaces = [surface_numbered(scene, number) for number in range(20)]
+    solved = [bem.solve(heights, 1000.0, 15.0).area_percent for heights in surfaces]
     assert areas.mean() == pytest.approx(np.mean(solved), rel=0.1)
     assert areas.std() == pytest.approx(np.std(solved), rel=0.35)
     assert (tmp_path / "areas.png").stat().st_size > 1000
     assert "+-" in capsys.readouterr().out
+    with pytest.raises(SystemExit, match="2"):
+        example("propagation")([*asked, "--set", "sigma", "1"])
+    assert "hurst, sigma0" in capsys.readouterr().err
+
+
+def test_one_value_has_no_error_bar(surrogate, capsys):
+    example("propagation")([surrogate, "--surfaces", "1"])
+    example("sobol")([surrogate, "--samples", "1"])
+    assert "+-" not in capsys.readouterr().out
+
+
+@pytest.fixture(scope="module", params=[*POPULATIONS, "yielding"])
+def population(request, populations, tmp_path_factory):
+    """A surrogate of a scene of any generator and load, and the sizes of what it draws."""
+    folder = tmp_path_factory.mktemp("population")
+    database = populations / f"{request.param}.h5"
+    if request.param == "yielding":
+        database = folder / "rows.h5"
+        (folder / "scene.toml").write_text("samples = 60\n[surface]\nnodes = 17\n" + YIELDING)
+        assert gen.cli.main(["run", str(folder / "scene.toml"), "-o", str(database)]) == 0
+    path = folder / "learnt.surrogate"
+    target = "mean_gap" if request.param == "spectral" else "area"
+    line = ["fit", str(database), "-o", str(path), "--target", target, "--model", "kernel-ridge"]
+    assert learn.cli.main(line) == 0
+    return request.param, str(path)
+
+
+def test_propagation_takes_any_scene(population, capsys):
+    _, path = population
+    values = example("propagation")([path, "--surfaces", "3"])
+    assert np.isfinite(values).all()
+    printed = capsys.readouterr().out
+    assert "um: " in printed
+    assert "+-" in printed
+
+
+def test_sobol_takes_any_scene(population):
+    drawn = {"force": 1, "scans": 0, "yielding": 3}
+    name, path = population
+    indices = example("sobol")([path, "--samples", "4"])
+    assert indices["S1"].shape == indices["ST"].shape == (drawn.get(name, 2) + 2,)
+
+
+def test_the_study_takes_any_scene(population, capsys):
+    name, path = population
+    if name == "scans":
+        with pytest.raises(SystemExit, match="2"):
+            example("study")([path, "--small"])
+        assert "draws none" in capsys.readouterr().err
+        return
+    values = example("study")([path, "--small"])
+    assert values.shape == (3, 4)
+    assert np.isfinite(values).all()
+
+
+def test_identification_takes_any_scene(population, tmp_path, capsys):
+    name, path = population
+    surrogate = Surrogate.load(path)
+    scene = Scene.from_text(surrogate.card["scene"])
+    heights = surface_numbered(scene.with_parameters(FIXED.get(name, {})), 3)
+    np.save(tmp_path / "surface.npy", heights)
+    asked = [path, str(tmp_path / "surface.npy"), "--side", "{},{}".format(*scene.sides), "--small"]
+    hardness = None
+    if name == "yielding":
+        hardness = np.sqrt(np.prod(surrogate.hardness_limits)) * surrogate.modulus
+        asked += ["--hardness", str(hardness)]
+    if name == "spectral":
+        with pytest.raises(SystemExit, match="2"):
+            example("identification")([*asked, "--area", "5"])
+        assert "predicts mean_gap" in capsys.readouterr().err
+        return
+    deltas = np.linspace(*surrogate.card["delta"], 9)
+    pressed = surrogate.for_surface(heights, scene.sides)
+    area = np.median(
+        pressed.predict(deltas, hardness=hardness if name == "yielding" else None).area
+    )
+    delta, low, high = example("identification")([*asked, "--area", str(area)])
+    assert low <= delta <= high
 
 
 def test_the_area_of_the_study_grows_with_delta_and_with_the_hurst_exponent(surrogate, tmp_path):
-    areas = example("study")([surrogate, "--small", "--csv", str(tmp_path / "study.csv")])
+    areas = example("study")(
+        [surrogate, "--small", "--parameter", "hurst", "--csv", str(tmp_path / "study.csv")]
+    )
     assert areas.shape == (3, 4)
     assert (np.diff(areas, axis=0) > 0).all()
     assert (np.diff(areas, axis=1) > 0).all()
@@ -148,14 +240,30 @@ def test_the_served_solver_has_the_mean_area_of_the_solver(tmp_path, monkeypatch
     import umbridge
 
     from asperity.serving.models import SolverModel
+    from asperity.serving.questions import Configuration
     from gen.scene import load
 
     model = SolverModel(load("quick"), "quick")
-    monkeypatch.setattr(umbridge, "HTTPModel", lambda address, name: model.evaluate)
+
+    class Client:
+        def __init__(self, address, name):
+            pass
+
+        def __call__(self, inputs, config):
+            return model.evaluate(inputs, Configuration(**config))
+
+        def get_input_sizes(self, config):
+            return model.input_sizes
+
+    monkeypatch.setattr(umbridge, "HTTPModel", Client)
     arguments = ["http://127.0.0.1:1", "quick", "--tolerance", "0.2", "--nodes", "17"]
     mean = example("served")(arguments)
     random = np.random.default_rng(1)
     points = random.uniform([0.5, 10.0, 5.0], [0.8, 15.0, 25.0], size=(300, 3)).tolist()
-    areas = [model.evaluate([[h, s], [d]], {"nodes": 17})[0][0] for h, s, d in points]
+    client = Client("", "")
+    areas = [client([[h, s], [d]], {"nodes": 17})[0][0] for h, s, d in points]
     assert mean == pytest.approx(np.mean(areas), abs=0.2 + 3 * np.std(areas) / np.sqrt(300))
-    assert "solves" in capsys.readouterr().out
+    assert "+-" in capsys.readouterr().out
+    with pytest.raises(SystemExit, match="2"):
+        example("served")([*arguments, "--limits", "0.5:0.8"])
+    assert "sizes [2, 1]" in capsys.readouterr().err

@@ -6,8 +6,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
 from gen.arrays import Heights
-from gen.generation.plan import parameters
-from gen.generation.sample import load_of, surface_of
+from gen.generation.sample import load_of, surface_numbered
 from gen.runtime.errors import InputError
 from gen.scene import ScanSurface, Scene
 from gen.scene.distribution import is_drawn
@@ -122,7 +121,6 @@ def question(
     if isinstance(scene.surface, ScanSurface) and configuration.nodes is not None:
         raise InputError("config.nodes: the surfaces are windows of maps, which have the scene's")
     asked = scene.with_parameters(drawn, nodes=configuration.nodes, seed=configuration.seed)
-    row = configuration.surface * asked.samples_per_surface
-    heights = surface_of(asked, parameters(asked, row, row + 1), 0)
+    heights = surface_numbered(asked, configuration.surface)
     given = load_of(asked, heights, load) if inputs.load == asked.quantity else {inputs.load: load}
     return Question(asked, heights, given, hardness)

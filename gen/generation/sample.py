@@ -142,6 +142,20 @@ def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
     return heights
 
 
+def surface_numbered(scene: Scene, number: int) -> Heights:
+    """Make the surface of an index, as rows of the scene's database have it [um].
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene, in which `Scene.with_parameters` may have fixed what it draws.
+    number : int
+        Index of the surface, from 0 on.
+    """
+    row = number * scene.samples_per_surface
+    return surface_of(scene, parameters(scene, row, row + 1), 0)
+
+
 def solve_contact(
     scene: Scene,
     heights: Heights,
