@@ -48,52 +48,15 @@ COLUMNS = {
     "verdict": "{verdict}",
 }
 
-DECK = """*NODE, NSET=ALL
-{nodes}
-*ELEMENT, TYPE=C3D8, ELSET=BLOCKS
-1, 1, 2, 3, 4, 5, 6, 7, 8
-2, 9, 10, 11, 12, 13, 14, 15, 16
-*NSET, NSET=BOTTOM
-1, 2, 3, 4
-*NSET, NSET=TOP
-13, 14, 15, 16
-*NSET, NSET=FACES
-5, 9
-*SURFACE, NAME=LOWER
-1, S2
-*SURFACE, NAME=UPPER
-2, S1
-*MATERIAL, NAME=STEEL
-*ELASTIC
-{young}, 0.
-*CONDUCTIVITY
-{conductivity}
-*SOLID SECTION, ELSET=BLOCKS, MATERIAL=STEEL
-*INCLUDE, INPUT=steel-on-steel-calculix.inp
-*CONTACT PAIR, INTERACTION=STEEL_ON_STEEL_CALCULIX, TYPE=SURFACE TO SURFACE
-UPPER, LOWER
-*INITIAL CONDITIONS, TYPE=TEMPERATURE
-ALL, 0.
-"""
-STEP = """*STEP, INC=200
-*COUPLED TEMPERATURE-DISPLACEMENT, STEADY STATE
-0.1, 1.
-*BOUNDARY
-ALL, 1, 2
-BOTTOM, 3, 3
-BOTTOM, 11, 11, 0.
-TOP, 3, 3, {down}
-TOP, 11, 11, {hot}
-*NODE PRINT, NSET=FACES, FREQUENCY=1000
-U, NT
-*NODE PRINT, NSET=TOP, TOTALS=ONLY, FREQUENCY=1000
-RF
-*END STEP
-"""
+DECK = Path(__file__).with_name("two-blocks.inp")
+"""Two blocks that are pressed on each other in one step, as the manual shows them."""
+
+DOWN = "TOP, 3, 3, -0.001"
+"""Its line that pushes the top down [mm]."""
 
 
 def pressed(folder: Path, law: Sequence[Mapping[str, float]]) -> list[Row]:
-    """Press two blocks with CalculiX by rows of a law; its files `steel-on-steel` are in a folder.
+    """Press two blocks with CalculiX by rows of a law; its files `joint` are in a folder.
 
     Returns
     -------
@@ -109,13 +72,10 @@ def pressed(folder: Path, law: Sequence[Mapping[str, float]]) -> list[Row]:
     """
     if shutil.which("ccx") is None:
         raise InputError("there is no CalculiX (ccx): apt-get install calculix-ccx")
-    corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    points = [(x, y, z) for z in (0, 1, 1, 2) for x, y in corners]
-    nodes = "\n".join(f"{1 + n}, {x}., {y}., {z}." for n, (x, y, z) in enumerate(points))
     downs = [-(1e-3 * row["closure_um"] + 2 * row["pressure_MPa"] / YOUNG) for row in law]
-    deck = DECK.format(nodes=nodes, young=YOUNG, conductivity=CONDUCTIVITY)
-    steps = (STEP.format(down=f"{down:.12g}", hot=HOT) for down in downs)
-    (folder / "blocks.inp").write_text(deck + "".join(steps), encoding="utf-8")
+    model, word, step = DECK.read_text(encoding="utf-8").partition("*STEP")
+    steps = ((word + step).replace(DOWN, f"TOP, 3, 3, {down:.12g}") for down in downs)
+    (folder / "blocks.inp").write_text(model + "".join(steps), encoding="utf-8")
     done = subprocess.run(
         ["ccx", "blocks"], cwd=folder, capture_output=True, text=True, timeout=SECONDS, check=False
     )
@@ -176,7 +136,7 @@ def law_of(
     np.save(content, heights)
     write(folder / "surface.npy", content.getvalue(), "heights")
     yields = () if hardness is None else ("--hardness", f"{hardness:g}")
-    path = folder / "steel-on-steel"
+    path = folder / "joint"
     given = (f"{folder / 'surface.npy'}", "--side", f"{SIDE:g}", "--pressure", PRESSURES)
     with redirect_stdout(StringIO()):
         code = gen(["law", *given, *STEEL, *yields, "-o", f"{path}"])

@@ -14,6 +14,11 @@ from gen.runtime.output import Output
 Units = Literal["mm", "si"]
 
 
+def sides_of(path: Path) -> list[Path]:
+    """Return the names of the files of a band's soft and stiff side, beside the law's own file."""
+    return [path.with_stem(f"{path.stem}-{side}") for side in ("soft", "stiff")]
+
+
 class Reading(NamedTuple):
     """How the file of a surface is read and prepared.
 
@@ -125,13 +130,19 @@ class Files(NamedTuple):
 
     @property
     def outputs(self) -> list[Output]:
-        """The outputs, for `gen.runtime.output.check_outputs`."""
+        """The outputs, for `gen.runtime.output.check_outputs`, with those of a band's sides."""
+        models = {"--calculix": self.calculix, "--abaqus": self.abaqus}
         return [
             Output(self.table, "--csv"),
             Output(self.json, "--json"),
             Output(self.header, "--header"),
-            Output(self.calculix, "--calculix"),
-            Output(self.abaqus, "--abaqus"),
+            *(Output(path, option) for option, path in models.items()),
+            *(
+                Output(side, option)
+                for option, path in models.items()
+                if path
+                for side in sides_of(path)
+            ),
             Output(self.picture, "--plot", "picture"),
         ]
 

@@ -139,7 +139,7 @@ def contact(
         rows = [single.contact_row(topography, each, warnings, wanted) for each in contacts]
         write_csv(files.table, rows)
     if files.flattened is not None:
-        single.write_flattened(files.flattened, contacts[-1])
+        single.write_flattened(files.flattened, contacts, len(values))
     if files.picture is not None:
         from gen.measured.contact_picture import Subject, draw_contacts
 

@@ -16,13 +16,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from bem import Contact
+    from gen.measured.single import Solution
     from gen.measured.topography import Topography
 
 
 def follow_contacts(
     topography: Topography,
     warnings: list[str],
-    solutions: Iterable[tuple[Contact, float]],
+    solutions: Iterable[Solution],
     count: int,
     *,
     wanted: Wanted,
@@ -39,8 +40,8 @@ def follow_contacts(
         Surface.
     warnings : list of str
         Warnings about the surface.
-    solutions : iterable of (bem.Contact, float)
-        Contacts of the surface and the time of each [s].
+    solutions : iterable of Solution
+        Contacts of the surface, one of which at least was solved.
     count : int
         Number of solutions.
     wanted : Wanted
@@ -51,22 +52,25 @@ def follow_contacts(
     Returns
     -------
     contacts : list of bem.Contact
-        All contacts.
+        All contacts that were solved.
     warnings : list of str
-        Warnings about the surface and about its contacts.
+        Warnings about the surface, about its contacts and about loads that were not solved.
     """
-    contacts = []
-    seconds = 0.0
+    contacts, faults = [], []
     if count == 1:
-        [(contact, seconds)] = solutions
+        [(contact, seconds, _)] = solutions
+        assert contact is not None
         contacts.append(contact)
     else:
         with RunProgress(count, noun="loads") as progress:
-            for contact, _ in solutions:
-                contacts.append(contact)
-                answers(contact, wanted)  # computed under the bar, and kept by the contact
-                progress.advance(1, 0)
-    warnings = warnings + contact_warnings(topography, contacts, material=material)
+            for contact, _, fault in solutions:
+                if contact is None:
+                    faults.append(f"not solved, left out: {fault}")
+                else:
+                    contacts.append(contact)
+                    answers(contact, wanted)  # computed under the bar, and kept by the contact
+                progress.advance(1, contact is None)
+    warnings = warnings + contact_warnings(topography, contacts, material=material) + faults
     print_preparation(topography, warnings)
     if count == 1:
         print_contact(contacts[0], seconds, wanted)

@@ -9,6 +9,7 @@ import re
 import textwrap
 import zlib
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -90,13 +91,15 @@ static inline double NAME_slope(const double *x, const double *y, const double *
 
 
 def write(path: Path, law: Law) -> None:
-    """Write the header, whole or not at all.
+    """Write the header, whole or not at all, without what is outside a surrogate's training.
 
     Raises
     ------
     InputError
-        If it cannot be written.
+        If it cannot be written, or everything is outside the training.
     """
+    tables = {name: getattr(law, name) for name in ("over_delta", "over_pressure")}
+    law = replace(law, **{name: each.chosen(~each.flagged) for name, each in tables.items()})
     output.write(path, "\n".join(_lines(law, _name(path))) + "\n")
 
 
@@ -173,8 +176,7 @@ def _body(law: Law, name: str) -> Iterator[str]:
         at, columns = _columns(curves, suffix, law.over_delta.curves["mean_gap_um"])
         yield from _tables(name, argument, at, columns)
     pressures, closures, _ = rising(law)
-    if closures.size > 1:
-        yield from _tables(name, "closure", closures, {"pressure_at_closure": pressures})
+    yield from _tables(name, "closure", closures, {"pressure_at_closure": pressures})
 
 
 def _tables(name: str, argument: str, at: Values, columns: dict[str, Values]) -> Iterator[str]:

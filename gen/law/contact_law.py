@@ -201,6 +201,8 @@ def law_of(
     from bem.contact import mean_conductivity
 
     over_delta, over_pressure, remarks = tables
+    over_pressure, full = over_pressure.below_full_contact()
+    over_delta, also_full = over_delta.below_full_contact()
     nodes = min(each.heights.size for each in subjects.surfaces)
     if order.conductivities is not None:
         factor = mean_conductivity(*order.conductivities) / bodies.e_star
@@ -222,7 +224,7 @@ def law_of(
         boundary=boundary,
         band=band,
         origins=tuple(subjects.origins),
-        notes=(how, *doubts, *remarks, *few_nodes(over_pressure, nodes)),
+        notes=(how, *doubts, *remarks, *full, *also_full, *few_nodes(over_pressure, nodes)),
     )
 
 

@@ -1,5 +1,7 @@
 """Curves of a contact law: monotone values with a band and slopes, over Delta or over pressure."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -22,6 +24,12 @@ COLUMNS = {
 
 ENDLESS = {STIFFNESS, CONDUCTANCE}
 """Quantities that full contact makes infinite."""
+
+UNITS = {"delta_um": "um", "pressure_MPa": "MPa"}
+"""Unit of what a table is against."""
+
+APART = 1e-9
+"""Relative distance within which two numbers are one: rounding lies between them."""
 
 OUTSIDE_WEIGHT = 1e-9
 """Weight of a point outside the training, over one inside, where curves are made monotone."""
@@ -90,6 +98,51 @@ class Curves:
         """Return True if there is no band at an argument because it lies outside the training."""
         known = any(bool(curve.banded[place]) for curve in self.curves.values())
         return bool(self.reasons[place]) and not known
+
+    @property
+    def flagged(self) -> NDArray[np.bool_]:
+        """True where a surrogate was asked outside its training, so that there is no band, (k,)."""
+        return np.array([self.withheld(each) for each in range(self.at.size)]) & (self.outside > 0)
+
+    def chosen(self, places: NDArray[np.bool_]) -> Curves:
+        """Return the table at some of its arguments, with the slopes through what is left."""
+        at, curves = self.at[places], {}
+        for name, curve in self.curves.items():
+            value, low, high = (part[places] for part in (curve.value, curve.low, curve.high))
+            rest = self.gap_at_rest if name == "mean_gap_um" else 0.0
+            curves[name] = Curve(value, low, high, slopes(at, value, rest))
+        reasons = tuple(np.array(self.reasons, dtype=object)[places])
+        outside = self.outside[places]
+        return replace(self, at=at, curves=curves, outside=outside, reasons=reasons)
+
+    def below_full_contact(self) -> tuple[Curves, list[str]]:
+        """Return the table up to full contact, where nothing is left of an interface.
+
+        Returns
+        -------
+        Curves
+            The table before the first argument at which every node touches, or at which the
+            stiffness is infinite: there is one surface of a population in full contact.
+        list of str
+            The line that says so; none if there is no full contact.
+
+        Raises
+        ------
+        InputError
+            If nothing is left of the table.
+        """
+        full = self.curves["area_percent"].value >= 100
+        if STIFFNESS in self.curves:
+            full |= ~np.isfinite(self.curves[STIFFNESS].value)
+        full &= ~self.flagged
+        if not full.any():
+            return self, []
+        end = int(np.argmax(full))
+        text = f"full contact from {self.at[end]:.4g} {UNITS[self.against]} on"
+        if not (self.at[:end] > 0).any():
+            raise InputError(f"{text}: no law is left below it: give smaller loads")
+        said = f"{text}: the table against {self.against} ends below it"
+        return self.chosen(np.arange(self.at.size) < end), [said]
 
 
 def tabulated(
@@ -212,6 +265,23 @@ def _held(part: dict[str, Values]) -> dict[str, Values]:
         name: (np.minimum if name == "mean_gap_um" else np.maximum).accumulate(values)
         for name, values in part.items()
     }
+
+
+def risen(values: Values, apart: float = APART) -> NDArray[np.bool_]:
+    """Return where values are above 0 and above those before them, (k,).
+
+    Parameters
+    ----------
+    values : ndarray, shape (k,)
+        Values, none of them NaN.
+    apart : float
+        Relative distance that counts as one.
+    """
+    kept, last = np.zeros(values.size, dtype=bool), 0.0
+    for place, value in enumerate(values.tolist()):
+        if value > last * (1 + apart):
+            kept[place], last = True, value
+    return kept
 
 
 def slopes(at: Values, values: Values, rest: float) -> Values:

@@ -4,12 +4,16 @@ Both take the pressure over the closure as a table, from first touch on. They di
 conductance: CalculiX takes conductance, pressure and temperature a line; Abaqus needs the parameter
 PRESSURE, without which it takes the second column for a clearance.
 
-CalculiX 2.20 presses surface to surface only with tables of a certain form: springforc_f2f.f has
-room for 20 points, and takes their number from where the 41st overclosure stands (plconloc(81),
-instead of plconloc(801)). With other tables it finds no pressure, or diverges. Its tables therefore
-have 20 points of the law, and 21 more that continue the last slope up to an overclosure of 20.5,
-which means the same to programs that read all of them. Node to surface presses right with any
-table, but its conductance does not look at the table.
+CalculiX 2.20, like its newest source (commit 3593817 of August 2026), presses surface to surface
+only with tables of a certain form. springforc_f2f.f has room for 20 points, takes their number from
+where the 41st overclosure stands (plconloc(81), instead of plconloc(801)), and holds the pressure
+constant behind the last of them. A joint that is perfectly soft there is not only wrong: an
+iteration that gets there on its way to a smaller pressure finds no way back, separates both faces
+and converges without contact, or ends after too many cutbacks. So only 19 points belong to the law.
+The 20th is far away on the last slope, and so are 21 more, which bring the number 20 to its place
+and mean the same to programs that read all of them. Conductances have room for 20 points too: what
+follows overwrites other numbers of CalculiX. Node to surface presses right with any table, but its
+conductance does not look at the table. Abaqus continues the last slope by itself.
 """
 
 import re
@@ -23,8 +27,8 @@ from numpy.typing import NDArray
 
 from gen.arrays import Values
 from gen.law.contact_law import Law
-from gen.law.curves import CONDUCTANCE
-from gen.option_groups import Units
+from gen.law.curves import CONDUCTANCE, risen
+from gen.option_groups import Units, sides_of
 from gen.runtime import output
 from gen.runtime.errors import InputError
 from gen.runtime.provenance import git_commit, versions
@@ -32,13 +36,14 @@ from gen.runtime.provenance import git_commit, versions
 Program = Literal["calculix", "abaqus"]
 
 POINTS = 20
-"""Points of the law in CalculiX's table."""
+"""Points that CalculiX has room for; all but the last one are points of the law."""
 
-FURTHER = 21
-"""Points behind them, the last of which has the number of the law's points in its overclosure."""
+FAR = np.linspace(10, POINTS + 0.5, POINTS + 2)
+"""Overclosures of the 20th to the 41st point, of which the last has the number of points in it
+[unit of length]."""
 
-FAR = POINTS + 0.5
-"""That overclosure [unit of length]."""
+CLOSER = 1e-6
+"""Relative rise of the closure below which a point is left out."""
 
 WIDTH = 100
 LONGEST_NAME = 60
@@ -69,30 +74,60 @@ UNITS: dict[Units, UnitSystem] = {
 }
 
 
-def write(path: Path, law: Law, program: Program, units: Units) -> None:
-    """Write a surface interaction, whole or not at all.
+class Side(NamedTuple):
+    """A side of a law's band, as names of the attributes of a `Curve`.
 
-    Parameters
+    Attributes
     ----------
-    path : Path
-        File to write; its name is that of the interaction.
-    law : Law
-        The law, whose table against pressure is taken.
-    program : {"calculix", "abaqus"}
-        Program that reads it.
-    units : {"mm", "si"}
-        System of units.
+    name : str
+        Name of the side; "" for the law itself.
+    closure, conductance : str
+        What the side takes of the curve of the closure and of the conductance.
+    """
+
+    name: str
+    closure: str
+    conductance: str
+
+
+MEAN = Side("", "value", "value")
+SIDES = (Side("soft", "high", "low"), Side("stiff", "low", "high"))
+"""Both sides of the band."""
+
+
+def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
+    """Write the surface interaction of a law, and those of both sides of a band of its closure.
+
+    Returns
+    -------
+    list of Path
+        The files that were written.
 
     Raises
     ------
     InputError
-        If the closure does not rise with the pressure, or the file cannot be written.
+        If the closure does not rise with the pressure, or a file cannot be written.
     """
-    output.write(path, "\n".join(_lines(path, law, program, UNITS[units])) + "\n")
+    made = [(path, MEAN)]
+    if law.over_pressure.curves["closure_um"].banded.any():
+        made += zip(sides_of(path), SIDES, strict=True)
+    texts = ["\n".join(_lines(each, law, program, UNITS[units], side)) for each, side in made]
+    for (each, _), text in zip(made, texts, strict=True):
+        output.write(each, text + "\n")
+    return [each for each, _ in made]
 
 
-def rising(law: Law) -> tuple[Values, Values, Values | None]:
+def rising(law: Law, side: Side = MEAN) -> tuple[Values, Values, Values | None]:
     """Return the points at which closure and pressure rise, from first touch on.
+
+    Points outside a surrogate's training are left out.
+
+    Parameters
+    ----------
+    law : Law
+        The law, whose table against pressure is taken.
+    side : Side
+        The law itself, or a side of its band.
 
     Returns
     -------
@@ -102,30 +137,35 @@ def rising(law: Law) -> tuple[Values, Values, Values | None]:
         Closures [um].
     conductances : ndarray, shape (m,), or None
         Conductances, if the law has them [W/(mm2 K)].
+
+    Raises
+    ------
+    InputError
+        If no point is left.
     """
-    curves = law.over_pressure.curves
-    pressures, closures = law.over_pressure.at, curves["closure_um"].value
-    known = curves.get(CONDUCTANCE)
-    kept: list[int] = []
-    last = 0.0
-    for place, closure in enumerate(closures.tolist()):
-        finite = known is None or np.isfinite(known.value[place])
-        if closure > last and pressures[place] > 0 and finite:
-            kept.append(place)
-            last = closure
+    table = law.over_pressure
+    closures = getattr(table.curves["closure_um"], side.closure)
+    known = table.curves.get(CONDUCTANCE)
+    conductances = None if known is None else getattr(known, side.conductance)
+    usable = (table.at > 0) & np.isfinite(closures) & ~table.flagged
+    if conductances is not None:
+        usable &= np.isfinite(conductances)
+    places = np.flatnonzero(usable)
+    places = places[risen(closures[places], CLOSER)]
+    if not places.size:
+        outside = " inside the surrogate's training" if table.flagged.any() else ""
+        raise InputError(f"the law closes nowhere{outside}: it has no table for finite elements")
 
     def some(values: Values) -> Values:
-        return np.append(0.0, values[kept])
+        return np.append(0.0, values[places])
 
-    return some(pressures), some(closures), None if known is None else some(known.value)
+    return some(table.at), some(closures), None if conductances is None else some(conductances)
 
 
-def _lines(path: Path, law: Law, program: Program, units: UnitSystem) -> Iterator[str]:
+def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: Side) -> Iterator[str]:
     """Yield the whole file."""
-    pressures, closures, conductances = rising(law)
-    if pressures.size < 2:
-        raise InputError("the law closes nowhere below full contact: give smaller pressures")
-    for paragraph in _description(law, program, units, float(pressures[-1])):
+    pressures, closures, conductances = rising(law, side)
+    for paragraph in _description(law, program, units, pressures, side):
         yield from textwrap.wrap(
             re.sub(r"[^ -~]", "?", paragraph),
             WIDTH,
@@ -144,12 +184,16 @@ def _lines(path: Path, law: Law, program: Program, units: UnitSystem) -> Iterato
         return
     yield "*GAP CONDUCTANCE" if program == "calculix" else "*GAP CONDUCTANCE, PRESSURE"
     temperature = f", {_number(TEMPERATURE)}" if program == "calculix" else ""
-    for conductance, pressure in zip(conductances, pressures, strict=True):
-        number = _number(conductance * units.conductance)
-        yield f"{number}, {_number(pressure * units.pressure)}{temperature}"
+    last = pressures.size - 1
+    room = POINTS if program == "calculix" else pressures.size
+    for place in np.unique(np.rint(np.linspace(0, last, min(last + 1, room))).astype(int)):
+        number = _number(conductances[place] * units.conductance)
+        yield f"{number}, {_number(pressures[place] * units.pressure)}{temperature}"
 
 
-def _description(law: Law, program: Program, units: UnitSystem, last: float) -> Iterator[str]:
+def _description(
+    law: Law, program: Program, units: UnitSystem, pressures: Values, side: Side
+) -> Iterator[str]:
     """Yield the paragraphs of the comment at the top."""
     version = versions(["asperity"]).get("asperity", "")
     yield f"Contact of rough surfaces: {law.bodies.text}. Units: {units.text}."
@@ -157,6 +201,11 @@ def _description(law: Law, program: Program, units: UnitSystem, last: float) -> 
         k1, k2 = law.order.conductivities
         yield f"Conductivities of the bodies: {k1:g} and {k2:g} W/(m K)."
     yield f"Surface: {'; '.join(law.origins)}"
+    if side.name:
+        yield (
+            f"The {side.name} side of the band ({law.band}): {side.closure} closure at a pressure,"
+            f" {side.conductance} conductance."
+        )
     yield f"Command: {law.order.command}"
     yield f"Made by asperity {version} {git_commit()[:12]}"
     for note in law.notes:
@@ -165,35 +214,47 @@ def _description(law: Law, program: Program, units: UnitSystem, last: float) -> 
         "Overclosure is counted from first touch: let the two meshes just touch where the highest"
         " asperities do. The elastic bodies are the mesh's; these tables are the interface's alone."
     )
-    yield f"The law ends at {last:.6g} MPa."
+    yield (
+        f"From 0 to the first pressure, {pressures[1]:.6g} MPa, nothing was computed: there the"
+        " table is a straight line."
+    )
+    yield (
+        f"The law ends at {pressures[-1]:.6g} MPa. Beyond, the pressure follows the last slope, and"
+        " a conductance stays the last one: no contact was computed there. Give larger pressures"
+        " if your model gets there."
+    )
     if program == "calculix":
         yield (
-            f"The first {POINTS} lines of the table are points of the law and of the monotone cubic"
-            f" through it. {FURTHER} more continue the last slope: behind them CalculiX 2.20 finds"
-            " the number of points."
+            f"CalculiX (2.20 and its source of August 2026) reads {POINTS} points and holds the"
+            f" pressure behind them. So the first {POINTS - 1} lines of the table are points of the"
+            " law and of the monotone cubic through it, and all others continue its last slope;"
+            f" the overclosure of the last line, {FAR[-1]:g}, is where CalculiX finds the number"
+            " of points."
         )
 
 
 def _for_calculix(pressures: Values, closures: Values) -> tuple[Values, Values]:
-    """Return `POINTS` points of the monotone cubic through a law, and `FURTHER` far away.
+    """Return points of the monotone cubic through a law, followed by those at `FAR`.
 
-    All points of the law are among them if it has no more, otherwise evenly chosen ones.
+    All points of the law are among them if it has fewer than `POINTS`, otherwise evenly chosen
+    ones. The first interval is a straight line.
     """
     from scipy.interpolate import PchipInterpolator
 
-    own = closures.size - 1
-    if own >= POINTS:
-        places = np.rint(np.linspace(0, own, POINTS))
+    if closures[-1] >= FAR[0]:
+        raise InputError(f"the law closes by {closures[-1]:.4g}: CalculiX takes up to {FAR[0]:g}")
+    own, room = closures.size - 1, POINTS - 1
+    if own >= room:
+        places = np.rint(np.linspace(0, own, room))
     else:
-        parts = np.full(own, (POINTS - 1) // own)
-        parts[: (POINTS - 1) % own] += 1  # intervals differ by one part at most
+        parts = np.full(own, (room - 1) // own)
+        parts[: (room - 1) % own] += 1  # intervals differ by one part at most
         places = np.append(np.repeat(np.arange(own), parts) + _shares(parts), own)
     chosen = np.interp(places, np.arange(own + 1), closures)
-    loads = np.asarray(PchipInterpolator(closures, pressures)(chosen))
+    curved = np.asarray(PchipInterpolator(closures, pressures)(chosen))
+    loads = np.where(chosen < closures[1], np.interp(chosen, closures, pressures), curved)
     slope = (loads[-1] - loads[-2]) / (chosen[-1] - chosen[-2])
-    further = np.linspace(chosen[-1], FAR, FURTHER + 1)[1:]
-    last = loads[-1] + slope * (further - chosen[-1])
-    return np.append(loads, last), np.append(chosen, further)
+    return np.append(loads, loads[-1] + slope * (FAR - chosen[-1])), np.append(chosen, FAR)
 
 
 def _shares(parts: NDArray[np.int64]) -> Values:

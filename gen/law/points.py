@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,6 +44,9 @@ class Points:
         For each load inside the training, why it has no interval; "" if it has one. May be empty.
     warnings : tuple of str
         Warnings about the solved contacts of this surface.
+    faults : tuple of str
+        For each load, why the solver has no values there, which are NaN; "" if it has. May be
+        empty.
     """
 
     values: dict[str, Values]
@@ -52,6 +55,7 @@ class Points:
     reasons: tuple[str, ...] = ()
     endless: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
 
     def chosen(self, places: NDArray[np.bool_] | NDArray[np.int64]) -> Points:
         """Return the points of some of the loads."""
@@ -60,7 +64,8 @@ class Points:
             return {name: each[places] for name, each in part.items()}
 
         reasons = tuple(np.array(self.reasons, dtype=object)[places])
-        return Points(some(self.values), some(self.low), some(self.high), reasons)
+        values, low, high = some(self.values), some(self.low), some(self.high)
+        return replace(self, values=values, low=low, high=high, reasons=reasons, faults=())
 
     def joined(self, more: Points) -> Points:
         """Append the points of further loads."""
@@ -101,18 +106,30 @@ def solved(
     stiffness : bool
         Whether to solve for the stiffness of the interface too.
 
+    Returns
+    -------
+    Points
+        Points at all loads, NaN where the solver did not converge.
+
     Raises
     ------
     InputError
-        If a load has no solution, or the solver does not converge.
+        If a load has no solution, or the solver converges under none of them.
     """
     topography = Topography(subject.name, subject.heights, subject.sides, boundary=subject.boundary)
     settings = {"modulus": bodies.e_star, **subject.settings}
     if bodies.hardness is not None:
         settings["hardness"] = bodies.hardness
-    rows, compliance = [], subject.patch_compliance(bodies.e_star)
+    compliance = subject.patch_compliance(bodies.e_star)
+    rows, faults, last = [], [], None
     notable: dict[int, Contact] = {}  # the first with each number of warnings, which only rises
-    for contact, _ in solve_loads(topography, load, loads, **settings):
+    names = [*NAMES, *([STIFFNESS] if stiffness else [])]
+    for contact, _, fault in solve_loads(topography, load, loads, **settings):
+        faults.append(fault)
+        if contact is None:
+            rows.append([np.nan] * len(names))
+            continue
+        last = contact
         pressure = contact.force / subject.nominal
         area, gap = contact.area_percent, max(contact.mean_gap, 0.0)  # below 0 by rounding alone
         closure = contact.delta - compliance * pressure
@@ -120,11 +137,11 @@ def solved(
         rows.append([*row, _stiffness(contact, subject)] if stiffness else row)
         notes = contact_warnings(topography, [contact], material=bodies.known)
         notable.setdefault(len(notes), contact)
-    said = contact_warnings(topography, [*notable.values(), contact], material=bodies.known)
-    names = [*NAMES, *([STIFFNESS] if stiffness else [])]
+    assert last is not None
+    said = contact_warnings(topography, [*notable.values(), last], material=bodies.known)
     columns = np.array(rows, dtype=np.float64).reshape(-1, len(names)).T
     values = dict(zip(names, columns, strict=True))
-    return Points(values, reasons=("",) * len(rows), warnings=tuple(said))
+    return Points(values, reasons=("",) * len(rows), warnings=tuple(said), faults=tuple(faults))
 
 
 def _stiffness(contact: Contact, subject: Subject) -> float:

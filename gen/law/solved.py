@@ -5,15 +5,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from gen.arrays import Values
-from gen.law.curves import Curves, held, tabulated
+from gen.law.curves import APART, Curves, held, risen, tabulated
 from gen.law.points import Points, solved
 from gen.law.subjects import Load, Subject
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.progress import RunProgress
-
-MARGIN = 1e-9
-"""Relative distance to the hardness within which a mean pressure is it: every node yields."""
 
 ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}
 
@@ -51,40 +48,46 @@ def tables(
     Returns
     -------
     over_delta, over_pressure : Curves
-        Tables against Delta and against pressure.
+        Tables against Delta and against pressure, without the loads under which the solver did not
+        converge on every surface.
     warnings : list of str
-        Warnings, one line each.
+        Warnings, one line each; those loads are among them.
 
     Raises
     ------
     InputError
-        If a load has no solution, or the solver does not converge.
+        If a load has no solution, or the solver converges under none of them.
     """
     asked: dict[Load, Values | None] = {"delta": deltas, "pressure": pressures}
+    lost: list[str] = []
 
-    def solve(load: Load, loads: Values) -> list[Points]:
-        return _each(surfaces, load, loads, bodies, stiffness=stiffness)
+    def solve(load: Load, loads: Values) -> tuple[Values, list[Points]]:
+        if load == "delta":
+            loads, beyond = _possible_deltas(loads, surfaces, bodies)
+            lost.extend(beyond)
+        loads, parts, faults = _each(surfaces, load, loads, bodies, stiffness=stiffness)
+        lost.extend(faults)
+        return loads, parts
 
     solutions = {load: solve(load, loads) for load, loads in asked.items() if loads is not None}
     made: dict[Load, Curves] = {}
     rest = float(np.mean([surface.gap_at_rest for surface in surfaces]))
     both: tuple[tuple[Load, Load], ...] = ("delta", "pressure"), ("pressure", "delta")
     for load, other in both:
-        loads, argument = asked[load], ARGUMENTS[load]
-        parts = solutions.get(load, solutions.get(other, []))
-        if loads is None and len(surfaces) > 1:
-            loads = _means(parts, argument)
-            possible = _possible_deltas if load == "delta" else _possible_pressures
-            loads = possible(loads, surfaces, bodies)
-            parts = solve(load, loads)
-        if loads is None:
+        argument = ARGUMENTS[load]
+        loads, parts = solutions.get(load) or solutions[other]
+        if load not in solutions and len(surfaces) > 1:
+            means = _means(parts, argument)
+            loads, parts = solve(load, means if load == "delta" else _below(means, bodies))
+        elif load not in solutions:
             parts = [_ascending(part, argument) for part in parts]
             loads = parts[0].values[argument]
-        if load == "delta" or asked[load] is None:  # pressures that were given stay alone
+        if load == "delta" or load not in solutions:  # pressures that were given stay alone
             parts = [part.from_rest(each) for part, each in zip(parts, surfaces, strict=True)]
             loads = np.append(0.0, loads)
         made[load] = tabulated(argument, loads, [held(part) for part in parts], level, rest)
-    return made["delta"], made["pressure"], _warnings(solutions.values())
+    warnings = _warnings(parts for _, parts in solutions.values())
+    return made["delta"], made["pressure"], [*warnings, *dict.fromkeys(lost)]
 
 
 def _warnings(solutions: Iterable[Sequence[Points]]) -> list[str]:
@@ -100,44 +103,56 @@ def _warnings(solutions: Iterable[Sequence[Points]]) -> list[str]:
 
 def _each(
     surfaces: Sequence[Subject], load: Load, loads: Values, bodies: Bodies, *, stiffness: bool
-) -> list[Points]:
-    """Solve every surface under the same loads."""
+) -> tuple[Values, list[Points], list[str]]:
+    """Solve every surface under the same loads; return the loads solved on all, and the others."""
     points = []
     with RunProgress(len(surfaces), f"surfaces at given {load}") as progress:
         for surface in surfaces:
             points.append(solved(surface, load, loads.tolist(), bodies, stiffness=stiffness))
             progress.advance(1, 0)
-    return points
+    kept = np.ones(loads.size, dtype=bool)
+    said = []
+    for place, faults in enumerate(zip(*(part.faults for part in points), strict=True)):
+        failed = [f"{each.name}: {why}" for each, why in zip(surfaces, faults, strict=True) if why]
+        if failed:
+            kept[place] = False
+            many = f" on {len(failed)} of {len(points)} surfaces" if len(points) > 1 else ""
+            said.append(f"warning: not solved{many}, left out: {failed[0]}")
+    if not kept.any():
+        raise InputError(f"no load was solved on every surface; {said[0]}")
+    return loads[kept], [part.chosen(kept) for part in points], said
 
 
 def _means(parts: Sequence[Points], argument: str) -> Values:
-    """Return the ascending means over the surfaces of one quantity, where they are above 0."""
-    means = np.unique(np.mean([part.values[argument] for part in parts], axis=0))
-    return means[means > 0]
+    """Return the rising means over the surfaces of one quantity, where they are above 0."""
+    means = np.sort(np.mean([part.values[argument] for part in parts], axis=0))
+    return means[risen(means)]
 
 
-def _possible_deltas(deltas: Values, surfaces: Sequence[Subject], bodies: Bodies) -> Values:
-    """Return the displacements that have an equilibrium on every surface [um].
+def _possible_deltas(
+    deltas: Values, surfaces: Sequence[Subject], bodies: Bodies
+) -> tuple[Values, list[str]]:
+    """Return the displacements that have an equilibrium on every surface [um], and the end.
 
     Elastic bodies without edges are in full contact at a displacement of the mean gap at rest,
     under every pressure that is large enough.
     """
     full = [each.gap_at_rest for each in surfaces if each.boundary != "free"]
     if not full or bodies.hardness is not None:
-        return deltas
-    possible = deltas[deltas < min(full)]
+        return deltas, []
+    possible = deltas[deltas < (1 - APART) * min(full)]
+    if possible.size == deltas.size:
+        return deltas, []
     if not possible.size:
-        raise InputError(
-            f"full contact at {min(full):.4g} um on one of the surfaces: give smaller pressures"
-        )
-    return possible
+        raise InputError(f"full contact from {min(full):.4g} um on: give smaller loads")
+    return possible, [f"full contact from {min(full):.4g} um on: the tables end below it"]
 
 
-def _possible_pressures(pressures: Values, _: Sequence[Subject], bodies: Bodies) -> Values:
+def _below(pressures: Values, bodies: Bodies) -> Values:
     """Return the pressures below the hardness, at which every node would yield [MPa]."""
     if bodies.hardness is None:
         return pressures
-    possible = pressures[pressures < (1 - MARGIN) * bodies.hardness]
+    possible = pressures[pressures < (1 - APART) * bodies.hardness]
     if not possible.size:
         raise InputError(
             f"every node yields: the pressure is the hardness, {bodies.hardness:.4g} MPa, at all"
@@ -147,6 +162,6 @@ def _possible_pressures(pressures: Values, _: Sequence[Subject], bodies: Bodies)
 
 
 def _ascending(part: Points, argument: str) -> Points:
-    """Return the contacts under load, with the argument ascending."""
-    values, places = np.unique(part.values[argument], return_index=True)
-    return part.chosen(places[values > 0])
+    """Return the contacts under load whose argument rises."""
+    order = np.argsort(part.values[argument], kind="stable")
+    return part.chosen(order[risen(part.values[argument][order])])

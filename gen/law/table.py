@@ -21,8 +21,13 @@ ENDS = ("", "_low", "_high", "_slope")
 
 
 def write(path: Path, law: Law) -> None:
-    """Write a law as CSV: the table against Delta, then the one against pressure."""
-    write_csv(path, list(_rows(law)))
+    """Write a law as CSV: the table against Delta, then the one against pressure.
+
+    Columns that are empty throughout, as those of a band that one surface has not, are left out.
+    """
+    rows = list(_rows(law))
+    full = [name for name in rows[0] if any(row[name] != "" for row in rows)]
+    write_csv(path, [{name: row[name] for name in full} for row in rows])
 
 
 def show(law: Law) -> None:
@@ -78,7 +83,7 @@ def _shown(curve: Curve, place: int, curves: Curves) -> str:
 
 
 def _rows(law: Law) -> Iterator[Row]:
-    """Yield the rows of the CSV: the table against Delta, then the one against pressure."""
+    """Yield the rows of the CSV, of which some columns may be empty throughout."""
     names = "delta_um", *law.over_delta.names
     for curves in (law.over_delta, law.over_pressure):
         for place, argument in enumerate(curves.at):
@@ -97,7 +102,7 @@ def _rows(law: Law) -> Iterator[Row]:
 
 
 def _cells(name: str, curve: Curve, place: int) -> Row:
-    """Return the cells of a value, its band and its slope; those of a missing band are empty."""
+    """Return the cells of a value, its band and its slope; what is not finite is empty."""
     parts = curve.value, curve.low, curve.high, curve.slope
     numbers = zip(ENDS, (float(part[place]) for part in parts), strict=True)
-    return {f"{name}{end}": "" if np.isnan(number) else number for end, number in numbers}
+    return {f"{name}{end}": number if np.isfinite(number) else "" for end, number in numbers}

@@ -31,6 +31,8 @@ def write(law: Law, files: Files, figure: Any) -> Iterator[Path]:
     InputError
         If a file cannot be written, or the law cannot be told in its format.
     """
+    if files.header or files.calculix or files.abaqus:
+        finite_elements.rising(law)  # refused before any file is written
     if files.table is not None:
         table.write(files.table, law)
         yield files.table
@@ -41,11 +43,9 @@ def write(law: Law, files: Files, figure: Any) -> Iterator[Path]:
         c_header.write(files.header, law)
         yield files.header
     if files.calculix is not None:
-        finite_elements.write(files.calculix, law, "calculix", files.units)
-        yield files.calculix
+        yield from finite_elements.write(files.calculix, law, "calculix", files.units)
     if files.abaqus is not None:
-        finite_elements.write(files.abaqus, law, "abaqus", files.units)
-        yield files.abaqus
+        yield from finite_elements.write(files.abaqus, law, "abaqus", files.units)
     if files.picture is not None:
         from gen.law.picture import draw
 

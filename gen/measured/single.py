@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -29,9 +29,30 @@ ADVICE = "give a number, several as 1,2,5, or start:stop:count[:log]"
 OUTER = 0.05
 """Share of the lines of nodes on each side whose load is told apart."""
 
+SHOWN = {"delta": "Delta = {:.6g} um", "force": "{:.6g} uN", "pressure": "{:.6g} MPa"}
+"""How messages write a load."""
+
 YIELDING = 100
 """E* over the pressure from which a warning is due: the hardness of steel is 2 GPa at 230 GPa, and
 only glasses, ceramics and rubber bear more than a hundredth of E*."""
+
+
+class Solution(NamedTuple):
+    """What the solver found under one load.
+
+    Attributes
+    ----------
+    contact : bem.Contact or None
+        The contact; None if the solver did not converge.
+    seconds : float
+        Time that it took [s].
+    fault : str
+        The load and why it was not solved; "" if it was.
+    """
+
+    contact: Contact | None
+    seconds: float
+    fault: str = ""
 
 
 def chosen_load(given: dict[str, str]) -> tuple[str, list[float]]:
@@ -65,8 +86,10 @@ def chosen_load(given: dict[str, str]) -> tuple[str, list[float]]:
 
 def solve_loads(
     topography: Topography, load: str, values: Sequence[float], **settings: Any
-) -> Iterator[tuple[Contact, float]]:
+) -> Iterator[Solution]:
     """Solve the contact problem of a surface under one load after another.
+
+    A load under which the solver does not converge costs only itself.
 
     Parameters
     ----------
@@ -81,31 +104,43 @@ def solve_loads(
 
     Yields
     ------
-    contact : bem.Contact
-        Solution under one load.
-    seconds : float
-        Time that the solution took [s].
+    Solution
+        Solution under one load, in the order of the values.
 
     Raises
     ------
     InputError
-        If a number is not allowed, there is no solution, or memory is too short.
+        If a number is not allowed, there is no solution, none of the loads converges, or memory is
+        too short.
     """
     import bem
 
     memory.require_for_contacts(len(values), topography.heights.shape)
-    began = time.perf_counter()
+    left, some = list(values), False
     try:
         if len(values) > 1:  # the largest load is refused before the first is solved
             _pose(topography, load, max(values), settings)
-        for contact in _contacts(topography, load, values, settings):
-            yield contact, time.perf_counter() - began
+        while left:
             began = time.perf_counter()
-    except (bem.NotConverged, ValueError) as error:
+            try:
+                for contact in _contacts(topography, load, tuple(left), settings):
+                    del left[0]
+                    some = True
+                    yield Solution(contact, time.perf_counter() - began)
+                    began = time.perf_counter()
+            except bem.NotConverged as error:
+                fault = (
+                    str(error) if len(values) == 1 else f"{SHOWN[load].format(left[0])}: {error}"
+                )
+                if not some and len(left) == 1:
+                    raise ValueError(fault) from None
+                del left[0]
+                yield Solution(None, time.perf_counter() - began, fault)
+    except ValueError as error:
         raise InputError(f"{topography.name}: {error}") from None
     except MemoryError:
-        fault = memory.too_little_for_solve(topography.heights.shape)
-        raise InputError(f"{topography.name}: {fault}") from None
+        short = memory.too_little_for_solve(topography.heights.shape)
+        raise InputError(f"{topography.name}: {short}") from None
 
 
 def contact_warnings(
@@ -273,10 +308,18 @@ def require_yielding(flattened: Path | None, hardness: float | None) -> None:
         raise InputError(f"--flattened {flattened}: give a name that ends in .npy")
 
 
-def write_flattened(path: Path, contact: Contact) -> None:
-    """Write the heights that a contact leaves when it is unloaded [um] to a .npy file."""
+def write_flattened(path: Path, contacts: Sequence[Contact], loads: int) -> None:
+    """Write the heights that the last load leaves when it is taken off [um] to a .npy file.
+
+    Raises
+    ------
+    InputError
+        If fewer contacts than loads were solved, so that the last load may be missing.
+    """
+    if len(contacts) < loads:
+        raise InputError(f"--flattened {path}: not written, as not every load was solved")
     content = BytesIO()
-    np.save(content, contact.flattened)
+    np.save(content, contacts[-1].flattened)
     write(path, content.getvalue(), "heights")
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import bem
 from bem.contact import mean_conductivity
 from bem.derived.stiffness import patch_stiffness
 from gen import cli
+from gen.law import points
 
 E_STAR = 210e3 / (1 - 0.3**2)
 CONDUCTING = ["--conductivity", "50", "--conductivity", "20"]
@@ -134,8 +136,35 @@ def test_a_scene_is_solved_without_edges_unless_told_otherwise(surfaces, capsys)
     assert "boundary" not in table("free.csv")
     assert (table("free.csv").closure_um < table("free.csv").delta_um).all()
     assert cli.main(["law", "scene.toml", "--surfaces", "2", "--csv", "all.csv"]) == 0
-    assert len(table("all.csv", "delta_um")) == 41, "over the scene's range of Delta"
+    deltas = table("all.csv", "delta_um").delta_um[1:]
+    assert len(deltas) == 10, "at the others of 40 every node touches"
+    np.testing.assert_allclose(deltas, np.linspace(5, 45, 40)[:10])
     assert table("all.csv").pressure_MPa.max() < 5
+
+
+@pytest.mark.parametrize("name", ["many/s0.npy", "many"])
+def test_loads_that_are_not_solved_are_named_and_cost_no_others(
+    surfaces, run, capsys, monkeypatch, name
+):
+    """Of one surface and of a population; the other numbers are those of these loads alone."""
+    with monkeypatch.context() as few:
+        few.setattr(points, "solve_loads", partial(points.solve_loads, max_iterations=5))
+        run(name, "--pressure", "1:3000:9:log", "--csv", "few.csv")
+        lines = [line for line in capsys.readouterr().out.splitlines() if "not solved" in line]
+        few.setattr(points, "solve_loads", partial(points.solve_loads, max_iterations=1))
+        run(name, "--pressure", "500:600:3", ends=2)
+        assert re.search(r"s0.npy: 600 MPa: residual .* after", capsys.readouterr().err)
+    one = table("few.csv")
+    lost = [
+        each for each in np.geomspace(1, 3000, 9) if not np.isclose(each, one.pressure_MPa).any()
+    ]
+    assert 0 < len(lost) < 9
+    for each in lost:
+        assert any(f"{each:.6g} MPa: residual" in line for line in lines)
+    assert all(line.startswith("warning: not solved") and "left out" in line for line in lines)
+    run(name, "--pressure", ",".join(map(str, one.pressure_MPa)), "--csv", "alone.csv")
+    for column in ("closure_um", "area_percent"):
+        np.testing.assert_allclose(one[column], table("alone.csv")[column], rtol=1e-4)
 
 
 def test_displacements_at_which_all_nodes_of_a_population_yield_are_refused(surfaces, run, capsys):

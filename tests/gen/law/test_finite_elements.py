@@ -1,17 +1,20 @@
 """Surface interactions of laws, as text and as CalculiX reads them."""
 
 import shutil
+import subprocess
 
 import numpy as np
 import pandas as pd
 import pytest
+from strict import json_of, rows_of
 
-from bench.calculix import QUANTITIES, pressed
+from bench.calculix import DECK, DOWN, QUANTITIES, YOUNG, pressed
 from gen import cli
 from gen.law import finite_elements
-from gen.law.finite_elements import UNITS
+from gen.law.finite_elements import FAR, UNITS
 
 STEEL = ["--young", "210e3", "--poisson", "0.3", "--hardness", "2000"]
+TABLE = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR"
 CONDUCTIVITY = 50.0  # as in `bench.calculix`
 
 
@@ -30,12 +33,12 @@ def law(tmp_path_factory):
     np.save(folder / "surface.npy", 0.3 * heights)
     arguments = [f"{folder}/surface.npy", "--side", "100", "--pressure", "5:320:7:log", *STEEL]
     conducting = ["--conductivity", f"{CONDUCTIVITY:g}"]
-    made = ["-o", f"{folder}/steel-on-steel"]
+    made = ["-o", f"{folder}/joint"]
     assert cli.main(["law", *arguments, *conducting, *made]) == 0
     si = ["--units", "si", "--abaqus", f"{folder}/9.inp"]
     assert cli.main(["law", *arguments, *conducting, *si]) == 0
     assert cli.main(["law", *arguments, "--calculix", f"{folder}/plain.inp"]) == 0
-    table = pd.read_csv(folder / "steel-on-steel.csv")
+    table = pd.read_csv(folder / "joint.csv")
     return folder, table[table.against == "pressure_MPa"].reset_index(drop=True)
 
 
@@ -56,19 +59,22 @@ def read(path):
 
 def test_calculix_has_pressure_and_closure_and_a_temperature_beside_conductances(law):
     folder, table = law
-    blocks = read(folder / "steel-on-steel-calculix.inp")
-    behaviour = blocks["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR"]
-    assert blocks["*SURFACE INTERACTION, NAME=STEEL_ON_STEEL_CALCULIX"].size == 0
+    blocks = read(folder / "joint-calculix.inp")
+    behaviour = blocks[TABLE]
+    assert blocks["*SURFACE INTERACTION, NAME=JOINT_CALCULIX"].size == 0
     assert behaviour[0].tolist() == [0, 0]
     assert behaviour.shape == (41, 2)
     assert (np.diff(behaviour, axis=0) > 0).all()
     assert behaviour[-1, 1] == 20.5, "the number of points, which CalculiX 2.20 looks for there"
-    assert behaviour[19, 1] == pytest.approx(1e-3 * table.closure_um.iloc[-1], rel=1e-9)
+    assert behaviour[19, 1] == 10, "the last point that it reads"
+    assert behaviour[18, 1] == pytest.approx(1e-3 * table.closure_um.iloc[-1], rel=1e-9)
     for pressure, closure in zip(table.pressure_MPa, 1e-3 * table.closure_um, strict=True):
         place = np.argmin(np.abs(behaviour[:, 1] - closure))
         np.testing.assert_allclose(behaviour[place], [pressure, closure], rtol=1e-9)
     slopes = np.diff(behaviour[:, 0]) / np.diff(behaviour[:, 1])
-    np.testing.assert_allclose(slopes[19:], slopes[18], rtol=1e-5)
+    np.testing.assert_allclose(slopes[18:], slopes[17], rtol=1e-5)
+    first = behaviour[:, 1] < 0.999e-3 * table.closure_um[0]
+    np.testing.assert_allclose(slopes[: first.sum()], slopes[0], rtol=1e-5)
     conductance = blocks["*GAP CONDUCTANCE"]
     assert conductance.shape == (8, 3)
     np.testing.assert_allclose(conductance[1:, 0], 1e3 * table.conductance_W_per_mm2_K, rtol=1e-9)
@@ -84,7 +90,7 @@ def test_abaqus_is_told_that_the_second_column_is_a_pressure(law):
     assert conductance[0].tolist() == [0, 0]
     np.testing.assert_allclose(conductance[1:, 0], 1e6 * table.conductance_W_per_mm2_K, rtol=1e-9)
     np.testing.assert_allclose(conductance[1:, 1], 1e6 * table.pressure_MPa, rtol=1e-9)
-    behaviour = blocks["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR"]
+    behaviour = blocks[TABLE]
     np.testing.assert_allclose(behaviour[1:, 1], 1e-6 * table.closure_um, rtol=1e-9)
     assert "m, N, s, Pa" in (folder / "9.inp").read_text()
 
@@ -100,21 +106,126 @@ def test_units_are_consistent():
     assert UNITS["si"].conductance == pytest.approx(1e6)
 
 
-def test_full_contact_ends_the_tables(tmp_path, capsys):
-    """No closure is left to rise, and the conductance is infinite."""
+def test_conductances_fit_into_the_room_that_calculix_has(tmp_path):
+    """It has room for 20 and overwrites other numbers with the rest; Abaqus takes all."""
     np.save(tmp_path / "s.npy", np.random.default_rng(1).normal(size=(8, 8)))
     ask = [f"{tmp_path}/s.npy", "--side", "8", "--e-star", "1", "--conductivity", "1"]
-    out = ["--calculix", f"{tmp_path}/law.inp", "--csv", f"{tmp_path}/law.csv"]
-    assert cli.main(["law", *ask, "--pressure", "0.1,1,10,100", *out]) == 0
+    assert cli.main(["law", *ask, "--pressure", "0.01:1:40:log", "-o", f"{tmp_path}/law"]) == 0
+    every = read(tmp_path / "law-abaqus.inp")["*GAP CONDUCTANCE, PRESSURE"]
+    some = read(tmp_path / "law-calculix.inp")["*GAP CONDUCTANCE"]
+    assert every.shape == (41, 2)
+    assert some.shape == (20, 3)
+    assert {tuple(row) for row in some[:, :2]} < {tuple(row) for row in every}
+    np.testing.assert_array_equal(some[[0, -1], :2], every[[0, -1]])
+
+
+@pytest.mark.parametrize("program", ["calculix", "abaqus"])
+def test_a_population_has_a_soft_and_a_stiff_side(tmp_path, program, capsys):
+    (tmp_path / "many").mkdir()
+    for seed in range(3):
+        heights = np.random.default_rng(seed).normal(size=(8, 8))
+        np.save(tmp_path / f"many/{seed}.npy", heights)
+    ask = [f"{tmp_path}/many", "--side", "8", "--e-star", "1", "--conductivity", "1"]
+    ask += ["--pressure", "0.01,0.1,1", "--band", "0.8", "--csv", f"{tmp_path}/law.csv"]
+    assert cli.main(["law", *ask, f"--{program}", f"{tmp_path}/joint.inp"]) == 0
+    wrote = capsys.readouterr().out
     table = pd.read_csv(tmp_path / "law.csv")
-    assert np.isinf(table.conductance_W_per_mm2_K).any()
-    pressures = read(tmp_path / "law.inp")["*GAP CONDUCTANCE"][:, 1]
-    assert 1 < len(pressures) < 5
-    assert cli.main(["law", *ask, "--pressure", "100", *out]) == 2
-    assert "closes nowhere below full contact" in capsys.readouterr().err
+    table = table[table.against == "pressure_MPa"]
+    for side, closure, conductance in (("soft", "high", "low"), ("stiff", "low", "high")):
+        path = tmp_path / f"joint-{side}.inp"
+        assert f"wrote {path}" in wrote
+        assert f"The {side} side of the band (quantiles of 3 surfaces, 80 % between" in said(path)
+        blocks = read(path)
+        behaviour = blocks[TABLE]
+        for number in 1e-3 * table[f"closure_um_{closure}"]:
+            assert np.isclose(behaviour[:, 1], number, rtol=1e-9, atol=0).any()
+        (kept,) = [rows for name, rows in blocks.items() if "CONDUCTANCE" in name]
+        ends = table[f"conductance_W_per_mm2_K_{conductance}"]
+        np.testing.assert_allclose(kept[1:, 0], 1e3 * ends, rtol=1e-9)
 
 
-@pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX: apt-get install calculix-ccx")
+def said(path):
+    """The comment of an input file as one line."""
+    lines = path.read_text().splitlines()
+    return " ".join(" ".join(line.strip("* ") for line in lines if line.startswith("**")).split())
+
+
+def test_the_files_say_where_nothing_was_computed(law):
+    folder, _ = law
+    for name in ("joint-calculix.inp", "joint-abaqus.inp"):
+        text = said(folder / name)
+        assert "From 0 to the first pressure, 5 MPa, nothing was computed" in text
+        assert "straight line" in text
+        assert "The law ends at 320 MPa. Beyond, the pressure follows the last slope" in text
+    assert "CalculiX (2.20 and its source of August 2026) reads 20 points" in said(
+        folder / "joint-calculix.inp"
+    )
+
+
+VALUES = {"closure_um", "area_percent", "mean_gap_um", "conductance_W_per_mm2_K"}
+
+
+def wavy(nodes, height):
+    x = np.arange(nodes) / nodes * 2 * np.pi
+    return height * np.cos(x)[:, None] * np.cos(x)
+
+
+@pytest.mark.parametrize(
+    ("heights", "loads"),
+    [
+        (wavy(16, 0.05), ["3000:9000:7", "--e-star", "230e3", "--boundary", "periodic"]),
+        (wavy(16, 0.05), ["0.01:0.06:6", "--e-star", "230e3", "--boundary", "periodic"]),
+        (wavy(16, 0.05), ["500:9000:9", "--e-star", "230e3", "--hardness", "10e3"]),
+        (wavy(16, 0.05), ["500:9000:9", "--e-star", "230e3", "--boundary", "free"]),
+        (np.random.default_rng(1).normal(size=(8, 8)), ["0.1,1,10,100", "--e-star", "1"]),
+        (np.random.default_rng(1).normal(size=(2, 8, 8)), ["0.1,1,10,100", "--e-star", "1"]),
+    ],
+)
+def test_every_file_ends_at_full_contact_and_says_so(tmp_path, capsys, heights, loads):
+    """Every number is finite; arguments rise, and nothing else turns back or is empty."""
+    for number, each in enumerate(np.atleast_3d(heights.T).T):
+        np.save(tmp_path / f"{number}.npy", each)
+    load = "--delta" if loads[0].startswith("0.01:") else "--pressure"
+    names = [str(path) for path in tmp_path.glob("*.npy")]
+    ask = ["law", *names, "--side", "8", load, *loads, "--conductivity", "1"]
+    assert cli.main([*ask, "-o", f"{tmp_path}/law"]) == 0
+    note = "full contact from"
+    assert note in capsys.readouterr().out
+    assert note in " ".join(json_of(tmp_path / "law.json")["notes"])
+    assert note in (tmp_path / "law.h").read_text()
+    rows = rows_of(tmp_path / "law.csv")
+    assert all(any(row[name] for row in rows) for name in rows[0])
+    for argument in ("delta_um", "pressure_MPa"):
+        part = [row for row in rows if row["against"] == argument]
+        assert max(float(row["area_percent"]) for row in part) < 100
+        assert (np.diff([float(row[argument]) for row in part]) > 0).all()
+        for name in VALUES & {name for name in part[0] if part[0][name]}:
+            sign = -1 if name == "mean_gap_um" else 1
+            assert (sign * np.diff([float(row[name]) for row in part]) >= 0).all()
+    for path in tmp_path.glob("*.inp"):
+        assert note in said(path)
+        blocks = [block for block in read(path).values() if block.size]
+        assert len(blocks) == 2
+        for block in blocks:
+            assert np.isfinite(block).all()
+            assert (np.diff(block[:, :2], axis=0) > 0).all()
+    assert " nan" not in (tmp_path / "law.h").read_text().partition("#include")[2].lower()
+
+
+def test_a_law_of_full_contact_alone_is_refused(tmp_path, capsys):
+    np.save(tmp_path / "s.npy", np.random.default_rng(1).normal(size=(8, 8)))
+    ask = ["law", f"{tmp_path}/s.npy", "--side", "8", "--young", "5", "--poisson", "0.5"]
+    assert cli.main([*ask, "--pressure", "100,200,300", "-o", f"{tmp_path}/law"]) == 2
+    assert "full contact from 100 MPa on: no law is left" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["s.npy"]
+
+
+needs_calculix = pytest.mark.skipif(
+    shutil.which("ccx") is None, reason="no CalculiX: apt-get install calculix-ccx"
+)
+
+
+@needs_calculix
 def test_calculix_presses_two_blocks_as_the_table_says(law):
     folder, table = law
     rows = table.iloc[1:6].to_dict("records")
@@ -127,8 +238,64 @@ def test_calculix_presses_two_blocks_as_the_table_says(law):
     assert min(abs(row["pressure_MPa_off"]) for row in pressed(folder, softer)) > 1
 
 
-@pytest.mark.parametrize("points", [2, 3, 8, 19, 20, 21, 41, 200])
-def test_calculix_gets_twenty_points_of_any_law(points):
+@needs_calculix
+def test_calculix_follows_the_last_slope_past_the_end_of_the_table(law):
+    """The joint stays as stiff as at the end, also where one step leads there."""
+    folder, table = law
+    last = table.iloc[-1]
+    behaviour = read(folder / "joint-calculix.inp")[TABLE]
+    slope = np.diff(behaviour[17:19, 0])[0] / np.diff(1e3 * behaviour[17:19, 1])[0]
+    rows = []
+    for more in (0.01, 0.1, 1.0):
+        beyond = {"closure_um": last.closure_um + more}
+        beyond["pressure_MPa"] = last.pressure_MPa + slope * more
+        rows.append(last.to_dict() | beyond)
+    for steps in (rows, rows[-1:]):
+        for row in pressed(folder, steps):
+            for name in QUANTITIES:
+                assert row[f"{name}_calculix"] == pytest.approx(row[name], rel=1e-3)
+
+
+@needs_calculix
+@pytest.mark.parametrize("share", [0.02, 0.15, 0.5, 0.75, 0.99])
+def test_calculix_reaches_any_pressure_of_the_table_in_one_step(law, share):
+    folder, table = law
+    behaviour = read(folder / "joint-calculix.inp")[TABLE]
+    pressure = share * table.pressure_MPa.iloc[-1]
+    closure = 1e3 * np.interp(pressure, *behaviour.T)
+    row = {"pressure_MPa": pressure, "closure_um": closure, "conductance_W_per_mm2_K": 1.0}
+    (found,) = pressed(folder, [row])
+    assert found["pressure_MPa_calculix"] == pytest.approx(pressure, rel=1e-3)
+    assert found["closure_um_calculix"] == pytest.approx(closure, rel=1e-3)
+
+
+@needs_calculix
+def test_the_deck_of_the_manual_runs_as_it_stands_and_without_heat(law, tmp_path):
+    folder, _ = law
+    heat = DECK.read_text()
+    cold = heat.replace("*COUPLED TEMPERATURE-DISPLACEMENT, STEADY STATE", "*STATIC")
+    without = "*CONDUCTIVITY\n50.\n", "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nALL, 0.\n", ", NT"
+    for text in (*without, "BOTTOM, 11, 11, 0.\n", "TOP, 11, 11, 100.\n"):
+        assert text in heat
+        cold = cold.replace(text, "")
+    forces = []
+    for name, deck, include in (("heat", heat, "joint-calculix"), ("cold", cold, "plain")):
+        shutil.copy(folder / f"{include}.inp", tmp_path / "joint-calculix.inp")
+        interaction = include.upper().replace("-", "_")
+        text = deck.replace("INTERACTION=JOINT_CALCULIX", f"INTERACTION={interaction}")
+        (tmp_path / f"{name}.inp").write_text(text)
+        done = subprocess.run(["ccx", name], cwd=tmp_path, timeout=60, check=False)
+        assert done.returncode == 0
+        lines = (tmp_path / f"{name}.dat").read_text().split()
+        forces.append(-float(lines[-1]))
+    down = -float(DOWN.split(",")[-1])
+    behaviour = read(folder / "plain.inp")[TABLE]
+    wanted = np.interp(down, behaviour[:, 1] + 2 * behaviour[:, 0] / YOUNG, behaviour[:, 0])
+    np.testing.assert_allclose(forces, wanted, rtol=1e-3)
+
+
+@pytest.mark.parametrize("points", [2, 3, 8, 18, 19, 20, 41, 200])
+def test_calculix_gets_nineteen_points_of_any_law(points):
     closures = np.linspace(0, 3e-3, points) ** 1.2
     pressures = 4e9 * closures**2.5
     loads, overclosures = finite_elements._for_calculix(pressures, closures)
@@ -136,9 +303,8 @@ def test_calculix_gets_twenty_points_of_any_law(points):
     assert (np.diff(loads) > 0).all()
     assert (np.diff(overclosures) > 0).all()
     assert (loads[0], overclosures[0]) == (0, 0)
-    assert overclosures[19] == pytest.approx(closures[-1])
-    assert loads[19] == pytest.approx(pressures[-1])
-    if points <= 20:
-        assert np.isclose(overclosures[:20, None], closures, rtol=1e-12, atol=0).any(axis=0).all()
-    else:
-        assert np.isclose(overclosures[:20, None], closures, rtol=1e-12, atol=0).any(axis=1).all()
+    assert overclosures[18] == pytest.approx(closures[-1])
+    assert loads[18] == pytest.approx(pressures[-1])
+    np.testing.assert_array_equal(overclosures[19:], FAR)
+    same = np.isclose(overclosures[:19, None], closures, rtol=1e-12, atol=0)
+    assert same.any(axis=0 if points <= 19 else 1).all()

@@ -254,3 +254,27 @@ def test_the_edge_of_a_tilted_map_is_told_without_a_boundary_that_does_not_help(
     assert "levelled by a plane (tilt was 0.3" in said.out
     assert said.out.count("tilt") == 1
     assert "tilted" not in said.err
+
+
+def test_a_load_that_is_not_solved_is_named_and_costs_no_others(surface, capsys) -> None:
+    ask = ["--pressure", "1:30000:6:log", *STEEL, "--max-iterations", "4"]
+    assert contact(surface, *ask, "--csv", "few.csv") == 0
+    warned = [line for line in capsys.readouterr().err.splitlines() if "not solved" in line]
+    table = pd.read_csv("few.csv")
+    assert 0 < len(warned) == 6 - len(table) < 6
+    lost = [
+        each for each in np.geomspace(1, 30000, 6) if not np.isclose(each, table.pressure_MPa).any()
+    ]
+    for each, line in zip(lost, warned, strict=True):
+        assert line.startswith(f"warning: not solved, left out: {each:.6g} MPa: residual")
+    assert table.warnings.str.contains("not solved, left out").all()
+    alone = ",".join(map(repr, table.pressure_MPa.tolist()))
+    assert contact(surface, "--pressure", alone, *STEEL, "--csv", "alone.csv") == 0
+    np.testing.assert_allclose(table.delta_um, pd.read_csv("alone.csv").delta_um, rtol=1e-4)
+    ask[1] = "1000,2000"
+    assert contact(surface, *ask[:-1], "1") == 2
+    assert "rough.npy: 2000 MPa: residual" in capsys.readouterr().err
+    ask = ["--pressure", "1,30000", *STEEL, "--hardness", "9e4", "--max-iterations", "4"]
+    assert contact(surface, *ask, "--csv", "few.csv", "--flattened", "flat.npy") == 2
+    assert "flat.npy: not written, as not every load was solved" in capsys.readouterr().err
+    assert not Path("flat.npy").exists()

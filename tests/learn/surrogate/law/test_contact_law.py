@@ -62,7 +62,7 @@ def test_the_solver_solves_at_the_pressures_asked_for(work, capsys):
         assert column(found, "pressure_MPa").tolist() == [100 + i * 1900 / 3 for i in range(4)]
         for name in COLUMNS:
             np.testing.assert_allclose(column(found, name), column(contacts, name), rtol=1e-6)
-            assert {row[f"{name}_low"] + row[f"{name}_high"] for row in found} == {""}
+            assert not {f"{name}_low", f"{name}_high", "reason"} & found[0].keys()
         over_delta = rows_of("law.csv", "delta_um")[1:]
         np.testing.assert_allclose(
             column(over_delta, "force_uN"), column(contacts, "force_uN"), rtol=1e-6
@@ -176,7 +176,7 @@ pieces = [{ share = 1.0, range = [0.5, 3.0] }]
 
 
 def test_a_law_of_solved_surfaces_is_that_of_pieces_between_their_mirror_images(work):
-    """The mean gap falls by Delta, and all nodes are in contact at the end."""
+    """The mean gap falls by Delta, and the table ends below full contact."""
     np.save("cells.npy", np.load("many/s0.npy")[:-1, :-1])
     ask = ["cells.npy", "--side", "1000", "--solver"]
     run("law", *ask, "--pressure", "0.001,0.01,1", "--csv", "law.csv", "--header", "law.h")
@@ -184,6 +184,7 @@ def test_a_law_of_solved_surfaces_is_that_of_pieces_between_their_mirror_images(
     contacts = list(
         bem.ladder(np.load("cells.npy"), 1000.0, pressures=[0.001, 0.01, 1.0], boundary="mirror")
     )
+    assert contacts.pop().area_percent == 100
     found = rows_of("law.csv", "pressure_MPa")
     assert {row["boundary"] for row in found} == {"mirror"}
     for name, values in (
@@ -194,7 +195,7 @@ def test_a_law_of_solved_surfaces_is_that_of_pieces_between_their_mirror_images(
     rest = np.ptp(np.load("cells.npy")) - np.load("cells.npy").mean()
     closure = column(found, "mean_gap_um") + column(found, "delta_um")
     np.testing.assert_allclose(closure, rest, rtol=1e-6)
-    assert column(found, "area_percent")[-1] == 100
+    assert len(found) == 2
 
 
 def test_a_population_without_edges_has_a_law(work, mirrored):
@@ -202,7 +203,7 @@ def test_a_population_without_edges_has_a_law(work, mirrored):
     ask = ["cells.toml", "--surfaces", "3"]
     run("law", *ask, "--solver", "--pressure", "0.001,0.01,1", "--csv", "law.csv")
     found = rows_of("law.csv", "pressure_MPa")
-    assert column(found, "area_percent")[-1] == 100
+    assert column(found, "pressure_MPa").tolist() == [0.001, 0.01], "full contact at 1 MPa"
     deltas = column(rows_of("law.csv", "delta_um"), "delta_um")
     assert 2 <= len(deltas) <= 3, "none at which a surface would be beyond full contact"
     run("fit", mirrored, "-o", "cells.surrogate", "--model", "kernel-ridge")
@@ -299,14 +300,14 @@ def test_a_law_is_monotone_and_consistent(work, how, inputs):
         value = column(by_delta, name)
         assert (sign * np.diff(value) >= 0).all()
         assert (sign * column(by_delta, f"{name}_slope") >= 0).all()
-        banded = [row for row in by_delta if row[f"{name}_low"]]
+        banded = [row for row in by_delta if row.get(f"{name}_low")]
         value = column(banded, name)
         assert (column(banded, f"{name}_low") <= value).all()
         assert (value <= column(banded, f"{name}_high")).all()
         alone = "--solver" in how and inputs[0] != "many"
-        inside = sum(not alone and not row["reason"] for row in by_delta)
+        inside = sum(not alone and not row.get("reason") for row in by_delta)
         assert inside <= len(banded) <= (0 if alone else 13)
-        assert all(row["reason"] for row in by_delta if row not in banded) or alone
+        assert all(row.get("reason") for row in by_delta if row not in banded) or alone
     pressure = column(by_delta, "pressure_MPa")
     cells = (1000 / 32 * 33) ** 2
     np.testing.assert_allclose(pressure, column(by_delta, "force_uN") / cells, rtol=1e-9)
