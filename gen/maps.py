@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,12 @@ UPPER_PERCENTILE = 99
 
 COLOURS = 20
 """Colours of spots, those of the colour map tab20."""
+
+FINE_SIDE, FINE_HEIGHT = 5.0, 1.0
+"""Spans of positions and of heights below which axes are in nm [um]."""
+
+COARSE = 2000.0
+"""Span from which on axes are in mm [um]."""
 
 CYAN = (0.09, 0.75, 0.81)
 """Colour of yielded nodes (red, green, blue): no colour map of these pictures has it."""
@@ -52,6 +59,35 @@ class Map:
     unit: str
     colours: str
     marked: NDArray[np.bool_] | None = None
+
+
+def axis_unit(span: float, fine: float) -> tuple[float, str]:
+    """Return the unit of an axis of lengths, whose ticks have few decimals then.
+
+    Parameters
+    ----------
+    span : float
+        Length that the axis shows [um].
+    fine : float
+        Span below which it is in nm [um].
+
+    Returns
+    -------
+    factor : float
+        Number of these units in a um.
+    unit : {"nm", "µm", "mm"}
+        The unit.
+    """
+    if 0.0 < span < fine:
+        return 1e3, "nm"
+    return (1e-3, "mm") if span >= COARSE else (1.0, "µm")
+
+
+def metric(value: float, unit: str) -> str:
+    """Format a number of an SI unit with four digits and a metric prefix."""
+    power = 0 if value == 0 else min(max(math.floor(math.log10(abs(value)) / 3), -4), 4)
+    prefix = ("p", "n", "µ", "m", "", "k", "M", "G", "T")[power + 4]
+    return f"{value / 1000.0**power:.4g} {prefix}{unit}"
 
 
 def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tuple[Map, Map]:
@@ -141,13 +177,18 @@ def draw_map(axis: Any, surface_map: Map, letters: int) -> None:
         Number of letters that fit into a line of the title.
     """
     nx, ny = surface_map.field.shape
-    width, length = surface_map.sides
+    per_um, of_sides = axis_unit(max(surface_map.sides), FINE_SIDE)
+    width, length = (per_um * side for side in surface_map.sides)
+    field, unit = surface_map.field, surface_map.unit
+    if unit == "µm" and np.ma.count(field):
+        factor, unit = axis_unit(float(np.ptp(np.ma.compressed(field))), FINE_HEIGHT)
+        field = factor * field
     if surface_map.quantity:
-        (low, high), extend, remark = _scale(np.ma.compressed(surface_map.field), surface_map.unit)
+        (low, high), extend, remark = _scale(np.ma.compressed(field), unit)
     else:
         (low, high), extend, remark = (0.0, COLOURS - 1.0), "neither", ""
     image = axis.imshow(
-        surface_map.field.T,
+        field.T,
         origin="lower",
         extent=(0.0, width, 0.0, length),
         cmap=surface_map.colours,
@@ -163,11 +204,11 @@ def draw_map(axis: Any, surface_map: Map, letters: int) -> None:
         # As high as the map; the width varies little between tall and oblong maps.
         thickness = 0.045 * min(max(np.sqrt(length / width), 1 / 3), 3.0)
         beside = axis.inset_axes((1 + thickness, 0.0, thickness, 1.0))
-        label = f"{surface_map.quantity} [{surface_map.unit}]"
+        label = f"{surface_map.quantity} [{unit}]"
         axis.figure.colorbar(image, cax=beside, label=label, extend=extend)
     lines = [*textwrap.wrap(surface_map.title, letters), *textwrap.wrap(remark, letters)]
     axis.set_title("\n".join(lines), loc="left", fontsize=10, parse_math=False)
-    axis.set(xlabel="x [µm]", ylabel="y [µm]")
+    axis.set(xlabel=f"x [{of_sides}]", ylabel=f"y [{of_sides}]")
 
 
 def _scale(values: Values, unit: str) -> tuple[tuple[float, float], str, str]:

@@ -1,5 +1,6 @@
 """The picture of a database: one sample's heights and pressure, all areas, all solve times."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +10,18 @@ from numpy.typing import NDArray
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import load_of, solve_contact, surface_of
-from gen.maps import contact_maps, draw_map
+from gen.maps import contact_maps, draw_map, metric
 from gen.runtime.errors import InputError
-from gen.runtime.figure import new_figure, require_picture_name, save
+from gen.runtime.figure import log_axis, new_figure, require_picture_name, save
 from gen.runtime.terminal import shortened
 from gen.scene import Scene
 from gen.schema import Status, columns_for
+
+WIDTH = 11.0
+"""Width of the picture [inches]."""
+
+DECADES = 99.0
+"""Ratio of the largest to the smallest load from which on their axis is logarithmic."""
 
 LETTERS = 50
 """Letters in a line above a map that fills its half of the picture."""
@@ -39,23 +46,28 @@ def draw_database(file: Path, picture: Path) -> None:
         picture cannot be written.
     """
     require_picture_name(picture)
-    figure = new_figure(11, 8.2, dpi=110)
+    figure = new_figure(WIDTH, WIDTH, dpi=110)
     with Reader(file) as reader:
         done = np.flatnonzero(reader.column("status") == Status.DONE)
         if not done.size:
             raise InputError(f"{file} has no finished row to draw; run gen run first")
         columns = {
-            name: reader.column(name)[done] for name in ("delta", "area_percent", "solve_seconds")
+            name: reader.column(name)[done]
+            for name in ("delta", "force", "area_percent", "solve_seconds")
         }
         if "hurst" in (column.name for column in reader.columns()):
             columns["hurst"] = reader.column("hurst")[done]
         scene, first = reader.scene, reader.rows.start
     typical = int(np.argsort(columns["area_percent"])[done.size // 2])
-    axes = figure.subplots(2, 2)
+    ratio = scene.sides[1] / scene.sides[0]
+    heights = [min(max(0.4 * WIDTH * ratio, 1.5), 0.6 * WIDTH) + 0.9, 3.8]  # titles and labels too
+    figure.set_size_inches(WIDTH, sum(heights) + 0.4)
+    top, bottom = figure.subfigures(2, 1, height_ratios=heights)
     figure.suptitle(shortened(str(file)), fontsize=11, parse_math=False)
-    _draw_sample(axes[0], scene, first + int(done[typical]))
-    _draw_areas(figure, axes[1][0], columns)
-    _draw_times(axes[1][1], columns)
+    _draw_sample(top.subplots(1, 2), scene, first + int(done[typical]))
+    areas, times = bottom.subplots(1, 2)
+    _draw_areas(bottom, areas, columns, scene)
+    _draw_times(times, columns)
     save(figure, picture)
 
 
@@ -72,9 +84,10 @@ def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
         for name, value in plan.parameters_of(0).items()
     )
     surface = f"surface of row {row}{': ' if drawn else ''}{drawn}"
+    bound = "" if hardness is None else f", hardness {metric(1e6 * hardness, 'Pa')}"
     pressure = (
-        f"contact at Δ = {contact.delta:.3g} µm, E* = {contact.problem.modulus:g} MPa"
-        f"{'' if hardness is None else f', hardness {hardness:.3g} MPa'}"
+        f"contact at {_load(scene, contact.delta, contact.force)},"
+        f" E* = {metric(1e6 * contact.problem.modulus, 'Pa')}{bound}"
         f"{'' if boundary == 'free' else f', {boundary} boundary'}:"
         f" {contact.area_percent:.3g} % of {contact.pressure.size} nodes, the median of rows done"
     )
@@ -87,18 +100,39 @@ def _letters(sides: tuple[float, float]) -> int:
     return int(LETTERS * min(1.0, 0.4 + 0.6 * sides[0] / sides[1]))
 
 
-def _draw_areas(figure: Any, axis: Any, columns: dict[str, NDArray[Any]]) -> None:
-    """Draw the effective contact area of every row over its far-field displacement."""
+def _patch_area(scene: Scene) -> float:
+    """Return the area of the cells of all nodes, over which a mean pressure is taken [um2]."""
+    return math.prod(scene.shape) * math.prod(scene.spacing)
+
+
+def _load(scene: Scene, delta: float, force: float) -> str:
+    """Return the load of a row in the quantity that the scene draws."""
+    if scene.quantity.startswith("pressure"):
+        return f"mean pressure {metric(1e6 * force / _patch_area(scene), 'Pa')}"
+    if scene.quantity == "force":
+        return f"force {metric(1e-6 * force, 'N')}"
+    return f"Δ = {delta:.3g} µm"
+
+
+def _draw_areas(figure: Any, axis: Any, columns: dict[str, NDArray[Any]], scene: Scene) -> None:
+    """Draw the effective contact area of every row over the load that the scene draws."""
+    loads, label = columns["delta"], "far-field displacement Δ [µm]"
+    if scene.quantity.startswith("pressure"):
+        loads, label = columns["force"] / _patch_area(scene), "mean pressure [MPa]"
+    elif scene.quantity == "force":
+        loads, label = columns["force"], "normal force [µN]"
     coloured = {"c": columns["hurst"], "cmap": "cividis"} if "hurst" in columns else {}
-    dots = axis.scatter(columns["delta"], columns["area_percent"], s=9, **coloured)
+    dots = axis.scatter(loads, columns["area_percent"], s=9, **coloured)
     if coloured:
         figure.colorbar(dots, ax=axis, label="Hurst exponent H")
     axis.set(
         title=f"{columns['delta'].size} samples",
-        xlabel="far-field displacement Δ [µm]",
+        xlabel=label,
         ylabel="effective contact area [%]",
     )
     axis.set_ylim(bottom=0)
+    if loads.min() > 0 and loads.max() > DECADES * loads.min():
+        log_axis(axis.xaxis)
 
 
 def _draw_times(axis: Any, columns: dict[str, NDArray[Any]]) -> None:
@@ -109,9 +143,10 @@ def _draw_times(axis: Any, columns: dict[str, NDArray[Any]]) -> None:
         axis.set(title="no solve time is known")
         return
     axis.plot(columns["area_percent"][known], milliseconds, ".", color="tab:blue", ms=4)
-    axis.axhline(milliseconds.mean(), color="tab:red", lw=1)
+    axis.axhline(milliseconds.mean(), color="tab:red", lw=1, label="mean of this run")
+    axis.legend(loc="upper left")
     axis.set(
-        title=f"{milliseconds.mean():.1f} ms a solve on average",
+        title="times of the solves",
         xlabel="effective contact area [%]",
         ylabel="time of the solve [ms]",
     )

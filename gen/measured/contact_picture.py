@@ -5,15 +5,26 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gen.arrays import Values
-from gen.maps import CYAN, contact_maps, draw_map, patch_sides, spot_maps, yielded_nodes
-from gen.runtime.figure import save
+from gen.maps import (
+    CYAN,
+    FINE_HEIGHT,
+    FINE_SIDE,
+    axis_unit,
+    contact_maps,
+    draw_map,
+    metric,
+    patch_sides,
+    spot_maps,
+    yielded_nodes,
+)
+from gen.runtime.figure import log_axis, save
 from gen.runtime.terminal import shortened
 
 if TYPE_CHECKING:
@@ -80,15 +91,17 @@ def draw_contacts(
     if subject.warnings:
         lines = [textwrap.fill(f"warning: {warning}", 160) for warning in subject.warnings]
         figure.supxlabel("\n".join(lines), fontsize=8, color="tab:red", parse_math=False)
-    spots = f"contact: {last.area_percent:.3g} % of {last.pressure.size} nodes"
+    where = _last_load(contacts, subject.load)
+    spots = f"contact{where}: {last.area_percent:.3g} % of {last.pressure.size} nodes"
     if subject.spots:
         heights_map, pressure_map = spot_maps(last)
+        heights_map = replace(heights_map, title=f"{heights_map.title}{where}")
     else:
         heights_map, pressure_map = contact_maps(last, "heights", spots)
     draw_map(axes["heights"], heights_map, letters)
     draw_map(axes["spots"], pressure_map, letters)
     _stretch(axes, patch_sides(last))
-    _draw_section(axes["section"], last)
+    _draw_section(axes["section"], last, where)
     if len(contacts) > 1:
         _draw_law([axes[name] for name in ("area", "answer", "gap")], contacts, subject.load)
     save(figure, picture)
@@ -143,14 +156,14 @@ def _title(contacts: Sequence[Contact], subject: Subject) -> str:
     last = contacts[-1]
     cells = last.pressure.size * math.prod(last.problem.spacing)
     load = (
-        f"Δ = {last.delta:.4g} µm, force {_si(1e-6 * last.force, 'N')},"
-        f" mean pressure {_si(1e6 * last.force / cells, 'Pa')}"
+        f"Δ = {metric(1e-6 * last.delta, 'm')}, force {metric(1e-6 * last.force, 'N')},"
+        f" mean pressure {metric(1e6 * last.force / cells, 'Pa')}"
     )
     if len(contacts) > 1:
-        load = f"last of {len(contacts)} loads: {load}"
-    material = f"E* = {_si(1e6 * last.problem.modulus, 'Pa')}"
+        load = f"maps and section at the last of {len(contacts)} loads: {load}"
+    material = f"E* = {metric(1e6 * last.problem.modulus, 'Pa')}"
     if last.problem.hardness is not None:
-        material += f", hardness {_si(1e6 * last.problem.hardness, 'Pa')}"
+        material += f", hardness {metric(1e6 * last.problem.hardness, 'Pa')}"
     if not subject.material:
         material += ", no material given"
     if last.problem.boundary != "free":
@@ -158,11 +171,17 @@ def _title(contacts: Sequence[Contact], subject: Subject) -> str:
     return f"{shortened(subject.name)}\n{load}; {material}"
 
 
-def _si(value: float, unit: str) -> str:
-    """Format a number with four digits and a metric prefix."""
-    power = 0 if value == 0 else min(max(math.floor(math.log10(abs(value)) / 3), -4), 4)
-    prefix = ("p", "n", "µ", "m", "", "k", "M", "G", "T")[power + 4]
-    return f"{value / 1000.0**power:.4g} {prefix}{unit}"
+def _last_load(contacts: Sequence[Contact], load: str) -> str:
+    """Return which of several loads is drawn, to be added to a title; "" for a single load."""
+    if len(contacts) == 1:
+        return ""
+    last = contacts[-1]
+    if load == "delta":
+        return f" at Δ = {metric(1e-6 * last.delta, 'm')}"
+    if load == "force":
+        return f" at {metric(1e-6 * last.force, 'N')}"
+    cells = last.pressure.size * math.prod(last.problem.spacing)
+    return f" at {metric(1e6 * last.force / cells, 'Pa')}"
 
 
 def section_line(contact: Contact) -> tuple[int, int]:
@@ -199,15 +218,17 @@ def _first_node(contact: Contact) -> float:
     return 0.0 if contact.problem.boundary == "free" else 0.5
 
 
-def _draw_section(axis: Any, contact: Contact) -> None:
-    """Draw both bodies along a line through the contact."""
+def _draw_section(axis: Any, contact: Contact, load: str) -> None:
+    """Draw both bodies along a line through the contact; the title says at which load."""
     along, place = section_line(contact)
     line: tuple[Any, ...] = (slice(None), place) if along == 0 else (place, slice(None))
     spacing, first = contact.problem.spacing, _first_node(contact)
-    position = spacing[along] * (first + np.arange(contact.pressure.shape[along]))
+    per_um, unit = axis_unit(max(patch_sides(contact)), FINE_SIDE)
+    position = per_um * spacing[along] * (first + np.arange(contact.pressure.shape[along]))
     # The half-space's surface is at 0 before contact, and the rough body comes down from above.
-    deformed = -contact.displacement[line]
-    rough = deformed + contact.gap[line]
+    surfaces = -contact.displacement[line], contact.gap[line] - contact.displacement[line]
+    factor, height_unit = axis_unit(float(np.ptp(surfaces)), FINE_HEIGHT)
+    deformed, rough = (factor * heights for heights in surfaces)
     margin = 0.08 * float(np.ptp([deformed.min(), deformed.max(), rough.max(), 0.0]))
     top = max(float(rough.max()), 0.0) + margin
     bottom = float(deformed.min()) - margin
@@ -216,18 +237,19 @@ def _draw_section(axis: Any, contact: Contact) -> None:
     yielded = yielded_nodes(contact)[line]
     touching = np.ma.masked_where((contact.pressure[line] == 0) | yielded, deformed)
     axis.plot(position, touching, ".", ms=4, color="tab:red", label="in contact")
-    if contact.problem.hardness is not None:
+    if yielded.any():
         yielding = np.ma.masked_where(~yielded, deformed)
         axis.plot(position, yielding, ".", ms=4, color=CYAN, label="yielded")
     axis.axhline(0, color="k", lw=0.6, ls=":")
     names = "xy"
-    where = f"section at {names[1 - along]} = {spacing[1 - along] * (first + place):.4g} µm"
-    axis.set_title(where, loc="left", fontsize=10)
-    axis.set(xlabel=f"{names[along]} [µm]", ylabel="z [µm], stretched")
-    axis.set(xlim=(0, patch_sides(contact)[along]), ylim=(bottom, top))
+    across = per_um * spacing[1 - along] * (first + place)
+    where = f"section at {names[1 - along]} = {across:.4g} {unit}{load.replace(' at', ',', 1)}"
+    axis.set_title(where, loc="left", fontsize=10, pad=20)
+    axis.set(xlabel=f"{names[along]} [{unit}]", ylabel=f"z [{height_unit}], stretched")
+    axis.set(xlim=(0, per_um * patch_sides(contact)[along]), ylim=(bottom, top))
     axis.legend(
-        loc="lower right",
-        bbox_to_anchor=(1, 1),
+        loc="lower left",
+        bbox_to_anchor=(0, 1),
         ncols=4,
         fontsize="small",
         frameon=False,
@@ -240,8 +262,9 @@ def _draw_section(axis: Any, contact: Contact) -> None:
 def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> None:
     """Draw area, force or far-field displacement, and mean gap over the load that was given."""
     cells = contacts[0].pressure.size * math.prod(contacts[0].problem.spacing)
+    displacements = _lengths([contact.delta for contact in contacts], "displacement Δ")
     quantities = {
-        "delta": ([contact.delta for contact in contacts], "displacement Δ [µm]"),
+        "delta": displacements,
         "force": ([contact.force for contact in contacts], "normal force [µN]"),
         "pressure": ([contact.force / cells for contact in contacts], "mean pressure [MPa]"),
     }
@@ -252,13 +275,19 @@ def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> No
     answers = (
         ([contact.area_percent for contact in contacts], "contact area [%]"),
         quantities["force" if load == "delta" else "delta"],
-        ([contact.mean_gap for contact in contacts], "mean gap [µm]"),
+        _lengths([contact.mean_gap for contact in contacts], "mean gap"),
     )
     for axis, (numbers, name), colour in zip(
         axes, answers, ("tab:blue", "tab:orange", "tab:green"), strict=True
     ):
         _draw_curve(axis, loads, np.array(numbers)[order], decades=decades, color=colour)
         axis.set(xlabel=label, ylabel=name)
+
+
+def _lengths(values: Sequence[float], name: str) -> tuple[list[float], str]:
+    """Return lengths [um] in the unit of their axis, and the label of that axis."""
+    factor, unit = axis_unit(max(values), FINE_HEIGHT)
+    return [factor * value for value in values], f"{name} [{unit}]"
 
 
 def _draw_curve(
@@ -273,8 +302,8 @@ def _draw_curve(
     axis.plot(loads, answers, ".-", color=color)
     axis.grid(alpha=0.3)
     if decades:
-        axis.set_xscale("log")
+        log_axis(axis.xaxis)
     if decades and answers.min() > 0 and answers.max() >= 10 * answers.min():
-        axis.set_yscale("log")
+        log_axis(axis.yaxis)
     else:
         axis.set_ylim(0, 1.06 * float(answers.max()) or 1.0)

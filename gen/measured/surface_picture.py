@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gen.arrays import Heights
-from gen.maps import Map, draw_map
+from gen.maps import FINE_HEIGHT, Map, axis_unit, draw_map
 from gen.measured.self_affine import RadialSpectrum, SelfAffineFit
 from gen.measured.topography import Topography
 from gen.runtime.figure import save
@@ -61,9 +61,10 @@ def draw_surface(
 def _draw_distribution(axis: Any, heights: Heights) -> None:
     """Draw the share of the surface over the height, and the share that is above each height."""
     axis.set_title("height distribution and bearing curve", loc="left", fontsize=10)
-    axis.set_ylabel("height above the mean [µm]")
-    axis.set_xlabel("share of the surface per µm [%]", color="tab:blue")
-    above = np.sort(heights.ravel() - heights.mean())[::-1]
+    factor, unit = axis_unit(float(np.ptp(heights)), FINE_HEIGHT)
+    axis.set_ylabel(f"height above the mean [{unit}]")
+    axis.set_xlabel(f"share of the surface per {unit} [%]", color="tab:blue")
+    above = factor * np.sort(heights.ravel() - heights.mean())[::-1]
     if above[0] == above[-1]:
         axis.text(0.5, 0.5, "flat surface", ha="center", transform=axis.transAxes)
         axis.set(xticks=[], yticks=[])

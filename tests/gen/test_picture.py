@@ -30,7 +30,42 @@ def test_a_database_shows_its_median_area(
     titles = [" ".join(axis.get_title(loc="left").split()) for axis in figure.axes]
     (title,) = (title for title in titles if title.startswith("contact at"))
     assert f"{np.median(areas):.3g} % of 289 nodes, the median of rows done" in title
-    assert ("hardness 0.0" in title) == ("% yielded (cyan)" in title) == bool(hardness)
+    assert ("hardness" in title) == ("% yielded (cyan)" in title) == bool(hardness)
+
+
+@pytest.mark.parametrize(
+    ("load", "at", "label"),
+    [
+        ('quantity = "pressure"\nrange = [0.01, 0.05]', "mean pressure ", "mean pressure [MPa]"),
+        ('quantity = "force"\nrange = [1.0, 2000.0]', "force ", "normal force [µN]"),
+        ('quantity = "delta"\nrange = [1.0, 5.0]', "Δ = ", "far-field displacement Δ [µm]"),
+    ],
+)
+def test_areas_stand_over_the_load_that_was_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, load: str, at: str, label: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("small.toml").write_text(
+        f"samples = 6\n[surface]\nnodes = 17\n[load]\n{load}\n"
+        "[contact]\nmodulus = 2e5\nhardness = 2000.0"
+    )
+    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
+    figures = []
+    monkeypatch.setattr(picture, "save", lambda figure, _: figures.append(figure))
+    assert cli.main(["plot", "small.h5", "-o", "small.png"]) == 0
+    (figure,) = figures
+    areas = next(axis for axis in figure.axes if axis.get_title() == "6 samples")
+    assert areas.get_xlabel() == label
+    loads = areas.collections[0].get_offsets()[:, 0]
+    with Reader(Path("small.h5")) as reader:
+        forces, deltas = reader.column("force"), reader.column("delta")
+    patch = (17 * 1000.0 / 16) ** 2
+    expected = {"mean": forces / patch, "force": forces, "Δ": deltas}[at.split(maxsplit=1)[0]]
+    np.testing.assert_allclose(loads, expected)
+    titles = [" ".join(axis.get_title(loc="left").split()) for axis in figure.axes]
+    (title,) = (title for title in titles if title.startswith("contact at"))
+    assert title.startswith(f"contact at {at}")
+    assert "E* = 200 GPa, hardness 2 GPa" in title
 
 
 def test_times_beyond_the_picture_are_counted() -> None:

@@ -33,6 +33,7 @@ SHAPES = {
     "tall sliver": (ROUGH[:5], (3.0, 100.0), ONE),
     "oblong sliver": (ROUGH[:, :5], (100.0, 3.0), ONE),
     "yielding": (ROUGH, (100.0, 100.0), DECADES),
+    "tall, yielding": (ROUGH[:9], (25.0, 100.0), DECADES),
     "few nodes": (ROUGH[10:13, 10:13], (10.0, 10.0), ONE),
 }
 
@@ -60,7 +61,7 @@ def titled(figure: Any, text: str) -> Any:
 @pytest.mark.parametrize("shape", SHAPES)
 def test_nothing_is_cut_or_overlaps(shape: str) -> None:
     heights, sides, deltas = SHAPES[shape]
-    hardness = 4000.0 if shape == "yielding" else None
+    hardness = 4000.0 if "yielding" in shape else None
     contacts = list(bem.ladder(heights, sides, deltas, modulus=E_STAR, hardness=hardness))
     figure = drawn(contacts, warnings=(WARNING, "short"))
     renderer = FigureCanvasAgg(figure).get_renderer()
@@ -73,7 +74,7 @@ def test_nothing_is_cut_or_overlaps(shape: str) -> None:
     assert section.get_window_extent(renderer).height > 1.2 * figure.dpi  # inches
     legend = section.get_legend().get_window_extent(renderer)
     assert not legend.overlaps(section._left_title.get_window_extent(renderer))
-    left, spots = (titled(figure, text) for text in ("heights", "contact: "))
+    left, spots = (titled(figure, text) for text in ("heights", "contact"))
     title = spots._left_title.get_window_extent(renderer)
     assert not title.overlaps(section.get_tightbbox(renderer))
     assert not left.get_tightbbox(renderer).overlaps(spots.get_tightbbox(renderer))
@@ -91,6 +92,40 @@ def test_titles_say_file_load_and_material() -> None:
     alone = drawn(contacts[:1], name="scan.x3p", material=False)
     assert alone.get_suptitle().startswith("scan.x3p\nΔ = 1 µm")
     assert "no material given" in alone.get_suptitle()
+
+
+def test_maps_and_section_say_which_of_several_loads_they_show() -> None:
+    contacts = list(bem.ladder(ROUGH, (100.0, 100.0), pressures=[100.0, 500.0], modulus=E_STAR))
+    figure = drawn(contacts, load="pressure")
+    assert titled(figure, "contact").get_title(loc="left").startswith("contact at 500 MPa: ")
+    assert titled(figure, "section").get_title(loc="left").endswith("µm, 500 MPa")
+    spots = drawn(contacts, load="pressure", spots=True)
+    assert titled(spots, "gap").get_title(loc="left").split()[-3:] == ["at", "500", "MPa"]
+    alone = drawn(contacts[1:], load="pressure")
+    assert titled(alone, "contact").get_title(loc="left").startswith("contact: ")
+
+
+def test_the_legend_names_yielded_nodes_only_where_some_yield() -> None:
+    (contact,) = bem.ladder(ROUGH, (100.0, 100.0), [2.0], modulus=E_STAR, hardness=1e6)
+    legend = titled(drawn([contact]), "section at").get_legend()
+    assert "yielded" not in [text.get_text() for text in legend.texts]
+
+
+@pytest.mark.parametrize(
+    ("scale", "sides", "heights"), [(0.02, "nm", "nm"), (1.0, "µm", "µm"), (50.0, "mm", "µm")]
+)
+def test_axes_have_the_unit_of_their_map(scale: float, sides: str, heights: str) -> None:
+    side, rough = 100.0 * scale, 0.05 * min(scale, 5.0) * ROUGH
+    (contact,) = bem.ladder(rough, (side, side), [0.02 * scale], modulus=E_STAR)
+    figure = drawn([contact])
+    first, section = titled(figure, "heights"), titled(figure, "section at")
+    of_heights = {"nm": 1e3, "µm": 1.0}["nm" if np.ptp(rough) < 1 else "µm"]
+    assert first.get_xlabel() == f"x [{sides}]"
+    assert section.get_xlabel() == f"x [{sides}]"
+    wide = {"nm": 1e3, "µm": 1.0, "mm": 1e-3}[sides] * side
+    assert first.get_xlim() == section.get_xlim() == pytest.approx((0.0, wide))
+    assert np.ptp(first.images[0].get_array()) == pytest.approx(of_heights * np.ptp(rough))
+    assert heights == ("nm" if of_heights > 1 else "µm") or scale == 1.0
 
 
 def test_laws_have_the_gap_and_logarithmic_axes_over_decades() -> None:
