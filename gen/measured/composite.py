@@ -140,7 +140,8 @@ def composite(
     heights = grid.heights[lines[0].nodes, lines[1].nodes] + _at(added.heights, lines)
     sides = [_side(grid, axis, length) for axis, length in enumerate(heights.shape)]
     result = replace(grid, name=name, heights=heights, sides=(sides[0], sides[1]))
-    result = replace(result, followed=first.followed & second.followed)
+    repeats = first.repeats and second.repeats
+    result = replace(result, followed=first.followed & second.followed, repeats=repeats)
     said = [_laid(second.name, placement), _added(result, first.sides, other.sides)]
     if not all(line.exact for line in lines):
         said.append(

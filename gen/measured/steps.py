@@ -56,7 +56,8 @@ def cropped(topography: Topography, text: str) -> Topography:
     if np.isnan(heights).all():
         raise InputError(f"--crop {text!r}: all heights are missing there")
     step = f"cropped to {heights.shape[0]} x {heights.shape[1]} nodes, {text} um"
-    return changed(replace(topography, sides=(sides[0], sides[1])), heights, step)
+    part = replace(topography, sides=(sides[0], sides[1]), repeats=False)
+    return changed(part, heights, step)
 
 
 def masked(topography: Topography, kept: tuple[float, float]) -> Topography:

@@ -58,6 +58,8 @@ class Topography:
         Unit of the heights in the file, "" if it names none and they are taken as um.
     followed : frozenset of str
         Options of the preparation, which no warning advises again: "--crop", "--level plane".
+    repeats : bool
+        Whether the file says that its map is periodic; the boundary is what the user says.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Topography:
     boundary: Boundary = "free"
     unit: str = ""
     followed: frozenset[str] = frozenset()
+    repeats: bool = False
 
     @property
     def spacing(self) -> Sides:
@@ -107,6 +110,8 @@ class _Scan:
         Channel and header that were read, in words.
     remarks : tuple of str
         Comments of the file that we do not understand and that name a unit of length.
+    repeats : bool
+        Whether the file says that its map is periodic.
     """
 
     heights: Heights
@@ -115,6 +120,7 @@ class _Scan:
     length_unit: str | None = None
     origin: str = ""
     remarks: tuple[str, ...] = ()
+    repeats: bool = False
 
 
 def read(
@@ -182,7 +188,14 @@ def read(
         for remark in scan.remarks
     ]
     return Topography(
-        str(path), heights, sides, tuple(steps), tuple(distrust), boundary, heights_unit or ""
+        name=str(path),
+        heights=heights,
+        sides=sides,
+        steps=tuple(steps),
+        warnings=tuple(distrust),
+        boundary=boundary,
+        unit=heights_unit or "",
+        repeats=scan.repeats,
     )
 
 
@@ -432,4 +445,5 @@ def _scan_of(path: Path, reader: Any, wanted: str, boundary: Boundary) -> _Scan:
         nx, ny = heights.shape
         width, length = (float(size) for size in topography.physical_sizes)
         lengths = width * intervals(nx, boundary) / nx, length * intervals(ny, boundary) / ny
-    return _Scan(heights, lengths, topography.unit, origin=choice_in_words(channels, taken))
+    origin, repeats = choice_in_words(channels, taken), bool(topography.is_periodic)
+    return _Scan(heights, lengths, topography.unit, origin=origin, repeats=repeats)

@@ -117,3 +117,29 @@ def test_bad_options_of_the_second_body_are_one_line(capsys, options, word):
     assert said.out == ""
     assert said.err.count("\n") == 1
     assert word in said.err
+
+
+@pytest.mark.filterwarnings("ignore:Cannot close a netcdf_file:RuntimeWarning")
+@pytest.mark.parametrize("periodic", [True, False])
+def test_a_file_that_calls_itself_periodic_is_told_how_it_is_taken(
+    periodic, tmp_path, monkeypatch, capsys
+):
+    library = pytest.importorskip("SurfaceTopography", reason="needs the extra instruments")
+    monkeypatch.chdir(tmp_path)
+    wave = np.cos(2 * np.pi * np.arange(24) / 24)[:, None] * np.cos(np.pi * np.arange(20) / 5)
+    made = library.Topography(0.1 * wave, (24.0, 20.0), unit="um", periodic=periodic)
+    made.to_netcdf("map.nc")
+    commands = (["contact", "map.nc", "--delta", "0.05"], ["describe", "map.nc"])
+    law = ["law", "map.nc", "--delta", "0.05"]
+    for options, told in (
+        ([], periodic),
+        (["--boundary", "mirror"], periodic),
+        (["--boundary", "periodic"], False),
+        (["--crop", "0:12,0:12"], False),
+    ):
+        for command in (*commands, law):
+            assert cli.main([*command, *options]) == 0
+            said = capsys.readouterr().err
+            taken = "mirror" if options[1:] == ["mirror"] or command is law else "free"
+            line = f"says that its map is periodic, and it is taken as a {taken} patch: --boundary"
+            assert (f"{line} periodic of gen contact and gen law takes it so" in said) == told
