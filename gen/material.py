@@ -6,6 +6,20 @@ from typing import NamedTuple
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import magnitude
 
+HARDNESSES = (1e-4, 0.2)
+"""Hardness over E* of solids: soft metals have some 1e-3, glasses and polymers up to 0.1."""
+
+STIFFEST = 2e6
+"""E* above which there is no solid; diamond has 1.2e6 [MPa]."""
+
+SLIPS = (
+    (1e-3, "is the modulus in GPa"),
+    (1e3, "is the hardness in GPa"),
+    (1e-6, "is the hardness in Pa"),
+    (1e6, "is the modulus in Pa"),
+)
+"""Factors by which a slip of a unit is off in the hardness over E*, and its words."""
+
 
 class Bodies(NamedTuple):
     """Material of the bodies in contact.
@@ -24,10 +38,41 @@ class Bodies(NamedTuple):
     hardness: float | None = None
     known: bool = False
 
+    @classmethod
+    def of_options(
+        cls,
+        young: Sequence[float],
+        poisson: Sequence[float],
+        e_star: float | None,
+        hardness: float | None,
+    ) -> "Bodies":
+        """Make the bodies of the options of `gen contact`; raise InputError if they are none."""
+        known = bool(young) or e_star is not None
+        combined = combined_modulus(young, poisson, e_star)
+        return cls(combined, require_hardness(hardness, material=known), known)
+
     @property
     def hardness_ratio(self) -> float | None:
         """Hardness over E*; None for elastic bodies."""
         return None if self.hardness is None else self.hardness / self.e_star
+
+    @property
+    def doubts(self) -> list[str]:
+        """What no solid has, with the slip that it is likely to be; one line or none."""
+        ratio, (low, high) = self.hardness_ratio, HARDNESSES
+        if ratio is not None and not low <= ratio <= high:
+            slips = [words for factor, words in SLIPS if low <= ratio * factor <= high]
+            slip = (
+                next(iter(slips), "are the units right")
+                if self.known
+                else "is the modulus left out"
+            )
+            said = f"hardness over E* is {ratio:.3g}, solids have {low:g} to {high:g}: {slip}?"
+            return [f"{said} Both count in MPa, and E* is {self.e_star:.4g} MPa (steel: 2.3e5)"]
+        if self.e_star > STIFFEST:
+            said = f"E* is {self.e_star:.3g} MPa, diamond has 1.2e6: is the modulus in Pa?"
+            return [f"{said} It counts in MPa (steel: 210e3)"]
+        return []
 
     @property
     def text(self) -> str:

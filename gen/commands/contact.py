@@ -108,7 +108,7 @@ def contact(
     """
     from bem.workers import cores, default_threads, on_threads
     from gen.display.contacts import follow_contacts
-    from gen.material import combined_modulus, require_hardness
+    from gen.material import Bodies
     from gen.measured import single
     from gen.measured.outcome import Wanted, require_conductivities
     from gen.measured.preparation import surface_warnings
@@ -119,21 +119,24 @@ def contact(
     single.require_yielding(files.flattened, hardness)
     wanted = Wanted(spots, stiffness, require_conductivities(conductivity or []))
     figure = files.empty_figure(facing.with_first(surface))
-    material = bool(young or e_star)
-    modulus = combined_modulus(young or [], poisson or [], e_star)
-    softer = require_hardness(hardness, material=material)
+    bodies = Bodies.of_options(young or [], poisson or [], e_star, hardness)
     source = Source.of_options(surface, reading._asdict())
     topography = surface_of(source, second_body(source, facing), boundary)
     with on_threads(threads or default_threads(cores())):
         contacts, warnings = follow_contacts(
             topography,
-            surface_warnings(topography),
+            [*bodies.doubts, *surface_warnings(topography)],
             single.solve_loads(
-                topography, load, values, modulus=modulus, hardness=softer, **solving._asdict()
+                topography,
+                load,
+                values,
+                modulus=bodies.e_star,
+                hardness=bodies.hardness,
+                **solving._asdict(),
             ),
             len(values),
             wanted=wanted,
-            material=material,
+            material=bodies.known,
         )
     if files.table is not None:
         rows = [single.contact_row(topography, each, warnings, wanted) for each in contacts]
@@ -143,5 +146,5 @@ def contact(
     if files.picture is not None:
         from gen.measured.contact_picture import Subject, draw_contacts
 
-        subject = Subject(topography.name, load, material, warnings, spots=spots)
+        subject = Subject(topography.name, load, bodies.known, warnings, spots=spots)
         draw_contacts(figure, contacts, subject, files.picture)

@@ -74,6 +74,8 @@ def draft(order: Order) -> None:
         If no map can be used, or the scene cannot be written.
     """
     order.check()
+    for doubt in order.material.doubts:
+        echo(f"warning: {doubt}", err=True)
     if order.like is not None:
         like = likeness.propose(order.like, order.reading, order.material)
         print_looks([like.look])

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gen.draft.writing import rounded
-from gen.material import combined_modulus, plane_strain_modulus, require_hardness
+from gen.material import Bodies, plane_strain_modulus
 
 FEWEST_NODES = 50
 """Nodes in contact under the smallest load; fewer count the grid rather than the area."""
@@ -52,9 +52,7 @@ class Material:
         hardness: float | None,
     ) -> Material:
         """Make a material of the options of `gen contact`; raise InputError if it is none."""
-        combined = combined_modulus(young, poisson, e_star)
-        known = bool(young) or e_star is not None
-        hardness = require_hardness(hardness, material=known)
+        combined, hardness, known = Bodies.of_options(young, poisson, e_star, hardness)
         if len(young) == 1:
             return cls(young[0], poisson[0] if poisson else 0.0, hardness, known=True)
         return cls(combined, 0.0, hardness, known)
@@ -63,6 +61,11 @@ class Material:
     def e_star(self) -> float:
         """Plane-strain modulus E* [MPa]."""
         return plane_strain_modulus(self.young, self.poisson)
+
+    @property
+    def doubts(self) -> list[str]:
+        """What no solid has, see `gen.material.Bodies`."""
+        return Bodies(self.e_star, self.hardness, self.known).doubts
 
 
 @dataclass(frozen=True)

@@ -157,7 +157,9 @@ def surface_warnings(topography: Topography) -> list[str]:
 def _border_warnings(topography: Topography) -> list[str]:
     """Warn of a boundary that the file contradicts, or that the heights do: borders that differ."""
     if topography.boundary != "periodic" and topography.repeats:
-        fault = f"the file says that its map is periodic, and it is taken as a {topography.boundary}"
+        fault = (
+            f"the file says that its map is periodic, and it is taken as a {topography.boundary}"
+        )
         solves = "--boundary periodic of gen contact and gen law takes it so"
         return [advised(topography, f"{fault} patch", solves)]
     if topography.boundary != "periodic" or is_tilted(topography):

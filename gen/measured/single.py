@@ -163,23 +163,32 @@ def contact_warnings(
         One line for each warning.
     """
     warnings = []
+    problem = contacts[0].problem
+    check = "check the load and the unit of the heights"
+    if not material and problem.delta is None:
+        check = f"E* is {problem.modulus:.4g} MPa, as no modulus is given (--young or --e-star)"
     full = [contact.delta for contact in contacts if contact.contact_nodes == contact.pressure.size]
     if full:
         span = f"{np.ptp(topography.heights):.4g}"
         warnings.append(
             f"from Delta = {min(full):.4g} um on every node touches, the heights span {span} um:"
-            " check the load and the unit of the heights"
+            f" {check}"
         )
-    problem = contacts[0].problem
+    elif contacts[-1].largest_pressure > problem.modulus and problem.delta is None and not material:
+        warnings.append(f"the largest pressure is {contacts[-1].largest_pressure:.4g} MPa: {check}")
     limit = problem.modulus / YIELDING
     beyond = [contact for contact in contacts if contact.largest_pressure > limit]
     if beyond and material and problem.hardness is None:
         largest = max(contact.largest_pressure for contact in beyond)
+        bears = (
+            f"no solid bears {largest / problem.modulus:.2g} E*, and moduli count in MPa (210e3)"
+        )
         start = f"from Delta = {min(contact.delta for contact in beyond):.4g} um on, "
         warnings.append(
             f"{start if len(contacts) > 1 else ''}the largest pressure ({largest:.4g} MPa) is above"
             f" E*/{YIELDING:g} = {limit:.4g} MPa: real metals and polymers would have yielded, and"
             " their contact area is larger than this elastic one; give --hardness"
+            + (f", and check E*: {bears}" if largest > problem.modulus else "")
         )
     return warnings
 

@@ -153,12 +153,13 @@ def make_ready(
 
 
 def remarks(scene: Scene) -> list[str]:
-    """Return lines for the user of a run about what the surfaces are made of."""
+    """Return lines for the user of a run about its material and what the surfaces are made of."""
+    lines = [f"warning: {line}" for line in scene.contact.doubts]
     if isinstance(scene.surface, ScanSurface):
         from gen.populations import scans
 
-        return scans.remarks(scene)
-    return []
+        lines += scans.remarks(scene)
+    return lines
 
 
 def places(scene: Scene, randoms: Iterable[np.random.Generator]) -> dict[str, NDArray[np.int32]]:

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 from pydantic_core import PydanticCustomError
 
-from gen.material import plane_strain_modulus
+from gen.material import Bodies, plane_strain_modulus
 from gen.scene.distribution import AboveZero, Distribution, is_drawn, limits
 from gen.scene.table import Number, Positive, Table
 
@@ -125,6 +125,15 @@ class Contact(Table):
             return None
         low, high = limits(given)
         return low * self.hardness_unit, high * self.hardness_unit
+
+    @property
+    def doubts(self) -> list[str]:
+        """What no solid has, of a hardness in MPa; shares of E* are taken as they are."""
+        if self.hardness is None or (ends := self.hardness_limits) is None:
+            return []
+        e_star = plane_strain_modulus(self.modulus, self.poisson)
+        known = "modulus" in self.model_fields_set
+        return [line for end in ends for line in Bodies(e_star, end, known).doubts][:1]
 
     @property
     def draws_hardness(self) -> bool:

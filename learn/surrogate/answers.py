@@ -64,7 +64,8 @@ class Question:
         """Return E* and hardness of the answers, of which the surrogate has defaults."""
         e_star = surrogate.modulus if self.e_star is None else self.e_star
         ratio = surrogate.hardness_ratio(self.hardness, e_star)
-        return Bodies(e_star, None if ratio is None else ratio * e_star)
+        hardness = None if ratio is None else ratio * e_star
+        return Bodies(e_star, hardness, known=self.e_star is not None)
 
 
 def answers(
@@ -243,6 +244,8 @@ def show(rows: Sequence[Row], level: float, bodies: Bodies) -> None:
         style = "dim" if row["flag"] == "outside" else ""
         table.add_row(*(escape(_cell(row, name)) for name in names), style=style)
     console.print(table)
+    for doubt in bodies.doubts:
+        console.print(f"warning: {doubt}", highlight=False, soft_wrap=True)
     outside = sum(row["flag"] == "outside" for row in rows)
     if len(rows) > SHOWN:
         console.print(f"... and {len(rows) - SHOWN} more: -o writes all of them", highlight=False)

@@ -2,8 +2,9 @@
 
 import pytest
 
-from gen.material import combined_modulus
+from gen.material import SLIPS, Bodies, combined_modulus
 from gen.runtime.errors import InputError
+from gen.scene.contact import Contact
 
 
 def test_moduli_combine() -> None:
@@ -31,3 +32,56 @@ def test_moduli_that_no_material_has_are_refused(
 ) -> None:
     with pytest.raises(InputError, match=message):
         combined_modulus(young, poisson, e_star)
+
+
+PLAUSIBLE = [(210e3, 2000.0), (70e3, 300.0), (3e3, 250.0), (1e6, 1e5), (12e3, 9.0), (1.0, 0.01)]
+"""Young's modulus and hardness of steel, aluminium, PMMA, diamond, indium; of normalised use."""
+
+
+@pytest.mark.parametrize(("young", "hardness"), PLAUSIBLE)
+def test_solids_are_not_doubted_and_slips_of_their_units_are(young: float, hardness: float) -> None:
+    assert not Bodies.of_options([young], [], None, hardness).doubts
+    assert not Bodies.of_options([young], [], None, None).doubts
+    for factors, slip in (
+        ((1e-3, 1), "is the modulus in GPa?"),
+        ((1e6, 1), "is the modulus in Pa?"),
+        ((1, 1e-3), "is the hardness in GPa?"),
+        ((1, 1e6), "is the hardness in Pa?"),
+    ):
+        slipped = young * factors[0], hardness * factors[1]
+        doubts = Bodies.of_options([slipped[0]], [], None, slipped[1]).doubts
+        ratio = slipped[1] / slipped[0]
+        if 1e-4 <= ratio <= 0.2:  # soft or hard enough to pass for another solid
+            assert not doubts
+            continue
+        (line,) = doubts
+        assert line.startswith(f"hardness over E* is {ratio:.3g}, solids have 0.0001 to 0.2: ")
+        # A ratio cannot tell a modulus in GPa from a hardness in kPa: several slips may fit it.
+        assert slip in line or any(other in line for _, other in SLIPS)
+
+
+@pytest.mark.parametrize(
+    ("young", "hardness", "slip"),
+    [
+        (210.0, 2000.0, "is the modulus in GPa?"),
+        (210e9, 2000.0, "is the modulus in Pa?"),
+        (210e3, 2.0, "is the hardness in GPa?"),
+        (210e3, 2e9, "is the hardness in Pa?"),
+        (210e9, None, "is the modulus in Pa?"),
+    ],
+)
+def test_the_likely_slip_of_steel_is_named(young: float, hardness: float | None, slip: str) -> None:
+    (line,) = Bodies.of_options([young], [], None, hardness).doubts
+    assert slip in line
+    assert "in MPa" in line
+
+
+def test_scenes_are_doubted_by_the_hardness_in_megapascals_alone() -> None:
+    assert not Contact().doubts
+    assert not Contact(hardness_ratio=0.3).doubts
+    assert not Contact(hardness=(0.001, 0.1)).doubts
+    assert not Contact(modulus=210e3, hardness=2000.0).doubts
+    (line,) = Contact(modulus=210.0, hardness=(1000.0, 2000.0)).doubts
+    assert "is the modulus in GPa?" in line
+    (line,) = Contact(hardness=2000.0).doubts
+    assert "is the modulus left out?" in line

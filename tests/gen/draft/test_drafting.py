@@ -153,3 +153,14 @@ def test_bad_command_lines_are_one_line_and_write_nothing(scans, capsys, argumen
     assert word in captured.err
     assert {path.name for path in scans.parent.iterdir()} == {"scans", "there.toml"}
     assert (scans.parent / "there.toml").read_text() == "samples = 1\n"
+
+
+def test_a_draft_with_a_slipped_unit_says_so(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    np.save("map.npy", np.random.default_rng(0).normal(size=(40, 40)))
+    options = ["--side", "40", "--hardness", "2000"]
+    for young, told in (("210", True), ("210e3", False)):
+        assert (
+            cli.main(["scene", "map.npy", *options, "--young", young, "-o", f"{young}.toml"]) == 0
+        )
+        assert ("is the modulus in GPa?" in capsys.readouterr().err) == told

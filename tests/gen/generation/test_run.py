@@ -263,3 +263,12 @@ def test_a_file_that_may_not_grow_is_one_line_and_the_next_run_succeeds(folder):
     assert sorted(path.name for path in folder.iterdir()) == ["more.toml", "scene.toml"]
     assert run("scene.toml", "-o", "rows.h5") == 0
     assert (status(folder / "rows.h5") == 1).all()
+
+
+def test_a_run_says_that_the_units_of_its_material_slipped(tmp_path, capsys):
+    text = (
+        "[contact]\nmodulus = 210.0\nhardness = 2000.0\n[load]\nquantity = 'delta'\nrange = 0.1\n"
+    )
+    (tmp_path / "s.toml").write_text("samples = 1\nsurface.nodes = 17\n" + text)
+    assert cli.main(["run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "s.h5")]) == 0
+    assert "is the modulus in GPa?" in capsys.readouterr().err

@@ -278,3 +278,33 @@ def test_a_load_that_is_not_solved_is_named_and_costs_no_others(surface, capsys)
     assert contact(surface, *ask, "--csv", "few.csv", "--flattened", "flat.npy") == 2
     assert "flat.npy: not written, as not every load was solved" in capsys.readouterr().err
     assert not Path("flat.npy").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--pressure", "20", "--young", "210", "--hardness", "2000"], "is the modulus in GPa?"),
+        (["--pressure", "20"], "E* is 1 MPa, as no modulus is given (--young or --e-star)"),
+        (["--pressure", "0.5"], "E* is 1 MPa, as no modulus is given (--young or --e-star)"),
+        (["--force", "8e5"], "E* is 1 MPa, as no modulus is given (--young or --e-star)"),
+        (["--pressure", "200", "--young", "210"], "check E*: no solid bears"),
+        (["--pressure", "20", "--young", "210e9"], "is the modulus in Pa?"),
+        (["--delta", "3"], ""),
+        (["--pressure", "0.001"], ""),
+        (["--pressure", "0.001", "--e-star", "1", "--hardness", "0.01"], ""),
+        (["--pressure", "20", *STEEL, "--hardness", "2000"], ""),
+    ],
+)
+def test_units_that_slipped_are_told_and_normalised_use_is_quiet(
+    surface, capsys, arguments, told
+) -> None:
+    """Of a contact on the terminal, in its table and on its picture; and of a law."""
+    assert contact(surface, *arguments, "--csv", "out.csv") == 0
+    said = capsys.readouterr().err
+    assert (told in said) if told else not said
+    warnings = pd.read_csv("out.csv", keep_default_na=False).warnings[0]
+    assert (told in warnings) if told else not warnings
+    if "--force" not in arguments:
+        assert cli.main(["law", surface, "--side", "200", *arguments]) == 0
+        law = capsys.readouterr()
+        assert (told in law.out + law.err) if told else "warning" not in law.out + law.err

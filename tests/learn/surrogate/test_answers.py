@@ -197,7 +197,13 @@ def test_a_hardness_is_named_and_refused_by_surrogates_of_elastic_bodies(work, y
     assert run(*ask) == 2
     assert "give --hardness" in capsys.readouterr().err
     assert run(*ask, "--hardness", "0.01") == 0
-    assert "hardness = 0.01 MPa" in " ".join(capsys.readouterr().out.split())
+    said = " ".join(capsys.readouterr().out.split())
+    assert "hardness = 0.01 MPa" in said
+    assert "solids have" not in said
+    assert run(*ask, "--hardness", "2000") == 0
+    assert "is the modulus left out?" in capsys.readouterr().out
+    assert run(*ask, "--hardness", "2000", "--young", "210") == 0
+    assert "is the modulus in GPa?" in capsys.readouterr().out
     assert run("card", "plastic.surrogate") == 0
     assert "hardness 0.003 to 0.1 E*" in " ".join(capsys.readouterr().out.split())
 
