@@ -116,26 +116,23 @@ def solve_loads(
     import bem
 
     memory.require_for_contacts(len(values), topography.heights.shape)
-    left, some = list(values), False
+    faults: list[str] = []
     try:
         if len(values) > 1:  # the largest load is refused before the first is solved
             _pose(topography, load, max(values), settings)
-        while left:
+        contacts = _contacts(topography, load, values, settings)
+        for value in values:
             began = time.perf_counter()
             try:
-                for contact in _contacts(topography, load, tuple(left), settings):
-                    del left[0]
-                    some = True
-                    yield Solution(contact, time.perf_counter() - began)
-                    began = time.perf_counter()
+                contact = next(contacts)
             except bem.NotConverged as error:
-                fault = (
-                    str(error) if len(values) == 1 else f"{SHOWN[load].format(left[0])}: {error}"
-                )
-                if not some and len(left) == 1:
-                    raise ValueError(fault) from None
-                del left[0]
-                yield Solution(None, time.perf_counter() - began, fault)
+                shown = f"{SHOWN[load].format(value)}: " if len(values) > 1 else ""
+                faults.append(f"{shown}{error}")
+                if len(faults) == len(values):
+                    raise ValueError(faults[-1]) from None
+                yield Solution(None, time.perf_counter() - began, faults[-1])
+            else:
+                yield Solution(contact, time.perf_counter() - began)
     except ValueError as error:
         raise InputError(f"{topography.name}: {error}") from None
     except MemoryError:

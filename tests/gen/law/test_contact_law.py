@@ -148,7 +148,7 @@ def test_loads_that_are_not_solved_are_named_and_cost_no_others(
 ):
     """Of one surface and of a population; the other numbers are those of these loads alone."""
     with monkeypatch.context() as few:
-        few.setattr(points, "solve_loads", partial(points.solve_loads, max_iterations=5))
+        few.setattr(points, "solve_loads", partial(points.solve_loads, max_iterations=3))
         run(name, "--pressure", "1:3000:9:log", "--csv", "few.csv")
         lines = [line for line in capsys.readouterr().out.splitlines() if "not solved" in line]
         few.setattr(points, "solve_loads", partial(points.solve_loads, max_iterations=1))
