@@ -228,10 +228,14 @@ _PARAMETERS = (
     ),
     Column("roll_off", "f8", "um", "longest wavelength of the power law", optional=_SPECTRAL),
     Column("cut_off", "f8", "um", "shortest wavelength", optional=_SPECTRAL),
-    Column("rms_height", "f8", "um", "rms height of the spectrum", optional=_SPECTRAL),
-    Column("rms_slope", "f8", "1", "rms slope of the spectrum", optional=_SPECTRAL),
+    Column("drawn_rms_height", "f8", "um", "rms height of the spectrum", optional=_SPECTRAL),
+    Column("drawn_rms_slope", "f8", "1", "rms slope of the spectrum", optional=_SPECTRAL),
     Column("stretch", "f8", "1", "wavelengths along x over those along y", optional=_SPECTRAL),
 )
+
+DRAWN_NAMES = {"rms_height": "drawn_rms_height", "rms_slope": "drawn_rms_slope"}
+"""Columns of parameters whose names in scenes read like those of measured statistics. Files of
+before 1.0.0 have these columns under the names of the parameters."""
 
 STATUS = Column("status", "u1", "1", "0 pending, 1 done, 2 failed; written last")
 REASON = Column("reason", "u1", "1", "why the sample failed, or lacks statistics: a code")
@@ -359,7 +363,8 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
         The columns that every database has, the optional ones that the scene asks for, and those
         of the parameters and outputs of a user's functions.
     """
-    asked_for = scene.optional_columns
+    parameters = parameter_columns(scene)
+    asked_for = {parameters.get(name, name) for name in scene.optional_columns}
     chosen = [column for column in COLUMNS if not column.optional or column.name in asked_for]
     names = [column.name for column in chosen]
     if "load" in names:
@@ -367,7 +372,7 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
         chosen[load] = replace(chosen[load], unit=scene.load_unit, long_name=scene.quantity)
     own = tuple(
         Column(name, "f8", "1", f"parameter of {scene.surface.generator}")
-        for name in scene.drawn_parameters
+        for name in parameters.values()
         if name not in names
     )
     outputs = tuple(
@@ -377,6 +382,11 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
     place = names.index("surface") + 1
     last = next(index for index, column in enumerate(chosen) if column.group)
     return (*chosen[:place], *own, *chosen[place:last], *outputs, *chosen[last:])
+
+
+def parameter_columns(scene: Scene) -> dict[str, str]:
+    """Return the columns of the parameters of a scene's surfaces, by the parameters' names."""
+    return {name: DRAWN_NAMES.get(name, name) for name in scene.drawn_parameters}
 
 
 def physics_of(scene: Scene) -> int:
@@ -400,7 +410,9 @@ def _is_large(scene: Scene) -> bool:
     return rows * columns >= LARGE_NODES
 
 
-RESERVED = frozenset((*(column.name for column in COLUMNS), RUNTIME, "sample", "x", "y", "area"))
+RESERVED = frozenset(
+    (*(column.name for column in COLUMNS), *DRAWN_NAMES, RUNTIME, "sample", "x", "y", "area")
+)
 """Names that outputs of a user's function cannot have: columns, dimensions, groups and targets."""
 
 
@@ -425,7 +437,7 @@ def require_own_names(scene: Scene) -> None:
     InputError
         With the first name that is taken.
     """
-    known = {column.name for column in _PARAMETERS}
+    known = {column.name for column in _PARAMETERS} - {*DRAWN_NAMES.values()} | DRAWN_NAMES.keys()
     for name in scene.drawn_parameters:
         if name in RESERVED - known or name in ARGUMENTS:
             raise InputError(f"surface.parameters.{name}: {name} {TAKEN}, as own_{name}")

@@ -1,7 +1,7 @@
 """The columns of a database by what learning does with them: inputs, targets, places."""
 
 from gen.scene import Scene
-from gen.schema import Column, columns_for, statistics_columns
+from gen.schema import Column, columns_for, parameter_columns, statistics_columns
 
 INPUTS: tuple[str, ...] = ("delta", *(column.name for column in statistics_columns()))
 """The 23 inputs: Delta and the 22 statistics, in the order of the paper's Table 1."""
@@ -59,4 +59,4 @@ def results(scene: Scene) -> dict[str, Column]:
 
 def drawn_names(scene: Scene) -> set[str]:
     """Return the columns of a scene's database that hold parameters of the surfaces."""
-    return set(scene.drawn_parameters)
+    return set(parameter_columns(scene).values())

@@ -6,7 +6,7 @@ from gen.runtime.terminal import echo
 
 
 def info(file: options.Database) -> None:
-    """Summarise a database: rows, ranges beside the paper's, times, scene, versions."""
+    """Summarise a database: rows, ranges, times, scene, versions."""
     from gen.database import Reader
     from gen.display import databases
 

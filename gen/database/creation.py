@@ -5,6 +5,7 @@ from typing import Literal, NamedTuple
 
 from gen.database.disk import chunks, write_rows
 from gen.database.held import HeldFile
+from gen.database.inspection import stored_path
 from gen.database.layout import fill, identity, lay_out, provenance, read_attributes, rows_of
 from gen.database.making import new_file
 from gen.database.opening import checked_for, open_file
@@ -139,8 +140,9 @@ def extend(path: Path, scene: Scene, rows: range | None = None, *, force: bool =
             lay_out(temporary, wider, rows, attributes | identity(wider))
             with open_file(temporary, writing=True) as new:
                 for column in columns_for(wider):
+                    kept = old[stored_path(old, column)]
                     for start, stop in chunks(len(old_rows), column.row_bytes(wider.shape)):
-                        write_rows(new[column.path], place + start, old[column.path][start:stop])
+                        write_rows(new[column.path], place + start, kept[start:stop])
                 fill(new, wider, 0, place)
                 fill(new, wider, place + len(old_rows), len(rows))
     return rows

@@ -15,7 +15,7 @@ import numpy as np
 
 from gen.runtime.errors import InputError
 from gen.scene import Scene
-from gen.schema import Column, columns_for
+from gen.schema import DRAWN_NAMES, Column, columns_for
 
 TEXTS = ("title", "scene", "scene_hash", "versions", "git_commit", "created")
 NUMBERS = ("samples", "schema", "physics", "physics_forced")
@@ -90,10 +90,26 @@ def check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
             raise _refusal(path, other, f"lies on top of column {column.path!r}")
 
 
+def stored_path(file: h5py.File, column: Column) -> str:
+    """Return the name of a column in a file: in older ones, some have those of the parameters.
+
+    Parameters
+    ----------
+    file : h5py.File
+        Open database.
+    column : Column
+        Column of its scene.
+    """
+    older = {name: parameter for parameter, name in DRAWN_NAMES.items()}.get(column.name)
+    if older is None or column.path.encode() in h5py.h5g.open(file.id, b"/"):
+        return column.path
+    return older
+
+
 def _dataset(file: h5py.File, path: Path, column: Column) -> h5py.h5d.DatasetID:
     """Open the dataset of a column; refuse links other than hard links."""
     node = h5py.h5g.open(file.id, b"/")
-    *groups, name = column.path.split("/")
+    *groups, name = stored_path(file, column).split("/")
     for part in (*groups, name):
         wanted = h5py.h5d.DatasetID if part == name else h5py.h5g.GroupID
         if part.encode() not in node:

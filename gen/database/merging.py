@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.database.disk import chunks, write_rows
+from gen.database.inspection import stored_path
 from gen.database.layout import fill, lay_out, read_attributes, rows_of
 from gen.database.making import new_file
 from gen.database.opening import Counts, checked, counts, open_file
@@ -75,7 +76,9 @@ class Part(NamedTuple):
         """Return the rows start..stop of a column, with fill values for rows that it lacks."""
         values = np.full(column.shape(stop - start, grid), column.fill, dtype=column.dtype)
         first, last = max(start, self.rows.start), min(stop, self.rows.stop)
-        stored = self.file[column.path][first - self.rows.start : last - self.rows.start]
+        stored = self.file[stored_path(self.file, column)][
+            first - self.rows.start : last - self.rows.start
+        ]
         values[first - start : last - start] = stored
         return values
 

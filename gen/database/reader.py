@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.database.disk import chunks
+from gen.database.inspection import stored_path
 from gen.database.layout import FLAGS, read_attributes
 from gen.database.making import SIGNATURE
 from gen.database.opening import OpenDatabase, checked, open_file
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
-from gen.schema import REASON, STATUS, Reason, Status
+from gen.schema import DRAWN_NAMES, REASON, STATUS, Reason, Status
 
 
 def is_database(path: Path) -> bool:
@@ -95,8 +96,9 @@ class Reader(OpenDatabase):
             If the file has no such column.
         """
         for column in self.columns():
-            if column.name == name:
-                values: NDArray[Any] = self._file[column.path][slice(*self._places(start, stop))]
+            if column.name in {name, DRAWN_NAMES.get(name)}:
+                dataset = self._file[stored_path(self._file, column)]
+                values: NDArray[Any] = dataset[slice(*self._places(start, stop))]
                 return values
         names = ", ".join(column.name for column in self.columns())
         raise InputError(f"{self.path} has no column {name!r}; it has {names}")
@@ -144,7 +146,7 @@ class Reader(OpenDatabase):
             if not done.any():
                 continue
             for column in wanted:
-                values = self._file[column.path][start:stop][done]
+                values = self._file[stored_path(self._file, column)][start:stop][done]
                 low, high = ranges[column.name]
                 ranges[column.name] = (
                     float(np.fmin(low, np.fmin.reduce(values))),

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gen.database.disk import chunks, disk_trouble, write_rows
 from gen.database.held import HeldFile
+from gen.database.inspection import stored_path
 from gen.database.opening import OpenDatabase, checked_for, counts, open_file
 from gen.runtime.errors import InputError
 from gen.scene import Scene
@@ -57,7 +58,9 @@ class Writer(OpenDatabase):
             self._held = stack.enter_context(self._hold(path))
             file = stack.enter_context(self._open(path))
             super().__init__(path, checked_for(file, path, scene, force=force), file)
-            self._datasets = {column.name: file[column.path] for column in self.columns()}
+            self._datasets = {
+                column.name: file[stored_path(file, column)] for column in self.columns()
+            }
             self._status = self._datasets[STATUS.name]
             self._held.remember(self._datasets.values())
             stack.pop_all()

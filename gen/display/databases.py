@@ -12,6 +12,7 @@ from rich.table import Table
 from gen.runtime.console import plain_console
 from gen.runtime.invocation import to_type
 from gen.runtime.memory import size
+from gen.scene.distribution import limits
 from gen.scene.load import UNITS
 from gen.schema import REASONS, RUNTIME, Column, Status, changes_since
 
@@ -87,10 +88,12 @@ def print_database(reader: Reader) -> None:
     for line in _changes_since(int(attributes["physics"]), reader.scene):
         console.print(f"            {line}")
     if counts.done:
-        console.print(_ranges_table(reader))
-        console.print(
-            "paper: its Table 1, whose bandwidth is defined otherwise and areas end early"
-        )
+        papers = _is_papers(reader.scene)
+        console.print(_ranges_table(reader, papers=papers))
+        if papers:
+            console.print(
+                "paper: its Table 1, whose bandwidth is defined otherwise and areas end early"
+            )
 
 
 def print_plan(plan: Plan, path: Path | None = None) -> None:
@@ -189,15 +192,39 @@ def _times(reader: Reader) -> str:
     )
 
 
-def _ranges_table(reader: Reader) -> Table:
-    """Tabulate the range of every column over the done rows beside that of the paper."""
+def _is_papers(scene: Scene) -> bool:
+    """Tell whether a scene draws nothing beyond what the paper draws."""
+    from gen.scene import DisplacedSurface, Scene
+
+    paper, surface = Scene(samples=1), scene.surface
+    if not isinstance(surface, DisplacedSurface) or scene.quantity != "delta":
+        return False
+    own, theirs = _ends_of(scene), _ends_of(paper)
+    return (
+        (surface.side, surface.against) == (paper.sides[0], None)
+        and not scene.edgeless
+        and scene.contact.hardness_limits is None
+        and all(low <= a <= b <= high for (a, b), (low, high) in zip(own, theirs, strict=True))
+    )
+
+
+def _ends_of(scene: Scene) -> list[tuple[float, float]]:
+    """Return the smallest and the largest value of each parameter of the surfaces, and of loads."""
+    ends = [limits(each) for each in scene.drawn_parameters.values()]
+    loads = [limits(piece.range) for piece in scene.pieces]
+    return [*ends, (min(low for low, _ in loads), max(high for _, high in loads))]
+
+
+def _ranges_table(reader: Reader, *, papers: bool) -> Table:
+    """Tabulate the range of every column over the done rows, beside that of the paper if wanted."""
     table = Table(box=None, pad_edge=False)
-    for title in ("column", "unit", "from", "to", "paper from", "paper to"):
+    for title in ("column", "unit", "from", "to", *(("paper from", "paper to") if papers else ())):
         table.add_column(title, justify="left" if title in {"column", "unit"} else "right")
     ranges = reader.ranges()
     for column in reader.columns():
         if column.name in ranges and column.group != RUNTIME:
-            table.add_row(column.name, column.unit, *_limits(ranges[column.name], column))
+            cells = _limits(ranges[column.name], column)
+            table.add_row(column.name, column.unit, *(cells if papers else cells[:2]))
     return table
 
 

@@ -28,6 +28,7 @@ from gen.generation.quantiles import log_within, quantiles
 from gen.populations import places
 from gen.scene import Piece, Scene
 from gen.scene.load import Quantity
+from gen.schema import parameter_columns
 
 CHUNK = 65_536
 """Surfaces that share a stream: one stream per row would take minutes for millions of rows."""
@@ -144,7 +145,8 @@ def planned_columns(scene: Scene, plan: Parameters) -> Columns:
     Columns
         The values of these rows for each planned column.
     """
-    columns: Columns = {"surface": plan.surface, **plan.drawn, **plan.places}
+    drawn = {column: plan.drawn[name] for name, column in parameter_columns(scene).items()}
+    columns: Columns = {"surface": plan.surface, **drawn, **plan.places}
     columns["delta" if plan.quantity == "delta" else "load"] = plan.load
     if plan.hardness is not None and scene.contact.draws_hardness:
         columns["hardness"] = plan.hardness

@@ -18,7 +18,8 @@ STORED = (
     *("heights", "pressure"),
 )
 PLACES = ("map", "tile")
-DRAWN = ("hurst", "sigma0", "roll_off", "cut_off", "rms_height", "rms_slope", "stretch", "load")
+DRAWN = ("hurst", "sigma0", "roll_off", "cut_off", "drawn_rms_height", "drawn_rms_slope")
+DRAWN += ("stretch", "load")
 YIELDING = ("hardness", "yielded_percent")
 
 

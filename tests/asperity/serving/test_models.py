@@ -76,9 +76,9 @@ def folder(populations, tmp_path_factory):
 
 def asked(scene, columns, row, load):
     """The vectors of a row: what is drawn, and the load."""
-    drawn = {"spectral": ("roll_off", "rms_slope"), "python": ("amplitude", "count")}
+    drawn = {"spectral": ("roll_off", "drawn_rms_slope"), "python": ("amplitude", "count")}
     drawn |= {"unsorted": ("amplitude", "count")}
-    drawn |= {"force": ("rms_height",), "relative": ("hurst", "sigma0"), "soft": ("sigma0",)}
+    drawn |= {"force": ("drawn_rms_height",), "relative": ("hurst", "sigma0"), "soft": ("sigma0",)}
     vectors = [[float(columns[name][row]) for name in drawn.get(scene, ())]]
     vectors = [vector for vector in vectors if vector] + [[float(load[row])]]
     return [*vectors, [float(columns["hardness"][row])]] if scene == "soft" else vectors
