@@ -75,6 +75,12 @@ class Bodies(NamedTuple):
         return []
 
     @property
+    def stated(self) -> str:
+        """E*, and the options that state it where nobody has."""
+        said = f"E* is {self.e_star:.4g} MPa"
+        return said if self.known else f"{said}, as no modulus is given (--young or --e-star)"
+
+    @property
     def text(self) -> str:
         """Description for titles and records."""
         hardness = "" if self.hardness is None else f", hardness = {self.hardness:.6g} MPa"

@@ -56,7 +56,14 @@ ROOMS = {
         *("gen.arrays", "gen.measured", "gen.runtime", "gen.scans", "gen.scene", "gen.spectral"),
         "gen.surface",
     },
-    "gen.measured": {"gen.arrays", "gen.maps", "gen.runtime", "gen.spectral", "gen.statistics"},
+    "gen.measured": {
+        "gen.arrays",
+        "gen.maps",
+        "gen.material",
+        "gen.runtime",
+        "gen.spectral",
+        "gen.statistics",
+    },
     "gen.scans": {"gen.arrays", "gen.measured", "gen.runtime"},
     "gen.draft": {
         *("gen.arrays", "gen.material", "gen.measured", "gen.runtime", "gen.scans", "gen.scene"),

@@ -201,8 +201,8 @@ def law_of(
     from bem.contact import mean_conductivity
 
     over_delta, over_pressure, remarks = tables
-    over_pressure, full = over_pressure.below_full_contact()
-    over_delta, also_full = over_delta.below_full_contact()
+    over_pressure, full = over_pressure.below_full_contact(bodies)
+    over_delta, also_full = over_delta.below_full_contact(bodies)
     nodes = min(each.heights.size for each in subjects.surfaces)
     if order.conductivities is not None:
         factor = mean_conductivity(*order.conductivities) / bodies.e_star

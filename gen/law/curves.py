@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gen.arrays import Values
 from gen.law.points import STIFFNESS, Points
+from gen.material import Bodies
 from gen.runtime.errors import InputError
 
 QUANTITIES = ("area_percent", "force_uN", "mean_gap_um", "pressure_MPa", "closure_um")
@@ -115,8 +116,13 @@ class Curves:
         outside = self.outside[places]
         return replace(self, at=at, curves=curves, outside=outside, reasons=reasons)
 
-    def below_full_contact(self) -> tuple[Curves, list[str]]:
+    def below_full_contact(self, bodies: Bodies) -> tuple[Curves, list[str]]:
         """Return the table up to full contact, where nothing is left of an interface.
+
+        Parameters
+        ----------
+        bodies : Bodies
+            E*, which is said where nothing is left.
 
         Returns
         -------
@@ -140,7 +146,9 @@ class Curves:
         end = int(np.argmax(full))
         text = f"full contact from {self.at[end]:.4g} {UNITS[self.against]} on"
         if not (self.at[:end] > 0).any():
-            raise InputError(f"{text}: no law is left below it: give smaller loads")
+            raise InputError(
+                f"{text}: no law is left below it: give smaller loads; {bodies.stated}"
+            )
         said = f"{text}: the table against {self.against} ends below it"
         return self.chosen(np.arange(self.at.size) < end), [said]
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from gen.material import Bodies
 from gen.measured.outcome import NOTHING, Wanted, answers
 from gen.measured.preparation import is_tilted
 from gen.measured.topography import Topography
@@ -163,7 +164,7 @@ def contact_warnings(
     problem = contacts[0].problem
     check = "check the load and the unit of the heights"
     if not material and problem.delta is None:
-        check = f"E* is {problem.modulus:.4g} MPa, as no modulus is given (--young or --e-star)"
+        check = Bodies(problem.modulus).stated
     full = [contact.delta for contact in contacts if contact.contact_nodes == contact.pressure.size]
     if full:
         span = f"{np.ptp(topography.heights):.4g}"
