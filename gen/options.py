@@ -72,7 +72,8 @@ Against = Annotated[
     Path | None,
     typer.Option(
         metavar="SURFACE",
-        help="A second rough body instead of a plane: a file, read and prepared alike.",
+        help="A second rough body instead of a plane: a file, read and prepared alike; for gen law"
+        " a folder too, each of which every surface is pressed against.",
     ),
 ]
 AgainstOptions = Annotated[

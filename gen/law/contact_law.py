@@ -21,6 +21,7 @@ from gen.material import Bodies
 from gen.measured.source import Opposite
 from gen.option_groups import Reading
 from gen.runtime.errors import InputError
+from gen.runtime.terminal import shortened
 
 FEW = 10
 """Nodes in contact below which a law shows the grid rather than the surface."""
@@ -120,6 +121,11 @@ class Law:
     band: str
     origins: tuple[str, ...]
     notes: tuple[str, ...]
+
+    @property
+    def title(self) -> str:
+        """Names of the surfaces, with those of the second bodies, on one line."""
+        return shortened("; ".join(self.origins))
 
 
 def by_solver(order: Order, say: Callable[[str], None]) -> Law:

@@ -9,7 +9,6 @@ from gen.law.contact_law import Law
 from gen.law.curves import CONDUCTANCE, Curve
 from gen.law.points import STIFFNESS
 from gen.runtime.figure import save
-from gen.runtime.terminal import shortened
 
 LABELS = {
     "closure_um": "closure [µm]",
@@ -34,8 +33,9 @@ def draw(figure: Any, law: Law, picture: Path) -> None:
     curves = law.over_pressure
     names = ["closure_um", "area_percent"]
     names += [name for name in (CONDUCTANCE, STIFFNESS) if name in curves.curves][:1]
-    origin = shortened("; ".join(law.origins))
-    figure.suptitle(f"{origin}\n{law.bodies.text}; band: {law.band}", fontsize=11, parse_math=False)
+    figure.suptitle(
+        f"{law.title}\n{law.bodies.text}; band: {law.band}", fontsize=11, parse_math=False
+    )
     axes = figure.subplots(2, len(names))
     for column, name in enumerate(names):
         for row, scale in enumerate(("linear", "log")):

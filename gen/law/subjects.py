@@ -1,7 +1,7 @@
 """The surfaces of a contact law: from files and folders, or the population of a scene."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -246,7 +246,8 @@ def read_subjects(
     only_boundary : bool
         Whether scenes of another boundary are refused; otherwise their surfaces take this one.
     opposite : Opposite, optional
-        Second rough body that the surfaces from files are pressed against; scenes name their own.
+        Second rough body, or a folder of them, each of which the surfaces from files are pressed
+        against; scenes name their own.
 
     Raises
     ------
@@ -256,7 +257,8 @@ def read_subjects(
     subjects: list[Subject] = []
     scenes: list[Scene] = []
     origins: list[str] = []
-    other = None if opposite is None else opposite.prepared(boundary)
+    seconds = [] if opposite is None else _seconds(opposite, boundary)
+    facing = "" if opposite is None else f" against {opposite.source.path}"
     for text in inputs:
         path = Path(text)
         if is_scene(text):
@@ -267,21 +269,40 @@ def read_subjects(
                 )
             scenes.append(_scene(text, boundary, only_boundary=only_boundary))
             subjects += _population(scenes[-1], text, surfaces)
-            origins.append(f"{text}: its first {surfaces} surfaces")
+            origins.append(f"{text}: its first {surfaces} surfaces{_facing(scenes[-1])}")
             continue
         doubts: list[str] = []
         for file in files_in([path])[0]:
-            topography, warnings = _read(file, reading, boundary)
-            if opposite is not None and other is not None:
-                topography = composite(topography, other, opposite.placement)
-                warnings = surface_warnings(topography)
-            if topography.heights.max() == topography.heights.min():
-                raise InputError(f"{file}: is flat: all of it touches at once, there is no law")
-            subject, doubtful = _subject(topography, warnings, say)
-            subjects.append(subject)
-            doubts += doubtful
-        origins.append(f"{text}: {'; '.join(dict.fromkeys(doubts))}" if doubts else text)
+            first, warnings = _read(file, reading, boundary)
+            pairs = [(first, warnings)]
+            if opposite is not None:
+                sums = (composite(first, second, opposite.placement) for second in seconds)
+                pairs = [(each, surface_warnings(each)) for each in sums]
+            for topography, warned in pairs:
+                if topography.heights.max() == topography.heights.min():
+                    raise InputError(f"{file}: is flat: all of it touches at once, there is no law")
+                subject, doubtful = _subject(topography, warned, say)
+                subjects.append(subject)
+                doubts += doubtful
+        said = f": {'; '.join(dict.fromkeys(doubts))}" if doubts else ""
+        origins.append(f"{text}{facing}{said}")
     return Subjects(subjects, scenes, origins)
+
+
+def _seconds(opposite: Opposite, boundary: Boundary) -> list[Topography]:
+    """Read and prepare the second body, or every one of a folder."""
+    source = opposite.source
+    sources = [replace(source, path=file) for file in files_in([source.path])[0]]
+    return [replace(opposite, source=each).prepared(boundary) for each in sources]
+
+
+def _facing(scene: Scene) -> str:
+    """Say what the surfaces of a scene are pressed against, if that is rough too."""
+    against = scene.surface.against
+    if against is None:
+        return ""
+    named = ", ".join(map(str, against)) if isinstance(against, tuple) else "another of them"
+    return f" against {named}"
 
 
 def _read(file: Path, reading: Reading, boundary: Boundary) -> tuple[Topography, list[str]]:

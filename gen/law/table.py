@@ -35,7 +35,7 @@ def show(law: Law) -> None:
     console = wide_console(140)
     for note in law.notes:
         console.print(note, highlight=False, markup=False, soft_wrap=True)
-    title = f"{law.bodies.text}; band: {law.band}"
+    title = f"{law.title}\n{law.bodies.text}; band: {law.band}"
     if law.order.delta or not law.order.pressure:
         console.print(_printed(law.over_delta, title))
     if law.order.pressure:
@@ -47,7 +47,7 @@ def _printed(curves: Curves, title: str) -> Table:
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=title)
+    table = Table(title=escape(title))
     names = [name for name in curves.names if name not in _beside_the_point(curves)]
     for name in (curves.against, *names):
         table.add_column(name, justify="right")

@@ -58,6 +58,17 @@ def test_the_law_of_two_rough_bodies_is_that_of_their_sum(surfaces, run, capsys)
     for name in ("closure_um", "area_percent", "mean_gap_um", "stiffness_MPa_per_um"):
         np.testing.assert_allclose(pair[name], one[name], rtol=1e-6)
     run("many", *loads, "--against", "many/s1.npy", "--turned", "none", "--csv", "folder.csv")
+    capsys.readouterr()
+    run("many/s0.npy", *loads, "--against", "many", "-o", "each", "--plot", "each.png")
+    titles = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    assert titles.count("many/s0.npy against many") == 1
+    for name in ("each.json", "each.h", "each-calculix.inp", "each-abaqus.inp"):
+        assert "many/s0.npy against many" in Path(name).read_text()
+    pairs = []
+    for seed in range(3):
+        run("many/s0.npy", *loads, "--against", f"many/s{seed}.npy", "--csv", "pair.csv")
+        pairs.append(table("pair.csv").closure_um)
+    np.testing.assert_allclose(table("each.csv").closure_um, np.mean(pairs, axis=0), rtol=1e-6)
     assert cli.main(["law", "quick", "--against", "many/s1.npy", "--side", "100"]) == 2
     assert "surface.against" in capsys.readouterr().err
 
