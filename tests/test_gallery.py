@@ -74,7 +74,13 @@ def test_calculix(example):
     text = "\n".join(names["lines"])
     assert "PRESSURE-OVERCLOSURE=TABULAR" in text
     assert "*GAP CONDUCTANCE" in text
-    assert (np.diff(names["laws"]["conductance_W_per_mm2_K"]) > 0).all()
+    laws = names["laws"]
+    assert (np.diff(laws["conductance_W_per_mm2_K"]) > 0).all()
+    if names["pressed"]:
+        closure, pressure = names["pressed"]
+        assert pressure == pytest.approx(
+            np.interp(closure, laws["closure_um"], laws["pressure_MPa"]), rel=0.05
+        )
 
 
 def test_database(example):
