@@ -17,6 +17,7 @@ from gen.runtime.version import VERSION
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("asperity", "bem", "gen", "learn", "bench")
+COMMIT = "0123456789abcdef0123456789abcdef01234567"
 NOT_INSTALLED = {"bench/suites"}
 """Folders with Python files that only a clone has."""
 
@@ -55,13 +56,34 @@ def wheel(tmp_path_factory) -> zipfile.ZipFile:
     unwanted = shutil.ignore_patterns("__pycache__", "results")
     for package in PACKAGES:
         shutil.copytree(ROOT / package, folder / package, ignore=unwanted)
-    for name in ("LICENSE", "README.md", "pyproject.toml"):
+    for name in ("LICENSE", "README.md", "pyproject.toml", "setup.py"):
         shutil.copy(ROOT / name, folder)
     build = "pip wheel --quiet --no-build-isolation --no-deps --no-index --wheel-dir made ."
     subprocess.run([sys.executable, "-m", *build.split()], cwd=folder, check=True, timeout=120)
     (made,) = (folder / "made").iterdir()
     assert made.name == f"asperity-{VERSION}-py3-none-any.whl"
     return zipfile.ZipFile(made)
+
+
+def test_a_package_built_from_a_checkout_knows_its_commit(tmp_path):
+    """As `pip install` of a clone builds it."""
+    pytest.importorskip("setuptools", minversion="77")
+    unwanted = shutil.ignore_patterns("__pycache__", "results")
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=unwanted)
+    for name in ("LICENSE", "README.md", "pyproject.toml", "setup.py"):
+        shutil.copy(ROOT / name, tmp_path)
+    (tmp_path / ".git").mkdir()
+    (tmp_path / ".git" / "HEAD").write_text(f"{COMMIT}\n")
+    build = [sys.executable, "setup.py", "-q", "build", "--build-lib", "made"]
+    subprocess.run(build, cwd=tmp_path, check=True, timeout=120, capture_output=True)
+    asked = "from gen.runtime.provenance import git_commit as it; print(it())"
+    done = subprocess.check_output([sys.executable, "-c", asked], cwd=tmp_path / "made", text=True)
+    assert done.strip() == COMMIT
+
+
+def test_a_package_built_without_a_checkout_has_no_commit(wheel):
+    assert "gen/runtime/commit.txt" not in wheel.namelist()
 
 
 def described(wheel: zipfile.ZipFile) -> Message:

@@ -8,6 +8,9 @@ from pathlib import Path
 
 from gen.runtime.version import VERSION
 
+STAMP = "commit.txt"
+"""File beside this module with the commit that an installed package was built from."""
+
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
     """Return the versions of Python and of installed packages without importing them.
@@ -31,13 +34,15 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
 
 
 def git_commit() -> str:
-    """Return the commit of the checkout that this code runs from, "" outside a checkout.
+    """Return the commit of the checkout that this code runs from or was built from, "" without one.
 
     It is read from git's files, since starting a process from an MPI rank is unsafe on some
     interconnects.
     """
     git = Path(__file__).resolve().parents[2] / ".git"
     try:
+        if not git.exists():
+            return Path(__file__).with_name(STAMP).read_text(encoding="utf-8").strip()
         if git.is_file():  # a linked work tree
             git = (git.parent / git.read_text().removeprefix("gitdir:").strip()).resolve()
         head = (git / "HEAD").read_text().strip()
