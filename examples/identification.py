@@ -50,7 +50,8 @@ def main(arguments: list[str]) -> tuple[float, float, float]:
     delta = float(np.interp(given.area, areas, deltas))
     possible = deltas[(answer.low["area"] <= given.area) & (given.area <= answer.high["area"])]
     low, high = (possible[0], possible[-1]) if possible.size else (delta, delta)
-    print(f"Delta = {delta:.4g} um; {given.level:.0%} interval {low:.4g} to {high:.4g} um")
+    interval = f"{given.level:.0%} interval {low:.4g} to {high:.4g} um"
+    print(f"Delta = {delta:.4g} um; {interval if low < high else 'no interval holds this area'}")
     if low == deltas[0] or high == deltas[-1]:
         print("the interval ends with the training range: Delta may lie beyond")
     if answer.reasons[0]:

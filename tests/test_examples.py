@@ -174,9 +174,21 @@ def test_identification_finds_delta(surrogate, tmp_path, capsys):
     assert delta == pytest.approx(18.0, rel=0.15)
     assert low <= delta <= high
     assert low <= 18.0 <= high
+    assert "interval" in capsys.readouterr().out
     with pytest.raises(SystemExit, match="2"):
         example("identification")([*asked, "99"])
     assert "--area 99" in capsys.readouterr().err
+
+
+def test_an_interval_of_no_width_is_not_printed(surrogate, tmp_path, capsys):
+    heights = generate("diamond-square", 33, 0.65, 12.5, np.random.default_rng(11))
+    np.save(tmp_path / "surface.npy", heights)
+    area = Surrogate.load(surrogate).for_surface(heights, 1000.0).predict([18.0]).area[0]
+    asked = [surrogate, str(tmp_path / "surface.npy"), "--side", "1000", "--small"]
+    delta, low, high = example("identification")([*asked, "--area", str(area), "--level", "1e-9"])
+    assert low <= delta <= high
+    printed = capsys.readouterr().out
+    assert ("% interval" in printed) == (low < high)
 
 
 def test_sobol_finds_that_delta_decides_most(surrogate):
