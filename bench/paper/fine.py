@@ -17,6 +17,7 @@ from bench.table import write_table
 from gen.arrays import Values
 from gen.database import Reader
 from gen.runtime.errors import InputError
+from gen.runtime.figure import draw_parity, parity_axes
 from gen.scene import Scene, differences, load
 from learn.dataset import Dataset
 from learn.features import SETS
@@ -121,9 +122,9 @@ def _picture(found: dict[str, Judged], fine: Path) -> Any:
     figure = new_figure(10, 8)
     *axes, last = figure.subplots(2, 2).ravel()
     for axis, (name, each) in zip(axes, found.items(), strict=False):
-        ends = [0.0, float(each.rows.target.max())]
-        axis.plot(ends, ends, "k-", lw=1)
-        axis.plot(each.rows.target, each.prediction, ".", ms=3, color=COLOURS[0])
+        parity_axes(axis, each.rows.target)
+        look = {"marker": ".", "ms": 3, "ls": "none", "color": COLOURS[0]}
+        draw_parity(axis, each.rows.target, each.prediction, **look)
         beside = f" (the paper's {FINE.r2:.2f} %)" if name == "paper" else ""
         axis.set_title(f"{name} features: R² {each.scores.r2:.2f} %{beside}", fontsize=10)
         axis.set(xlabel="solved area [%]", ylabel="predicted area [%]")

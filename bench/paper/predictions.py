@@ -11,8 +11,10 @@ from bench.paper.models import Shown, opened, results
 from bench.paper.texts import DIGITS, picture
 from bench.picture import COLOURS, new_figure
 from bench.table import write_table
+from gen.runtime.figure import draw_parity, parity_axes
 from learn.comparison import paper, tables
 from learn.comparison.folder import Folder
+from learn.comparison.pictures import DOTS
 from learn.models import MODELS
 
 # Times of Table 4, in its order.
@@ -73,12 +75,10 @@ def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> list[t
     result = folder.result(kind, model) or {}
     colour = COLOURS[0] if kind == "baseline" else COLOURS[1]
     label = f"{kind}: R² {result['test']['r2']:.2f} %\n(paper's {paper.TEST[kind][model].r2:.2f} %)"
-    axis.plot(truth, predicted, ".", ms=2, color=colour, label=label, rasterized=True)
-    ends = [0.0, float(truth.max())]
-    axis.plot(ends, ends, "k-", lw=1)
-    low, high = axis.get_ylim()
-    axis.set_ylim(low, max(high, 1.35 * ends[1]))
-    axis.legend(loc="upper left", fontsize=8, markerscale=4, framealpha=0.9)
+    if not axis.lines:
+        parity_axes(axis, truth)
+    draw_parity(axis, truth, predicted, label=label, color=colour, **DOTS[kind])
+    axis.legend(loc="lower right", fontsize=7, markerscale=2, framealpha=0.9)
     return [(model, kind, *pair) for pair in zip(truth, predicted, strict=True)]
 
 
@@ -95,39 +95,44 @@ def bars(folder: Path, comparison: Path) -> list[Content]:
         ours = [shown[model]["test"][name] for model in models]
         published = [getattr(theirs[model], name) for model in models]
         rows += _draw_bars(axis, f"{title.replace('R2', 'R²')} [%]", models, ours, published)
-    r2 = [min(shown[model]["test"]["r2"], theirs[model].r2) for model in models]
-    lowest = max(0.0, 10 * np.floor(min(r2) / 10) - 10)
-    axes[len(tables.SCORES) - 1].set_ylim(lowest, 100 + 0.3 * (100 - lowest))
     for place, (name, title) in enumerate(TIMES.items()):
         axis = axes[len(tables.SCORES) + place]
         ours = [(shown[model].get("times") or {}).get(name) for model in models]
         published = [paper.TIMES["baseline"][model][place] for model in models]
         rows += _draw_bars(axis, title, models, ours, published)
-        axis.set_yscale("log")
-        low, high = axis.get_ylim()
-        axis.set_ylim(low / 2, high * 6)
+        _on_log_axis(axis)
     names = [MODELS[model].title.replace(" ", "\n") for model in models]
     axes[-1].set_xticks(range(len(models)), names)
-    axes[0].legend(ncols=2, loc="upper right", fontsize=9)
+    axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 1), fontsize=9)
     header = ("model", "quantity", "ours", "paper")
     path = write_table(folder / "bars.csv", header, rows, DIGITS)
-    return [picture(folder, "bars", figure, path, lowest=lowest)]
+    return [picture(folder, "bars", figure, path)]
+
+
+def _on_log_axis(axis: Any) -> None:
+    """Let bars have a logarithmic axis, with room for their numbers."""
+    axis.set_yscale("log")
+    low, high = axis.get_ylim()
+    axis.set_ylim(low / 2, high * 6)
 
 
 def _draw_bars(
     axis: Any, title: str, models: Sequence[str], ours: Sequence[Any], theirs: Sequence[float]
 ) -> list[tuple[object, ...]]:
-    """Draw two bars a model; return the rows for the table."""
+    """Draw two bars a model, 100 - R² for R²; return the rows for the table."""
+    unexplained = "R²" in title  # R² of good models look alike
     known = [np.nan if value is None else float(value) for value in ours]
     hatched = {"color": COLOURS[4], "hatch": "///", "edgecolor": "w"}
     for shift, values, label, style in (
         (-0.2, known, "ours", {"color": COLOURS[0]}),
         (0.2, theirs, "the paper's", hatched),
     ):
-        drawn = axis.bar(np.arange(len(models)) + shift, values, 0.38, label=label, **style)
-        form = "{:.1f}" if "R²" in title else "{:.3g}"
-        axis.bar_label(drawn, [form.format(value) for value in values], fontsize=7, padding=1)
-    axis.set_ylabel(title, fontsize=9)
+        heights = [100 - value for value in values] if unexplained else values
+        drawn = axis.bar(np.arange(len(models)) + shift, heights, 0.38, label=label, **style)
+        axis.bar_label(drawn, [f"{height:.3g}" for height in heights], fontsize=7, padding=1)
+    axis.set_ylabel(title.replace("R²", "1 - R²"), fontsize=9)
     axis.margins(y=0.25)
+    if unexplained:
+        _on_log_axis(axis)
     quantity = title.replace("\n", " ")
     return [(model, quantity, *pair) for model, *pair in zip(models, known, theirs, strict=True)]

@@ -30,6 +30,7 @@ from gen.database import Reader
 from gen.generation.run import Request, generate_database
 from gen.runtime.errors import InputError
 from gen.runtime.farm import World
+from gen.runtime.figure import draw_parity, parity_axes
 from gen.runtime.output import make_folder, write
 from gen.scene import ScanSurface
 from learn.arrays import Indices
@@ -274,14 +275,14 @@ def _picture(found: Sequence[Judged]) -> Any:
     figure = new_figure(5.0 * len(PARTS), 4.4 * (len(found) / len(PARTS)))
     panels = figure.subplots(-(-len(found) // len(PARTS)), len(PARTS), squeeze=False)
     for panel, judged in zip(panels.flat, found, strict=True):
+        parity_axes(panel, judged.truth)
         for kind, colour in zip(KINDS, COLOURS, strict=False):
             own = [index for index, name in enumerate(judged.names) if name.startswith(kind)]
             here = np.isin(judged.maps, own)
             x, y = judged.truth[here], judged.prediction[here]
-            panel.plot(x, y, ".", color=colour, markersize=3, label=kind)
-        ends = float(judged.truth.min()), float(judged.truth.max())
-        panel.plot(ends, ends, color="0.5", linewidth=1)
-        panel.set(xscale="log", yscale="log", xlabel="solved area [%]", ylabel="predicted area [%]")
+            look = {"marker": ".", "ms": 3, "ls": "none", "color": colour}
+            draw_parity(panel, x, y, label=kind, **look)
+        panel.set(xlabel="solved area [%]", ylabel="predicted area [%]")
         panel.set_title(f"{judged.nodes} x {judged.nodes} nodes, {judged.left_out}", fontsize=10)
     panels.flat[0].legend(markerscale=3)
     return figure

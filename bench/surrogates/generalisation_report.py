@@ -4,11 +4,14 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from bench.picture import new_figure
 from bench.report import Report
 from bench.surrogates.cases import HOME
 from bench.surrogates.generalisation import LEVEL, Judged
 from bench.table import formatted
+from gen.runtime.figure import draw_parity, parity_axes
 
 PRINTED = {
     "tested on": "{tested_on}",
@@ -51,14 +54,13 @@ def _picture(model: str, found: Sequence[Judged]) -> Any:
     cases = list(dict.fromkeys(judged.row["tested_on"] for judged in mine))
     figure = new_figure(2.3 * len(cases), 2.5 * len(features))
     axes = figure.subplots(len(features), len(cases), squeeze=False, sharex=True, sharey=True)
-    ends = [0.0, max(float(judged.truth.max()) for judged in mine)]
+    areas = np.concatenate([judged.truth for judged in mine])
     for judged in mine:
         row = judged.row
         axis = axes[features.index(row["features"]), cases.index(row["tested_on"])]
-        axis.plot(ends, ends, "-", lw=0.8, color="0.4")
-        axis.plot(judged.truth, judged.prediction, ".", ms=2)
+        parity_axes(axis, areas)
+        draw_parity(axis, judged.truth, judged.prediction, marker=".", ms=2, ls="none")
         axis.annotate(f"R² {row['r2']:.2f} %", (0.05, 0.9), xycoords="axes fraction", fontsize=8)
-        axis.set_ylim(-0.05 * ends[1], 1.25 * ends[1])
     for axis, case in zip(axes[0], cases, strict=True):
         axis.set_title(case, fontsize=9)
     for axis, name in zip(axes[:, 0], features, strict=True):

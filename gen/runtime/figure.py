@@ -57,6 +57,34 @@ def log_axis(axis: Any) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
+def parity_axes(axis: Any, truth: Any) -> None:
+    """Give a panel of predictions over truth its axes and the line on which both agree.
+
+    Parameters
+    ----------
+    axis : matplotlib.axes.Axes
+        Empty panel.
+    truth : ndarray
+        True values; where they are above 0 and span a decade, both axes are logarithmic.
+    """
+    low, high = float(truth.min()), float(truth.max())
+    decades = low > 0 and high > 10 * low
+    margin = 0.05 * (high - low) or 1.0
+    ends = (low / 2, 2 * high) if decades else (low - margin, high + margin)
+    axis.plot(ends, ends, color="0.3", lw=1, zorder=3)
+    axis.set(xlim=ends, ylim=ends)
+    if decades:
+        axis.set(xscale="log", yscale="log")
+
+
+def draw_parity(axis: Any, truth: Any, predicted: Any, *, label: str = "", **style: Any) -> None:
+    """Draw dots on `parity_axes`; those beyond its ends stand there, and the label counts them."""
+    low, high = axis.get_ylim()
+    beyond = int(((predicted < low) | (predicted > high)).sum())
+    said = f"{label}\n{beyond:,} beyond the axes".strip() if beyond else label
+    axis.plot(truth, predicted.clip(low, high), label=said, clip_on=False, **style)
+
+
 def require_picture_name(path: Path) -> None:
     """Refuse a path whose suffix names none of the formats that we draw.
 

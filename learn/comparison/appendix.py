@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gen.runtime.figure import new_figure
+from gen.runtime.figure import draw_parity, new_figure, parity_axes
 from learn import memory
 from learn.arrays import Values
 from learn.comparison.folder import Folder
@@ -141,15 +141,16 @@ def _draw(cases: list[Agreement], path: Path) -> Path:
     """Draw both predictions over the truth and over each other, and their difference."""
     figure = new_figure(13, 4.1 * len(cases))
     for row, case in zip(figure.subplots(len(cases), 3), cases, strict=True):
-        ends = [case.truth.min(), case.truth.max()]
-        row[0].plot(case.truth, case.process, ".", ms=3, label="Gaussian process")
-        row[0].plot(case.truth, case.ridge, "x", ms=2, label="kernel ridge")
+        for axis in row[:2]:
+            parity_axes(axis, case.truth)
+        circles = {"marker": "o", "ms": 4, "mew": 0.5, "mfc": "none", "ls": "none"}
+        dots = {"marker": ".", "ms": 2, "ls": "none"}
+        draw_parity(row[0], case.truth, case.process, label="Gaussian process", **circles)
+        draw_parity(row[0], case.truth, case.ridge, label="kernel ridge", **dots)
         row[0].set(xlabel="solved area [%]", ylabel="predicted area [%]", title=case.case)
         row[0].legend()
-        row[1].plot(case.process, case.ridge, ".", ms=3)
+        draw_parity(row[1], case.process, case.ridge, **dots)
         row[1].set(xlabel="Gaussian process [%]", ylabel="kernel ridge [%]")
-        for axis in row[:2]:
-            axis.plot(ends, ends, "r-", lw=1)
         row[2].semilogy(case.truth, np.abs(case.process - case.ridge) + 1e-18, ".", ms=3)
         row[2].set(xlabel="solved area [%]", ylabel="difference of the predictions [%]")
     return save(figure, path)

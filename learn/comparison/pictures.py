@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gen.runtime import figure as figures
-from gen.runtime.figure import new_figure
+from gen.runtime.figure import draw_parity, new_figure, parity_axes
 from learn.comparison import intervals, tables
 from learn.comparison.folder import KINDS, Folder
 from learn.comparison.intervals import Intervals
@@ -15,6 +15,12 @@ from learn.models import MODELS
 
 COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}
 """Colours of the kinds of results."""
+
+DOTS: dict[str, dict[str, Any]] = {
+    "baseline": {"marker": "o", "ms": 4, "mew": 0.5, "mfc": "none", "ls": "none", "zorder": 1},
+    "tuned": {"marker": ".", "ms": 2, "ls": "none", "zorder": 2},
+}
+"""Looks of predictions: circles of the baseline stay visible round the dots of tuned models."""
 
 SHIFTS = dict(zip(KINDS, (-0.2, 0.2), strict=True))
 """Distances of the bars from the middle of their model."""
@@ -85,13 +91,13 @@ def _parity(folder: Folder, shown: Shown, quantity: str) -> Any:
     figure = new_figure(3.6 * columns, 3.5 * rows)
     axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
     for model, axis in zip(models, axes, strict=False):
-        for kind in (kind for name, kind, _ in shown if name == model):
+        kinds = [kind for name, kind, _ in shown if name == model]
+        parity_axes(axis, folder.prediction(kinds[0], model)[0])
+        for kind in kinds:
             truth, prediction = folder.prediction(kind, model)
-            axis.plot(truth, prediction, ".", ms=2, color=COLOURS[kind], label=kind)
-            ends = [truth.min(), truth.max()]
-        axis.plot(ends, ends, "r-", lw=1)
+            draw_parity(axis, truth, prediction, label=kind, color=COLOURS[kind], **DOTS[kind])
         axis.set(title=MODELS[model].title, xlabel=f"solved {quantity}", ylabel="predicted")
-        axis.legend(markerscale=4, loc="upper left")
+        axis.legend(markerscale=2, loc="upper left", fontsize=8)
     for axis in axes[len(models) :]:
         axis.set_axis_off()
     return figure
@@ -105,13 +111,17 @@ def _scores(folder: Folder, shown: Shown, target: str) -> Any:
     figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(wanted))
     axes = figure.subplots(len(wanted), 1, sharex=True, squeeze=False)[:, 0]
     for name, axis in zip(wanted, axes, strict=True):
-        values = {(m, k): result["test"][name] for m, k, result in shown}
-        _bars(axis, shown, values, "{:.2f}")
+        unexplained = name == "r2"  # R2 of good models look alike
+        values = {
+            (m, k): 100 - result["test"][name] if unexplained else result["test"][name]
+            for m, k, result in shown
+        }
+        _bars(axis, shown, values, "{:.3g}" if unexplained else "{:.2f}")
         _whiskers(axis, shown, values, found.of, name)
-        axis.set_ylabel(f"{tables.SCORES[name]} [%]")
-    lowest = min(0.0, *(result["test"]["r2"] for _, _, result in shown))
-    axes[wanted.index("r2")].set_ylim(max(lowest, -100.0), 115)
-    axes[0].legend(ncols=2)
+        axis.set_ylabel("1 - R2 [%]" if unexplained else f"{tables.SCORES[name]} [%]")
+        if unexplained:
+            axis.set_yscale("log")
+    axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
     axes[0].set_title(_said(found, shown, target), fontsize=8, loc="left")
     return figure
 
@@ -144,6 +154,8 @@ def _whiskers(
     for (model, kind), value in values.items():
         if name in ends.get((model, kind), {}):
             low, high = ends[model, kind][name]
+            if name == "r2":
+                low, high = 100 - high, 100 - low
             place = models.index(model) + SHIFTS[kind] + BESIDE
             reach = [[max(value - low, 0.0)], [max(high - value, 0.0)]]
             axis.errorbar(place, value, reach, color="0.2", lw=1, capsize=2)
@@ -157,7 +169,7 @@ def _times(shown: Shown) -> Any:
     for (name, title), axis in zip(titles.items(), axes, strict=True):
         _bars(axis, shown, {(m, k): result["times"][name] for m, k, result in shown}, "{:.2g}")
         axis.set(ylabel=title, yscale="log")
-    axes[0].legend(ncols=2)
+    axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
     return figure
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from gen.runtime.figure import log_axis
+from gen.runtime.figure import draw_parity, log_axis, parity_axes
 from learn.grow.appraisal import LEVEL, Appraisal
 from learn.grow.curve import Curve
 
@@ -74,23 +74,18 @@ def _draw_parity(axis: Any, found: Appraisal) -> None:
     """Draw predictions with their intervals over the truth."""
     judged = found.judged[found.worst]
     inside = (judged.low <= judged.truth) & (judged.truth <= judged.high)
-    top = 1.1 * float(max(judged.truth.max(), judged.prediction.max()))
+    parity_axes(axis, judged.truth)
     for chosen, colour, name in (
         (inside, COLOUR, "inside its interval"),
         (~inside, MARK, "outside"),
     ):
-        ends = np.clip([judged.low[chosen], judged.high[chosen]], 0.0, top)
+        ends = np.clip([judged.low[chosen], judged.high[chosen]], *axis.get_ylim())
         axis.vlines(judged.truth[chosen], ends[0], ends[1], color=colour, alpha=0.25, lw=1)
-        axis.plot(
-            judged.truth[chosen],
-            judged.prediction[chosen],
-            ".",
-            color=colour,
-            ms=4,
-            label=f"{name} ({int(chosen.sum())})",
+        label, look = f"{name} ({int(chosen.sum())})", {"marker": ".", "ms": 4, "ls": "none"}
+        draw_parity(
+            axis, judged.truth[chosen], judged.prediction[chosen], label=label, color=colour, **look
         )
-    axis.plot([0, top], [0, top], color="0.5", lw=1)
-    axis.set(xlim=(0, top), ylim=(0, top), xlabel=f"solved {_quantity(found)}", ylabel="predicted")
+    axis.set(xlabel=f"solved {_quantity(found)}", ylabel="predicted")
     axis.set_title(f"{judged.truth.size} rows kept apart")
     axis.legend(fontsize=8, loc="upper left")
 

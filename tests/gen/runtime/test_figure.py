@@ -2,9 +2,10 @@
 
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
-from gen.runtime.figure import log_axis, new_figure
+from gen.runtime.figure import draw_parity, log_axis, new_figure, parity_axes
 
 
 @pytest.mark.parametrize("values", [(2.1, 4.4), (5.0, 60.0), (7.0, 45.0), (1e-4, 4e-4), (1, 1e6)])
@@ -24,3 +25,28 @@ def test_a_logarithmic_axis_has_two_numbers_or_more_that_keep_apart(values):
     assert len(numbers) >= 2
     for left, right in pairwise(numbers):
         assert left.x1 <= right.x0
+
+
+@pytest.mark.parametrize(
+    ("truth", "scale"),
+    [([0.01, 1.0, 90.0], "log"), ([3.0, 4.0, 5.0], "linear"), ([-5.0, 2.0, 700.0], "linear")],
+)
+def test_predictions_over_decades_have_logarithmic_axes_and_none_is_lost(truth, scale):
+    panel = new_figure(4, 3).subplots()
+    truth = np.array(truth)
+    parity_axes(panel, truth)
+    assert panel.get_xscale() == panel.get_yscale() == scale
+    assert panel.get_xlim() == panel.get_ylim()
+    assert panel.get_xlim()[0] < truth.min() < truth.max() < panel.get_xlim()[1]
+    draw_parity(panel, truth, np.array([-1e9, truth[1], 1e9]), label="model", ls="none")
+    drawn = panel.lines[-1]
+    np.testing.assert_allclose(
+        drawn.get_ydata(), [panel.get_ylim()[0], truth[1], panel.get_ylim()[1]]
+    )
+    assert drawn.get_label() == "model\n2 beyond the axes"
+
+
+def test_equal_truths_have_axes_too():
+    panel = new_figure(4, 3).subplots()
+    parity_axes(panel, np.full(3, 7.0))
+    assert panel.get_xlim() == (6.0, 8.0)
