@@ -7,8 +7,8 @@ import numpy as np
 
 from bem.spacing import Boundary
 from gen.measured.preparation import prepare, surface_warnings
-from gen.measured.settings import Preparation
-from gen.measured.topography import OWN_SUFFIXES, Topography, read
+from gen.measured.source import Source
+from gen.measured.topography import OWN_SUFFIXES, Topography
 from gen.option_groups import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
@@ -19,6 +19,7 @@ INSTRUMENTS = {
     *(".x3p", ".sur", ".al3d", ".opd", ".opdx", ".plu", ".plux", ".gwy", ".nc", ".di", ".ibw"),
     *(".spm", ".mi", ".zon", ".zag", ".top", ".frt", ".os3d", ".sdf", ".bcrf", ".bcr", ".h5"),
     *(".mat", ".xyz", ".vk4", ".vk6", ".vk7", ".jpk", ".gsf", ".nid", ".ezd", ".mnt", ".stp"),
+    *(".nms", ".pts", ".prn"),
 }
 """Suffixes of files in a folder that are read as surfaces."""
 
@@ -66,16 +67,9 @@ def read_surface(
     path: Path, reading: Reading, boundary: Boundary = "free"
 ) -> tuple[Topography, list[str]]:
     """Read and prepare a surface as a patch of a boundary; return it with the warnings about it."""
+    source = Source.of_options(path, reading._asdict())
     try:
-        measured = read(
-            path,
-            reading.side,
-            reading.unit,
-            channel=reading.channel,
-            override_scale=reading.override_scale,
-            boundary=boundary,
-        )
-        topography = prepare(measured, _preparation(reading))
+        topography = prepare(source.measured(boundary), source.preparation)
     except InputError as error:
         named = "" if str(error).startswith(("--", str(path))) else f"{path}: "
         raise InputError(f"{named}{error}") from None
@@ -93,19 +87,3 @@ def is_table(path: Path) -> bool:
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
     return bool(names & {column.name for column in statistics_columns()})
-
-
-def _preparation(reading: Reading) -> Preparation:
-    """Return the steps between the file and the surface."""
-    return Preparation(
-        reading.crop,
-        reading.invert,
-        reading.mask,
-        reading.despike,
-        reading.level,
-        reading.form,
-        reading.fill,
-        reading.fill_most,
-        reading.filter_,
-        reading.downsample,
-    )

@@ -31,7 +31,7 @@ ONE_HOME = {
     "pyfftw": {"bem/plans.py"},
     "threadpoolctl": {"bem/sections.py"},
     "tomllib": {"gen/scene/scene.py", "bench/files.py"},
-    "SurfaceTopography": {"gen/measured/topography.py", "bench/populations/made_maps.py"},
+    "SurfaceTopography": {"gen/measured/instruments.py", "bench/populations/made_maps.py"},
     "matplotlib": {"gen/runtime/figure.py", "bench"},
     "sklearn": {"learn", "bench"},
     "xgboost": {"learn/models.py"},

@@ -10,38 +10,21 @@ from gen.measured import text
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 
-CONTROL_CHARACTERS = bytes({*range(32)} - {*b"\t\n\v\f\r"})
-"""Control characters, none of which stands in a text file."""
 
-
-def load(path: Path, *, holes: bool = False) -> Heights:
-    """Read heights from a .npy or text file without changing them.
+def read(path: Path) -> list[text.Matrix]:
+    """Read the matrices of a .npy or text file; text with headers may have more than one.
 
     Parameters
     ----------
     path : Path
         A .npy file, or text with one row of numbers on each line. Numbers are separated by `;`,
-        else by commas, else by whitespace; `#` begins a comment. This includes MIRCO's topologies
-        (.dat, a `;` after each number). Of several matrices under headers the first is read.
-    holes : bool
-        Whether NaN is allowed, for nodes that were not measured.
+        else by whitespace around decimal commas, else by commas, else by whitespace; `#` begins a
+        comment. This includes MIRCO's topologies (.dat, a `;` after each number).
 
     Returns
     -------
-    ndarray, shape (rows, columns)
-        C-contiguous heights [um].
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or does not hold a 2-D array of 2 x 2 or more finite numbers.
-    """
-    [matrix] = read(path)[:1]
-    return checked(matrix.numbers, path, holes=holes)
-
-
-def read(path: Path) -> list[text.Matrix]:
-    """Read the matrices of a .npy or text file; text with headers may have more than one.
+    list of Matrix
+        Matrices in the order of the file.
 
     Raises
     ------
@@ -56,24 +39,25 @@ def read(path: Path) -> list[text.Matrix]:
         raise InputError(f"{path}: cannot be read ({fault}); give a .npy or text file") from error
     if path.suffix.lower() == ".npy" or content.startswith(np.lib.format.MAGIC_PREFIX):
         return [text.Matrix(_from_npy(content, path))]
-    if any(character in content for character in CONTROL_CHARACTERS):
+    decoded = text.decoded(content)
+    if decoded is None:
         raise InputError(f"{path}: is neither .npy nor text; give one of them")
-    return text.matrices(content, path)
+    return text.matrices(decoded, path)
 
 
-def checked(heights: Heights, path: Path, *, holes: bool) -> Heights:
-    """Refuse heights that are not 2-D, 2 x 2 or more and finite; `holes` allows NaN."""
+def checked(heights: Heights, path: Path) -> Heights:
+    """Refuse heights that are not 2-D, 2 x 2 or more, finite or NaN, and not all NaN."""
     if heights.ndim != 2 or min(heights.shape) < 2:
         shape = " x ".join(str(length) for length in heights.shape) or "a single number"
         content = shape if heights.size else "no heights"
         raise InputError(f"{path}: holds {content}; give 2-D heights, 2 x 2 or more")
-    allowed = ~np.isinf(heights) if holes else np.isfinite(heights)
-    refused = heights.size - int(np.count_nonzero(allowed))
+    refused = int(np.count_nonzero(np.isinf(heights)))
     if refused:
-        kind = "infinite" if holes else "NaN or infinite"
         raise InputError(
-            f"{path}: {refused} of {heights.size} heights are {kind}; give finite heights"
+            f"{path}: {refused} of {heights.size} heights are infinite; give finite heights"
         )
+    if np.isnan(heights).all():
+        raise InputError(f"{path}: all of its {heights.size} heights are missing; measure again")
     return heights
 
 

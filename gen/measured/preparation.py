@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gen.arrays import Heights, Values
 from gen.measured import steps
 from gen.measured.settings import SPIKE, Preparation
-from gen.measured.topography import Topography, intervals
+from gen.measured.topography import WIDEST, Topography, intervals
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
 
@@ -42,9 +42,6 @@ plane is twice that of the rest. Pieces of self-affine surfaces without a roll-o
 
 FEWEST_TILTED = 8
 """Nodes a side from which a map can be called tilted: a plane fits fewer by chance."""
-
-TRIPLES = 100
-"""Rows from which a file with three columns is a list of points rather than a narrow map."""
 
 
 def prepare(topography: Topography, settings: Preparation) -> Topography:
@@ -116,7 +113,7 @@ def _with_measured_nodes(topography: Topography, settings: Preparation) -> Topog
 
 
 def surface_warnings(topography: Topography) -> list[str]:
-    """List reasons to distrust contacts of a surface: spikes, slopes, wrong units, lists of points.
+    """List reasons to distrust contacts of a surface: spikes, slopes, wrong units.
 
     Parameters
     ----------
@@ -136,21 +133,17 @@ def surface_warnings(topography: Topography) -> list[str]:
         fault += f" {above:.4g} um above its neighbours"
         remedies = f"--despike {SPIKE:g} removes spikes", "--crop leaves this part out"
         warnings.append(advised(topography, fault, *remedies))
-    slope = rms_slope(topography.heights, topography.spacing)
+    slope, step = rms_slope(topography.heights, topography.spacing), max(topography.spacing)
+    scale = f"rms slope {slope:.2g} between nodes {step:.3g} um apart"
     if slope > STEEP:
         warnings.append(
-            f"rms slope {slope:.2g}: the theory of the half-space takes slopes for small"
+            f"{scale}: the theory of the half-space takes slopes for small"
             f" (below {STEEP:g}); check the unit of heights and lengths"
         )
-    if 0 < slope < FLAT:
-        fault = f"rms slope {slope:.2g}: flatter than a mirror; are the heights in metres"
+    if 0 < slope < FLAT and step <= WIDEST:  # else their distance is wrong, which `read` says
+        fault = f"{scale}: flatter than a mirror; are the heights in metres"
         warnings.append(advised(topography, fault, "--unit m reads them so"))
     warnings += _border_warnings(topography)
-    rows, columns = topography.heights.shape
-    if columns == 3 and rows >= TRIPLES:
-        warnings.append(
-            f"{rows} x 3 nodes: if this is a list of x, y and z, give the heights as a grid"
-        )
     return warnings
 
 

@@ -1,11 +1,13 @@
-"""Read matrices of heights from text, with the headers that microscopes' programs write above them.
+"""Read numbers from text, with the headers that microscopes' programs write above them.
 
 Headers of Gwyddion's ASCII export (in all its languages), of SPIP, Attocube, Nova and WSxM are
-understood. In all of these, x runs along the lines.
+understood. In all of these, x runs along the lines. `gen.measured.points` tells whether the numbers
+are heights or coordinates.
 """
 
 from __future__ import annotations
 
+import codecs
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -43,15 +45,19 @@ MEANINGS = {word: meaning for meaning, words in LABELS.items() for word in words
 """Quantity of each label."""
 
 ENTRY = re.compile(r"(?P<label>[^:=：]{1,40}?)\s*[:=：]\s*(?P<value>.*)")
-QUANTITY = re.compile(r"(?P<number>[-+]?\d*[.,]?\d+(?:[eE][-+]?\d+)?)\s*(?P<unit>.*)")
+QUANTITY = re.compile(r"(?P<number>[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>.*)")
+NAME = re.compile(r"\W*(?P<name>[^\W\d_]+)[^\[(/]*?(?:(?:[\[(/]|\bin )\s*(?P<unit>[^\])]*)\W*)?")
+"""Name of a column with its unit: `x`, `X [mm]`, `Z_(microns)`, `y/um`, `x in nm`."""
+HEIGHT = {"z", "h", "height", "heights"}
+"""Names of columns of heights."""
+CONTROL_CHARACTERS = re.compile("[\0-\x08\x0e-\x1f]")
+"""Control characters, none of which stands in a text file."""
+WITH_COMMA = re.compile(r"[-+]?\d+(,\d+)?([eE][-+]?\d+)?")
+"""Number with a decimal comma."""
 BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
 """First line of files whose header has no `#` in front."""
 SAYS_LENGTHS = re.compile(r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|\d\s*m)\b|Å")
 """Unit of length in a comment that we do not understand; the user is warned of it."""
-POINTS = (
-    "give the heights as a grid, one row of them a line (an .xyz file of points on a regular grid"
-    " is read by SurfaceTopography)"
-)
 
 
 @dataclass(eq=False)
@@ -85,6 +91,11 @@ class Matrix:
         return 1.0, _unit(self.entries.get("value unit", ""))
 
     @property
+    def names(self) -> list[str]:
+        """Coordinate in each column, "" for another quantity; empty if no line names them."""
+        return self.entries["columns"].split(",") if "columns" in self.entries else []
+
+    @property
     def widths(self) -> tuple[tuple[float, str], tuple[float, str]] | None:
         """Lengths along the lines and across them with their units ("" if unknown).
 
@@ -106,12 +117,36 @@ class Matrix:
         return (width, x_unit), (height, y_unit)
 
 
-def matrices(content: bytes, path: Path) -> list[Matrix]:
-    """Read the numbers of a text file: one matrix, or one for each header that names a channel.
+def decoded(content: bytes) -> str | None:
+    """Decode text in UTF-8, UTF-16 or, but for its foreign letters, another encoding.
 
     Parameters
     ----------
     content : bytes
+        Content of a file, or its beginning.
+
+    Returns
+    -------
+    str or None
+        The text; None for content that is not text.
+    """
+    encoding = "utf-8-sig"
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        encoding = "utf-16"
+    elif content[1:2] == b"\0" != content[:1]:
+        encoding = "utf-16-le"
+    elif content[:1] == b"\0" != content[1:2]:
+        encoding = "utf-16-be"
+    decoded = content.decode(encoding, errors="replace")
+    return None if CONTROL_CHARACTERS.search(decoded) else decoded
+
+
+def matrices(content: str, path: Path) -> list[Matrix]:
+    """Read the numbers of a text file: one matrix, or one for each header that names a channel.
+
+    Parameters
+    ----------
+    content : str
         Content of the file.
     path : Path
         Name of the file, for messages.
@@ -124,20 +159,21 @@ def matrices(content: bytes, path: Path) -> list[Matrix]:
     Raises
     ------
     InputError
-        If there are words among the numbers, rows of unequal length, or fewer rows than a header
-        states.
+        If there are words among the numbers, rows of unequal length, fewer rows than a header
+        states, or names of the columns of a profile.
     """
     read: list[Matrix] = []
     rows: list[list[float]] = []
     entries: dict[str, str] = {}
     remarks: list[str] = []
-    for number, comment, fields in _lines(content):
+    for number, comment, fields in _lines(content, path):
         stated = _entry(comment)
         if stated and rows and stated[0] in {"channel", "width"}:
             read.append(_matrix(path, rows, entries, remarks))
             rows, entries, remarks = [], {}, []
-        if stated:
-            entries.setdefault(*stated)
+        named = {} if rows or fields or stated else _columns(comment)
+        if stated or named:
+            entries = dict([stated] if stated else named.items()) | entries
         elif SAYS_LENGTHS.search(comment):
             remarks.append(" ".join(comment.split())[:60])
         if fields:
@@ -147,18 +183,52 @@ def matrices(content: bytes, path: Path) -> list[Matrix]:
     return read
 
 
-def _lines(content: bytes) -> Iterator[tuple[int, str, list[str]]]:
-    """Yield number, comment and fields of every line that has a comment or fields."""
-    lines = content.decode("utf-8-sig", errors="replace").splitlines()
+def _columns(line: str, place: str = "") -> dict[str, str]:
+    """Return the names and units of columns x, y and z as entries of a header.
+
+    Other lines have none. Two or three names with x, but not with y and z, are refused at a place.
+    """
+    words = _fields(re.sub(r"\s+(?=[\[(])", "", line))  # units set off by a blank
+    matches = [NAME.fullmatch(word.strip()) for word in words]
+    stated = [(match["name"].lower(), match["unit"]) if match else ("", "") for match in matches]
+    axes = ["z" if name in HEIGHT else name if name in {"x", "y"} else "" for name, _ in stated]
+    if sorted(filter(None, axes)) == ["x", "y", "z"]:
+        keys = {"x": "x unit", "y": "y unit", "z": "value unit"}
+        units = zip(axes, stated, strict=True)
+        return {keys[axis]: unit for axis, (_, unit) in units if axis and unit} | {
+            "columns": ",".join(axes)
+        }
+    if place and "x" in axes and 2 <= len(axes) <= 3:
+        raise InputError(
+            f"{place}: {', '.join(words)[:40]}: looks like the columns of a profile or of a list of"
+            " points; give a map of heights, or points in columns x, y and z"
+        )
+    return {}
+
+
+def _lines(content: str, path: Path) -> Iterator[tuple[int, str, list[str]]]:
+    """Yield number, comment and fields of every line that has a comment or fields.
+
+    Lines of words above the first numbers are comments, unless they state a value.
+    """
+    lines = content.splitlines()
     first = next((line for line in lines if line.strip()), "")
-    bare = BARE.match(first) is not None
+    bare, begun, titles = BARE.match(first) is not None, False, 0
     for number, line in enumerate(lines, start=1):
         text, _, comment = line.partition("#")
         fields = _fields(text.strip())
         if bare and not all(map(_is_number, fields)):
             comment, fields = line, []
+        elif fields and not (
+            begun or ENTRY.fullmatch(text.strip()) or any(map(_is_number, fields))
+        ):
+            _columns(text, f"{path}, line {number}")
+            comment, fields, titles = text, [], titles or number
+        begun = begun or bool(fields)
         if fields or comment.strip():
             yield number, comment.strip(), fields
+    if titles and not begun:  # words alone
+        _complain(lines[titles - 1].split()[0], path, titles)
 
 
 def _matrix(
@@ -213,13 +283,12 @@ def _unit(text: str) -> str:
 
 
 def _row(fields: list[str], path: Path, line: int, above: list[list[float]]) -> list[float]:
-    """Return the numbers of one line; refuse another number of them than in the lines above."""
-    if not above and 2 <= len(fields) <= 3 and fields[0].strip().lower().startswith("x"):
-        names = ", ".join(field.strip() for field in fields)[:40]
-        raise InputError(
-            f"{path}, line {line}: {names}: looks like the columns of a profile or of a list of"
-            f" points; {POINTS}"
-        )
+    """Return the numbers of one line; refuse another number of them than in the lines above.
+
+    The first line may have a word or a blank in front: the corner of a map with coordinates.
+    """
+    if not above and len(fields) > 3 and all(map(_is_number, fields[1:])):
+        fields = [fields[0] if _is_number(fields[0]) else "nan", *fields[1:]]
     try:
         row = [float(field) for field in fields]
     except ValueError:
@@ -233,11 +302,17 @@ def _row(fields: list[str], path: Path, line: int, above: list[list[float]]) -> 
 
 
 def _fields(line: str) -> list[str]:
-    """Split a line into fields; a separator may end the line."""
-    separator = next((mark for mark in ";," if mark in line), None)
-    if separator is None:
-        return line.split()
-    return line.removesuffix(separator).split(separator)
+    """Split a line into fields; a separator may end the line, and commas may be decimal."""
+    words = line.split()
+    if ";" in line:
+        words = line.removesuffix(";").split(";")
+    elif "," in line and (
+        len(words) < 2 or not all(WITH_COMMA.fullmatch(each) or _is_number(each) for each in words)
+    ):
+        return line.removesuffix(",").split(",")
+    return [
+        each.replace(",", ".") if WITH_COMMA.fullmatch(each.strip()) else each for each in words
+    ]
 
 
 def _is_number(field: str) -> bool:
@@ -253,5 +328,5 @@ def _complain(field: str, path: Path, line: int) -> NoReturn:
     shown = repr(field.strip())[:40]
     raise InputError(
         f"{path}, line {line}: {shown} is not a number; give numbers separated by whitespace,"
-        " commas or ';'"
+        " commas or ';', and nan for a missing height"
     )

@@ -1,21 +1,23 @@
 """Read measured topographies: heights and lengths of an instrument's file, converted to um.
 
-`gen.measured.grid_file` reads .npy files and text; SurfaceTopography, whose home is here, reads all
-further formats.
+`gen.measured.grid_file` reads .npy files and text, `gen.measured.instruments` all further formats.
+`gen.measured.points` tells whether the numbers are heights.
 """
 
 from __future__ import annotations
 
-import warnings
-from dataclasses import dataclass
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gen.arrays import Heights
-from gen.measured import grid_file, text
+from gen.measured import grid_file, instruments, text
 from gen.measured.channel import Channel, choice_in_words, choose_channel
+from gen.measured.points import arranged
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 from gen.runtime.numbers import magnitude
@@ -25,12 +27,13 @@ if TYPE_CHECKING:  # surfaces are described without the solver
 
 Sides = tuple[float, float]
 
-UNITS = {"m": 1e6, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "A": 1e-4, "Å": 1e-4}
+METRIC = {"m": 1e6, "cm": 1e4, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "pm": 1e-6}
+UNITS = METRIC | {"A": 1e-4, "Å": 1e-4, "inch": 25.4e3}
 """Length of each unit [um]."""
-CHANCE = 8
-"""Numbers that hardly ever rise or fall throughout, unless they are coordinates."""
-STRIP = 100
-"""Rows from which two or three columns are a list of points rather than a narrow map."""
+WORDS = {"micron": "um", "angstrom": "A", "ångström": "A", "in": "inch", '"': "inch"}
+"""Units by other names in the singular; those in metres are read by their prefix."""
+NEAREST, WIDEST = 1e-6, 1e4
+"""Spacings of the nodes of a measured map, at least and at most [um]: 1 pm and 1 cm."""
 OWN_SUFFIXES = {".npy", ".txt", ".dat", ".csv", ".asc", ""}
 """Suffixes of files that need no SurfaceTopography."""
 
@@ -103,7 +106,7 @@ class _Scan:
     lengths : tuple of float, optional
         Lengths of the patch along x and y [length_unit]; None if the file has none.
     unit : str, optional
-        Unit of the heights, None if the file names none.
+        Unit of the heights; if the file names none, "" for one in um by default, else None.
     length_unit : str, optional
         Unit of the lengths, None for that of the heights.
     origin : str
@@ -167,12 +170,15 @@ def read(
     """
     if override_scale and not (side or unit):
         raise InputError("--override-scale: give --side, --unit or both, to overrule the file's")
-    own = path.suffix.lower() in OWN_SUFFIXES and not _is_foreign(path)
-    scan = (_own_scan if own else _instrument_scan)(path, channel, boundary)
-    _check(path, scan.heights)
+    matrices, reason = _matrices(path)
+    scan = (
+        _own_scan(path, matrices, channel, boundary, override_scale and bool(unit))
+        if matrices
+        else _instrument_scan(path, channel, boundary, reason)
+    )
     overruled: list[str] = []
-    heights_unit = _agreed_unit(path, scan, unit, overruled if override_scale else None)
     allowed = overruled if override_scale else None
+    heights_unit = _agreed_unit(path, scan, unit, allowed)
     sides = _agreed_sides(path, scan, heights_unit, side, boundary, allowed)
     with np.errstate(over="ignore"):
         heights = scan.heights * _factor(heights_unit or "um", "--unit")
@@ -187,16 +193,30 @@ def read(
         f"the file says {remark!r}, which is not read: check --side and --unit against it"
         for remark in scan.remarks
     ]
-    return Topography(
+    topography = Topography(
         name=str(path),
         heights=heights,
         sides=sides,
         steps=tuple(steps),
-        warnings=tuple(distrust),
         boundary=boundary,
         unit=heights_unit or "",
         repeats=scan.repeats,
     )
+    return replace(topography, warnings=(*distrust, *_absurd(topography)))
+
+
+def _absurd(topography: Topography) -> list[str]:
+    """Warn of a scale that no instrument has; say which number it is."""
+    heights = topography.heights
+    span = float(np.nanmax(heights) - np.nanmin(heights))
+    numbers = [(step, f"its nodes are {step:.3g} um apart") for step in set(topography.spacing)]
+    numbers += [(span, f"its heights span {span:.3g} um")] if span else []
+    return [
+        f"{said}, which no instrument measures; compare with the instrument's own display, and"
+        " overrule the file by --side or --unit with --override-scale"
+        for number, said in numbers
+        if not NEAREST <= number <= WIDEST
+    ]
 
 
 def _first_step(scan: _Scan, heights: Heights, unit: str | None) -> str:
@@ -231,20 +251,21 @@ def sides_from(text: str) -> Sides:
     return lengths[0], lengths[-1]
 
 
-def _check(path: Path, heights: Heights) -> None:
-    """Refuse heights that are no map of at least 2 x 2 nodes, or all missing."""
-    if heights.ndim != 2 or min(heights.shape) < 2:
-        shape = " x ".join(str(length) for length in heights.shape)
-        raise InputError(f"{path}: holds {shape} heights; give 2-D heights, 2 x 2 or more")
-    if np.isnan(heights).all():
-        raise InputError(f"{path}: all of its {heights.size} heights are missing; measure again")
-
-
 def _factor(unit: str, name: str) -> float:
     """Return the length of a unit [um]."""
-    if unit not in UNITS:
+    if _unit(unit) not in UNITS:
         raise InputError(f"{name} {unit!r}: give one of {', '.join(UNITS)}")
-    return UNITS[unit]
+    return UNITS[_unit(unit)]
+
+
+def _unit(name: str) -> str:
+    """Return the key of `UNITS` for a unit by one of its names; other names as they are."""
+    word = name.lower().removesuffix("s").removesuffix("e")
+    metres = re.fullmatch("(p|n|m|c|)(?:ico|ano|illi|enti|)(micro|)met(?:er|r)", word)
+    if metres:
+        return ("u" if metres[2] else metres[1]) + "m"
+    known = word in UNITS and len(word) > 1  # M and a are no units of length
+    return name if name in UNITS else WORDS.get(word, word if known else name)
 
 
 def _agreed_unit(path: Path, scan: _Scan, given: str, overruled: list[str] | None) -> str | None:
@@ -253,19 +274,18 @@ def _agreed_unit(path: Path, scan: _Scan, given: str, overruled: list[str] | Non
     If the user's unit overrules the file's, that is appended to `overruled`; None forbids it.
     """
     own = scan.unit
-    if given:
-        _factor(given, "--unit")
-    if own is None:
-        if not given and (scan.lengths is not None or path.suffix.lower() not in OWN_SUFFIXES):
+    factor = _factor(given, "--unit") if given else None
+    if not own:
+        if not given and (scan.lengths is not None or own is None):
             raise InputError(f"{path}: names no unit; give --unit, one of {', '.join(UNITS)}")
         return given or None
-    if not given or UNITS[given] == UNITS.get(own):
+    if not given or factor == UNITS.get(_unit(own)):
         _factor(own, f"{path}: unit")
         return given or own
     if overruled is None:
         raise InputError(
-            f"{path}: its lengths are in {own}, --unit says {given}; leave that out, or overrule"
-            " the file by --override-scale"
+            f"{path}: its {'lengths' if scan.length_unit is None else 'heights'} are in {own},"
+            f" --unit says {given}; leave that out, or overrule the file by --override-scale"
         )
     overruled.append(f"unit {own}, taken as {given}")
     return given
@@ -288,7 +308,12 @@ def _agreed_sides(
             hint = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
             raise InputError(f"{path}: holds no lengths; give --side, the scan length in um{hint}")
         return _sides_of(path, scan.heights.shape, side, boundary)
-    factor = _factor(scan.length_unit or unit or "um", f"{path}: unit")
+    length_unit = scan.length_unit or unit or "um"
+    if side and overruled is not None and _unit(length_unit) not in UNITS:
+        given = _sides_of(path, scan.heights.shape, side, boundary)
+        overruled.append(f"lengths in {length_unit}, taken as {given[0]:g} x {given[1]:g} um")
+        return given
+    factor = _factor(length_unit, f"{path}: unit of lengths")
     own = scan.lengths[0] * factor, scan.lengths[1] * factor
     if not side:
         return own
@@ -318,132 +343,87 @@ def _sides_of(path: Path, shape: tuple[int, ...], side: str, boundary: Boundary)
     return lengths
 
 
-def _own_scan(path: Path, wanted: str, boundary: Boundary) -> _Scan:
-    """Read the map in a .npy or text file, with the entries of its header."""
-    matrices = grid_file.read(path)
-    units = [matrix.value_unit for matrix in matrices]
-    channels = [
-        Channel(place, matrix.channel or f"matrix {place}", not unit or unit in UNITS, unit)
-        for place, (matrix, (_, unit)) in enumerate(zip(matrices, units, strict=True))
-    ]
-    taken = choose_channel(path, channels, wanted).index
-    matrix, (factor, unit) = matrices[taken], units[taken]
-    # An overflow is refused by `read`; a signalling NaN is a hole like every NaN.
-    with np.errstate(over="ignore", invalid="ignore"):
-        heights = factor * grid_file.checked(matrix.numbers, path, holes=True)
-    widths, remarks = matrix.widths, matrix.remarks
-    origin = choice_in_words(channels, taken)
-    if widths is None:
-        _refuse_points(path, heights)
-        return _Scan(heights, unit=unit or None, origin=origin, remarks=remarks)
-    (width, length_unit), (length, other_unit) = widths
-    if other_unit != length_unit:
-        length *= _factor(other_unit, f"{path}: unit") / _factor(length_unit, f"{path}: unit")
-    heights = np.ascontiguousarray(heights.T)
-    nx, ny = heights.shape
-    return _Scan(
-        heights=heights,
-        lengths=(width * intervals(nx, boundary) / nx, length * intervals(ny, boundary) / ny),
-        unit=unit or None,
-        length_unit=length_unit or None,
-        origin=f"{origin} under a header, x along its lines",
-        remarks=remarks,
-    )
+def _matrices(path: Path) -> tuple[list[text.Matrix], str]:
+    """Read the matrices of a .npy or text file, whatever its suffix; or none, and the reason.
 
-
-def _refuse_points(path: Path, heights: Heights) -> None:
-    """Refuse two or three columns that are coordinates rather than a narrow map of heights."""
-    for columns, direction in ((heights, "columns"), (heights.T, "rows")):
-        points, axes = columns.shape
-        if axes > 3 or points < 3:
-            continue
-        rising = _is_axis(columns[:, 0])
-        kind = "a profile, x and z," if axes == 2 else "a list of points, x, y and z,"
-        if (points > axes and (rising or (axes == 3 and _is_grid(columns)))) or points >= STRIP:
-            raise InputError(
-                f"{path}: holds {points} x {axes} numbers in {direction}: looks like {kind} not a"
-                f" map of heights; {text.POINTS}"
-            )
-
-
-def _is_axis(values: Heights) -> bool:
-    """Tell whether numbers rise or fall like coordinates: many of them, or in even steps."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        steps = np.diff(values)
-        even = np.allclose(steps, steps[0], rtol=1e-3, atol=0)
-    return bool((steps > 0).all() or (steps < 0).all()) and (even or values.size >= CHANCE)
-
-
-def _is_grid(columns: Heights) -> bool:
-    """Tell whether the first two columns hold every node of a rectangular grid once."""
-    x, y = np.unique(columns[:, 0]), np.unique(columns[:, 1])
-    pairs = np.unique(columns[:, :2], axis=0)
-    return min(x.size, y.size) > 1 and x.size * y.size == len(columns) == len(pairs)
-
-
-def _is_foreign(path: Path) -> bool:
-    """Tell whether a .dat file is an instrument's binary one rather than text."""
+    Files of instruments may begin like text, or be text that only SurfaceTopography understands.
+    """
+    own = path.suffix.lower() in OWN_SUFFIXES
     try:
         with require_file(path).open("rb") as file:
             start = file.read(1024)
     except (OSError, ValueError):
-        return False
-    binary = any(character in start for character in grid_file.CONTROL_CHARACTERS)
-    return path.suffix.lower() == ".dat" and binary and not start.startswith(b"\x93NUMPY")
-
-
-def _instrument_scan(path: Path, wanted: str, boundary: Boundary) -> _Scan:
-    """Read the wanted map of an instrument's file."""
+        return (grid_file.read(path) if own else []), ""  # which says why it cannot be read
+    binary = text.decoded(start) is None and not start.startswith(np.lib.format.MAGIC_PREFIX)
+    if own and not (binary and path.suffix.lower() == ".dat"):
+        return grid_file.read(path), ""
+    if binary or not start:
+        return [], ""
     try:
-        from SurfaceTopography import open_topography
-    except ImportError:
-        from gen.runtime.installing import command_for
-
-        raise InputError(
-            f"{path}: only .npy and text can be read without SurfaceTopography:"
-            f" {command_for('instruments')}"
-        ) from None
-    if not require_file(path).is_file():
-        raise InputError(f"{path}: is no file that could be read")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore"
-            )  # every reader that is tried warns about foreign formats
-            return _scan_of(path, open_topography(str(path)), wanted, boundary)
-    except InputError:
-        raise
-    except Exception as error:  # a broken file makes its readers raise nearly anything
-        fault = " ".join(str(error).split())[:80]
-        raise InputError(
-            f"{path}: SurfaceTopography cannot read it ({type(error).__name__}: {fault})"
-        ) from None
+        matrices = grid_file.read(path)
+        grid_file.checked(matrices[0].numbers, path)
+    except InputError as error:
+        return [], str(error)
+    return matrices, ""
 
 
-def _scan_of(path: Path, reader: Any, wanted: str, boundary: Boundary) -> _Scan:
-    """Read the wanted map of an open file, with NaN at holes and lengths of the patch."""
-    maps = {channel.index: channel for channel in reader.channels if channel.dim == 2}
-    if not maps:
-        raise InputError(f"{path}: it holds line scans only; give a map of heights")
+def _own_scan(
+    path: Path, matrices: Sequence[text.Matrix], wanted: str, boundary: Boundary, overruled: bool
+) -> _Scan:
+    """Choose the map of a .npy or text file; if `overruled`, its unit need not be a length."""
+    units = [matrix.value_unit for matrix in matrices]
     channels = [
-        # Older readers of SurfaceTopography have no such attribute, and return heights only.
         Channel(
-            index=index,
-            name=str(channel.name),
-            heights=bool(getattr(channel, "is_height_channel", True)),
-            unit=str(getattr(channel, "data_unit", None) or ""),
+            index=place,
+            name=matrix.channel or f"matrix {place}",
+            heights=not unit or overruled or _unit(unit) in UNITS,
+            unit=unit,
         )
-        for index, channel in maps.items()
+        for place, (matrix, (_, unit)) in enumerate(zip(matrices, units, strict=True))
     ]
     taken = choose_channel(path, channels, wanted).index
-    channel = maps[taken]
-    given = {} if channel.physical_sizes is not None else {"physical_sizes": channel.nb_grid_pts}
-    topography = reader.topography(channel_index=taken, **given)
-    heights = np.ma.filled(np.ma.asarray(topography.heights(), dtype=np.float64), np.nan)
-    lengths = None
-    if channel.physical_sizes is not None:
-        nx, ny = heights.shape
-        width, length = (float(size) for size in topography.physical_sizes)
-        lengths = width * intervals(nx, boundary) / nx, length * intervals(ny, boundary) / ny
-    origin, repeats = choice_in_words(channels, taken), bool(topography.is_periodic)
-    return _Scan(heights, lengths, topography.unit, origin=origin, repeats=repeats)
+    matrix, (factor, unit) = matrices[taken], units[taken]
+    heights, widths = grid_file.checked(matrix.numbers, path), None
+    x_unit, y_unit = (matrix.entries.get(f"{axis} unit", "") for axis in "xy")
+    origin = choice_in_words(channels, taken)
+    if matrix.widths is not None:
+        (width, x_unit), (length, y_unit) = matrix.widths
+        if _unit(y_unit) != _unit(x_unit):
+            length *= _factor(y_unit, f"{path}: unit") / _factor(x_unit, f"{path}: unit")
+        widths, heights = (width, length), np.ascontiguousarray(heights.T)
+        origin += " under a header, x along its lines"
+    elif y_unit and _unit(y_unit) != _unit(x_unit):
+        raise InputError(f"{path}: has x in {x_unit} and y in {y_unit}; give both in one unit")
+    scan = _scan(path, heights, widths, boundary, matrix.names)
+    # An overflow is refused by `read`; a signalling NaN is a hole like every NaN.
+    with np.errstate(over="ignore", invalid="ignore"):
+        heights = factor * scan.heights
+    origin, length_unit = origin + scan.origin, x_unit or None
+    return _Scan(heights, scan.lengths, unit, length_unit, origin, matrix.remarks)
+
+
+def _instrument_scan(path: Path, wanted: str, boundary: Boundary, reason: str) -> _Scan:
+    """Read the wanted map of an instrument's file; `reason` says why it is no table of numbers."""
+    found = instruments.read(path, wanted, reason)
+    scan = _scan(path, grid_file.checked(found.heights, path), found.widths, boundary)
+    origin = found.origin + scan.origin
+    return replace(scan, unit=found.unit, origin=origin, repeats=found.repeats)
+
+
+def _scan(
+    path: Path,
+    heights: Heights,
+    widths: Sides | None,
+    boundary: Boundary,
+    names: Sequence[str] = (),
+) -> _Scan:
+    """Return a map with the lengths of its patch, those of all its pixels or of coordinates."""
+    origin = ""
+    if widths is None:
+        heights, spacing, origin = arranged(path, heights, names)
+        if spacing is None:
+            return _Scan(heights, origin=origin)
+        widths = spacing[0] * heights.shape[0], spacing[1] * heights.shape[1]
+    (nx, ny), (width, length) = heights.shape, widths
+    lengths = width * intervals(nx, boundary) / nx, length * intervals(ny, boundary) / ny
+    return _Scan(heights, lengths, origin=origin)

@@ -23,7 +23,7 @@ from gen.scans import store
 from gen.scans.store import PreparedMap
 from gen.scans.tiles import Shape
 
-READER = 1
+READER = 2
 """Number of this way to read and prepare: raised whenever the code gives other heights."""
 
 Spacing = tuple[float, float]
@@ -231,7 +231,7 @@ def _read(path: Path, wanted: Wanted) -> Topography:
 
 
 def _square(spacing: Spacing) -> Spacing:
-    """Return two spacings without what conversions of units left, and equal if nearly so."""
+    """Round two spacings to 12 digits, and make them equal if they nearly are."""
     x, y = (float(f"{step:.12g}") for step in spacing)
     return (x, x) if is_same(x, y) else (x, y)
 

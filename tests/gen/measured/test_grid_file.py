@@ -12,9 +12,15 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gen import cli
-from gen.measured.grid_file import load
+from gen.measured import grid_file
 from gen.runtime.errors import InputError
 from gen.surface import generate
+
+
+def load(path: Path) -> np.ndarray:
+    """Return the first matrix of a file."""
+    return grid_file.checked(grid_file.read(path)[0].numbers, path)
+
 
 MIRCO = Path(__file__).parents[4] / "shared" / "mirco"
 
@@ -54,6 +60,9 @@ def test_reads_the_topologies_of_mirco(name, nodes, corner, highest):
         "   1.0e+00;   2.0e+00;   3.0e+00;\n   4.0e+00;   5.0e+00;   6.0e+00;\n",
         "# width 3, height 2; from a profilometer\n1;2;3 # first\n\n4;5;6\n# end\n",
         "\ufeff1 2 3\n4 5 6",
+        "1,0 2,0 3,0\n4,0 5,0 6,0\n",
+        "1,0;2;3\n4;5,0e0;6;\n",
+        "Heights of a plate\n1 2 3\n4 5 6\n",
     ],
 )
 def test_reads_text_with_any_separator_and_comments(tmp_path, text):
@@ -118,13 +127,12 @@ FAULTS = {
     "not finite": (
         "a.npy",
         npy(np.array([[1, np.nan], [np.inf, -np.inf]])),
-        "3 of 4 heights are NaN or infinite",
+        "2 of 4 heights are infinite",
     ),
-    "nan in text": ("a.txt", "1 2\nnan 1e999\n", "2 of 4 heights are NaN or infinite"),
+    "nan in text": ("a.txt", "1 2\nnan 1e999\n", "1 of 4 heights are infinite"),
     "words": ("a.txt", "# heights\n1 2\n3 x4\n", "line 3: 'x4' is not a number; give numbers sep"),
     "complex text": ("a.txt", "1 2\n3 4j\n", "line 2: '4j' is not a number"),
-    "decimal commas": ("a.csv", "1,5;2,5\n3,5;4,5\n", "line 1: '1,5' is not a number"),
-    "more decimal commas": ("a.csv", "1,5 2,5\n3,5 4,5\n", "line 1: '5 2' is not a number"),
+    "commas of thousands": ("a.csv", "1,500,000;2\n3;4\n", "line 1: '1,500,000' is not a number"),
     "a gap": ("a.csv", "1,2,3\n4,,6\n", "line 2: '' is not a number"),
     "ragged": ("a.dat", "1;2;3;\n\n4;5;\n", "line 3: 2 numbers where the first row has 3; give"),
     "empty text": ("a.txt", "", "holds no heights; give 2-D heights"),
@@ -132,7 +140,7 @@ FAULTS = {
     "one line": ("a.txt", "1 2 3\n", "holds 1 x 3; give 2-D heights"),
     "image": ("a.png", b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", r"is neither \.npy nor text"),
     "HDF5": ("a.h5", b"\x89HDF\r\n\x1a\n\x00\x00", r"is neither \.npy nor text"),
-    "utf-16": ("a.txt", "1 2\n3 4\n".encode("utf-16"), r"is neither \.npy nor text"),
+    "utf-32": ("a.txt", "1 2\n3 4\n".encode("utf-32"), r"is neither \.npy nor text"),
     "latin-1": ("a.txt", b"1 2\n3 \xb5\n", "line 2: '\ufffd' is not a number"),
 }
 
@@ -154,7 +162,7 @@ def test_files_that_hold_no_heights_are_refused_in_one_line(tmp_path, name, cont
 )
 def test_heights_beyond_double_precision_are_refused(tmp_path):
     path = write(tmp_path, "a.npy", npy(np.full((2, 2), np.finfo(np.longdouble).max)))
-    with pytest.raises(InputError, match="4 of 4 heights are NaN or infinite"):
+    with pytest.raises(InputError, match="4 of 4 heights are infinite"):
         load(path)
 
 
@@ -200,7 +208,7 @@ def assert_heights_or_refusal(folder: Path, name: str, content: bytes | str) -> 
         assert "\n" not in outcome
     else:
         assert min(outcome.shape) >= 2
-        assert np.isfinite(outcome).all()
+        assert not np.isinf(outcome).any()
 
 
 def heights_or_refusal(path: Path) -> np.ndarray | str:

@@ -317,12 +317,12 @@ def test_flat_and_smooth_surfaces_have_nothing_to_tell() -> None:
     assert not surface_warnings(topography(-((X - 11) ** 2) / 1e3))
 
 
-def test_heights_in_metres_and_lists_of_points_are_told() -> None:
+def test_heights_in_metres_are_told_unless_their_distance_is_wrong() -> None:
     rough = generate("diamond-square", 33, 0.65, 2.0, np.random.default_rng(0))
     [warning] = surface_warnings(topography(1e-6 * rough, (100.0, 100.0)))
     assert "in metres: --unit" in warning
-    points = np.column_stack([np.arange(200.0), np.arange(200.0) % 7, np.zeros(200)])
-    assert any("a list of x, y and z" in line for line in surface_warnings(topography(points)))
+    assert "between nodes 3.12 um apart" in warning
+    assert not surface_warnings(topography(rough, (1e7, 1e7)))  # reading says that
 
 
 def test_much_that_is_missing_is_warned_of_and_more_refused() -> None:

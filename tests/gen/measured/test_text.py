@@ -10,7 +10,7 @@ from gen import cli
 from gen.measured.topography import Topography, read
 from gen.runtime.errors import InputError
 
-LINES = np.random.default_rng(2).normal(size=(3, 4))  # 3 lines of 4 pixels along x
+LINES = np.random.default_rng(2).normal(scale=1e-3, size=(3, 4))  # 3 lines of 4 pixels along x
 NUMBERS = "\n".join("\t".join(repr(float(each)) for each in line) for line in LINES) + "\n"
 
 GWYDDION = "# Channel: Topo\n# Width: 10.00 µm\n# Height: 6.00 µm\n# Value units: m\n"
@@ -102,7 +102,7 @@ def test_concatenated_exports_are_channels(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("header", "message"),
     [
-        (GWYDDION.replace("µm", "ft"), "unit 'ft': give one of m, mm"),
+        (GWYDDION.replace("µm", "ft"), "unit of lengths 'ft': give one of m, cm, mm"),
         (GWYDDION.replace("# Value units: m\n", ""), "names no unit; give --unit"),
         (WSXM + "Z Amplitude: 2 nm\n", "names no unit; give --unit"),
         (SPIP.replace("= 4", "= 5"), "its header states . lines of 5 numbers, it holds 3 of 4"),
@@ -128,8 +128,7 @@ X, Y = (axis.ravel() for axis in np.mgrid[:9, :9])
 LISTS = {
     "profile": np.column_stack([np.linspace(0, 5, 10_001), np.zeros(10_001)]),
     "short profile": np.column_stack([np.arange(4), np.zeros(4)]),
-    "points": np.column_stack([X, Y, np.zeros(81)]),
-    "few points": np.array([[0, 0, 1], [0, 1, 1], [1, 0, 1], [1, 1, 2]]),
+    "doubled points": np.column_stack([X, Y, np.zeros(81)])[[*range(81), 4]],
     "scattered points": np.random.default_rng(0).normal(size=(200, 3)),
     "profile in rows": np.array([np.arange(9), np.zeros(9)]),
 }
@@ -146,8 +145,8 @@ def test_profiles_and_lists_of_points_are_refused(tmp_path: Path, numbers: np.nd
 
 
 def test_names_of_columns_are_told_and_strips_of_maps_are_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="x, y, z: looks like the columns of a profile"):
-        read(written(tmp_path, "x,y,z\n0,0,1\n"), "9")
+    with pytest.raises(InputError, match="x, z: looks like the columns of a profile"):
+        read(written(tmp_path, "x,z\n0,1\n"), "9")
     for shape in ((2, 2), (3, 3), (3, 2), (2, 3), (7, 2), (40, 3), (3, 40)):
         np.save(tmp_path / "strip.npy", np.random.default_rng(3).normal(size=shape))
         assert read(tmp_path / "strip.npy", "9,9").heights.shape == shape
@@ -157,7 +156,7 @@ def test_overruled_scales_and_pressures_are_told_everywhere(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     surface = str(written(tmp_path, GWYDDION + NUMBERS))
-    scale = ["--side", "90,90", "--unit", "um", "--override-scale"]
+    scale = ["--side", "90,90", "--unit", "mm", "--override-scale"]
     table = tmp_path / "law.csv"
     soft, steel = ["--delta", "0.5"], ["--delta", "0.001,0.5", "--e-star", "2e5"]
     expected = ((soft, 2), ([*soft, "--e-star", "2e5"], 3), (steel, 3))

@@ -1,0 +1,210 @@
+"""Tell what a table of numbers holds: heights, heights between coordinates, or a list of points.
+
+`arranged` turns all of these into a map, whatever file they come from. Lists of points on a grid
+become a map with holes at the nodes that no point lies on; other lists are refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.arrays import Heights, Values
+from gen.runtime.errors import InputError
+
+MOST_COLUMNS = 6
+"""Columns of a list of points, at most: the three coordinates with three more numbers."""
+STRIP, SLENDER = 50, 12
+"""Rows, and rows over columns, from which up to four columns are points, whatever they hold."""
+UNLIKE = 3
+"""Ratio of the scatter of two columns from which five or six hold more than heights."""
+CHANCE = 8
+"""Numbers that hardly ever rise or fall throughout, unless they are coordinates."""
+EVEN = 0.02
+"""Largest distance of points or coordinates from an even grid [spacing]."""
+COVERED = 0.5
+"""Smallest share of the nodes of a grid that points of a map lie on."""
+ADVICE = "give the heights as a grid, one row of them a line, or x, y and z of points on a grid"
+
+
+def arranged(
+    path: Path, numbers: Values, names: Sequence[str] = ()
+) -> tuple[Heights, tuple[float, float] | None, str]:
+    """Turn a table of numbers into a map of heights.
+
+    Parameters
+    ----------
+    path : Path
+        File, for messages.
+    numbers : ndarray, shape (rows, columns)
+        Numbers as the file holds them.
+    names : sequence of str
+        "x", "y", "z" or "" for each column; empty if the file does not name them.
+
+    Returns
+    -------
+    heights : ndarray, shape (nx, ny)
+        Heights, NaN at holes [unit of the table].
+    spacing : tuple of float, optional
+        Distances of the nodes along x and y [unit of the table]; None if the table has none.
+    origin : str
+        How the table held the map, in words; "" for a plain matrix.
+
+    Raises
+    ------
+    InputError
+        If the numbers look like coordinates but not like a map: a profile, points on no grid.
+    """
+    if len(names) == numbers.shape[1]:
+        columns = numbers[:, [names.index(axis) for axis in "xyz"]]
+        return _from_points(path, columns, "columns")
+    for columns, direction in ((numbers, "columns"), (numbers.T, "rows")):
+        if _is_list(columns):
+            return _from_points(path, columns, direction)
+    return _between_coordinates(path, numbers)
+
+
+def _is_list(columns: Values) -> bool:
+    """Tell whether rows of two to six numbers are points rather than a narrow map of heights."""
+    points, width = columns.shape
+    if not 2 <= width <= MOST_COLUMNS or points < 3:
+        return False
+    if points >= max(STRIP, SLENDER * width):
+        with np.errstate(over="ignore", invalid="ignore"):
+            scatter = np.nanstd(columns, axis=0)
+        return width <= 4 or bool(scatter.max() > UNLIKE * scatter.min())
+    if points <= width:
+        return False
+    if width <= 3 and _is_axis(columns[:, 0], even=points < CHANCE):
+        return True
+    grids = [_grid(*columns[:, first : first + 2].T) for first in range(min(width - 2, 2))]
+    return any(each.covered >= COVERED and 10 * each.repeated <= points for each in grids if each)
+
+
+def _from_points(
+    path: Path, columns: Values, direction: str
+) -> tuple[Heights, tuple[float, float] | None, str]:
+    """Lay points on their grid; refuse points on no grid, and columns that are not told."""
+    points, width = columns.shape
+    if width == 4 and (columns[:, 0] == columns[0, 0] + np.arange(points)).all():
+        columns = columns[:, 1:]  # the numbers of the points
+    looks = {2: "a profile, x and z", 3: "a list of points, x, y and z, "}.get(
+        columns.shape[1],
+        f"a list of points with {width} numbers each (leave all but x, y and z out, or name the"
+        " columns in a first line, as x,y,z,quality)",
+    )
+    if columns.shape[1] == 3:
+        grid = _grid(columns[:, 0], columns[:, 1])
+        if grid is None:
+            looks += f"off any regular grid by more than {100 * EVEN:g} % of its spacing"
+        elif grid.repeated:
+            looks += f"{grid.repeated} of which lie where others do"
+        elif grid.covered < COVERED:
+            nodes = " x ".join(map(str, grid.shape))
+            looks += f"on {100 * grid.covered:.3g} % of the nodes of a grid of {nodes}"
+        else:
+            heights = np.full(grid.shape, np.nan)
+            heights[grid.nodes] = columns[:, 2]
+            off = f", up to {100 * grid.misfit:.1g} % of a spacing off it"
+            origin = f" of {points} points on a grid{off if grid.misfit > 1e-4 else ''}"
+            return heights, grid.spacing, origin
+    raise InputError(
+        f"{path}: holds {points} x {width} numbers in {direction}: looks like {looks}, not a map of"
+        f" heights; {ADVICE}"
+    )
+
+
+def _between_coordinates(
+    path: Path, numbers: Values
+) -> tuple[Heights, tuple[float, float] | None, str]:
+    """Take coordinates off the first row, x, and column, y; refuse one without the other."""
+    kinds = ("", "")
+    if min(numbers.shape) >= 4:
+        kinds = _first_row(numbers), _first_row(numbers.T)
+    x, y = numbers[0, 1:], numbers[1:, 0]
+    if kinds == ("even", "even"):
+        (dx, dy), heights = (float(np.diff(axis).mean()) for axis in (x, y)), numbers[1:, 1:].T
+        heights = np.ascontiguousarray(heights[:: 1 if dx > 0 else -1, :: 1 if dy > 0 else -1])
+        inside = "its first row and column, x along its lines"
+        if np.allclose((dx, dy), 1, rtol=1e-9) and {x[0], y[0]} <= {0, 1}:
+            return heights, None, f" without the row and column numbers in {inside}"
+        return heights, (abs(dx), abs(dy)), f" between the coordinates in {inside}"
+    pairs = zip(kinds, (x, y), strict=True)
+    alone = any(kind and (axis.size >= CHANCE or np.isnan(numbers[0, 0])) for kind, axis in pairs)
+    if alone and (all(kinds) or "even" in kinds):
+        row, column = (f"{kind}ly spaced" if kind else "no" for kind in kinds)
+        raise InputError(
+            f"{path}: its first row holds {row} coordinates, its first column {column} coordinates;"
+            " leave both out, or give both in even steps"
+        )
+    return numbers, None, ""
+
+
+def _first_row(numbers: Values) -> str:
+    """Tell whether the first row, unlike the second, holds coordinates: "even", "uneven" or ""."""
+    first, second = numbers[0, 1:], numbers[1, 1:]
+    if _is_axis(first, even=True):
+        # Rows of planes and twisted planes are even, too, but continue those below them.
+        steps = [np.diff(row).mean() for row in numbers[:3, 1:]]
+        smooth = np.isclose(steps[0], 2 * steps[1] - steps[2], rtol=0.1, atol=0)
+        return "" if smooth and _is_axis(second, even=True) else "even"
+    rising = first.size >= 2 * CHANCE and _is_axis(first, even=False)
+    return "uneven" if rising and not _is_axis(second, even=False) else ""
+
+
+def _is_axis(values: Values, *, even: bool) -> bool:
+    """Tell whether numbers rise or fall throughout, in even steps if `even`."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.diff(values)
+        off = np.abs(steps - steps.mean()) > EVEN * abs(steps.mean())
+    return bool((steps > 0).all() or (steps < 0).all()) and not (even and off.any())
+
+
+class _Grid(NamedTuple):
+    """A grid that points lie on: the points' nodes and the grid's along x and y, and its spacing.
+
+    The misfit is the largest distance of a point from its node [spacing].
+    """
+
+    nodes: tuple[NDArray[np.intp], NDArray[np.intp]]
+    shape: tuple[int, int]
+    spacing: tuple[float, float]
+    misfit: float
+    repeated: int
+    covered: float
+
+
+def _grid(x: Values, y: Values) -> _Grid | None:
+    """Return the grid that points lie on with the share of nodes covered; None if there is none."""
+    along_x, along_y = _nodes(x), _nodes(y)
+    if along_x is None or along_y is None:
+        return None
+    (i, dx, off_x), (j, dy, off_y) = along_x, along_y
+    nx, ny = int(i.max()) + 1, int(j.max()) + 1
+    covered = int(np.unique(i * ny + j).size)
+    repeated, misfit = i.size - covered, max(off_x, off_y)
+    return _Grid((i, j), (nx, ny), (dx, dy), misfit, repeated, covered / (nx * ny))
+
+
+def _nodes(values: Values) -> tuple[NDArray[np.intp], float, float] | None:
+    """Return the even places of coordinates, their spacing, and the misfit; None if uneven."""
+    places = np.unique(values)
+    with np.errstate(over="ignore", invalid="ignore"):
+        gaps = np.diff(places)
+        if not gaps.size or not np.isfinite(gaps).all():
+            return None
+        # Coordinates of one place differ by rounding, by much less than the largest gap, of some
+        # places.
+        places = places[np.append(True, gaps > EVEN / 10 * gaps.max())]
+        gaps = np.diff(places)
+        numbers = np.append(0, np.cumsum(np.rint(gaps / np.median(gaps))))
+        if not 1 <= numbers[-1] < values.size:
+            return None
+        spacing = float((places[-1] - places[0]) / numbers[-1])
+        node = numbers[np.searchsorted(places, values, side="right") - 1].astype(np.intp)
+        misfit = float(np.abs((values - places[0]) / spacing - node).max())
+    return (node, spacing, misfit) if misfit <= EVEN else None
