@@ -1,9 +1,20 @@
 """Arguments and options of the commands of `python -m gen`."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
+
+from gen.runtime.user_code import TRUSTED
+
+
+def _trust(context: typer.Context, wanted: bool) -> bool:
+    """Trust functions that files name until the command has ended."""
+    if wanted:
+        context.call_on_close(partial(TRUSTED.reset, TRUSTED.set(wanted)))
+    return wanted
+
 
 Database = Annotated[Path, typer.Argument(metavar="FILE", help="A database (HDF5).")]
 SurfaceFile = Annotated[
@@ -132,6 +143,14 @@ Writer = Annotated[
     typer.Option(
         help="Who writes: rank 0 (single), every worker its own rows (parallel; needs an h5py with"
         " MPI), or parallel if that is possible (auto)."
+    ),
+]
+Trust = Annotated[
+    bool,
+    typer.Option(
+        "--trust",
+        callback=_trust,
+        help="Run the functions that a scene or a database names; without it none is run.",
     ),
 ]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Show the plan and write nothing.")]

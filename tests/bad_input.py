@@ -192,7 +192,10 @@ def prepare(folder: Path) -> None:
 
 
 def _cases() -> list[tuple[list[str], str]]:
-    cases = [(["run", f"{name}.toml", "-o", "x.h5"], word) for name, (_, word) in SCENES.items()]
+    cases = [
+        (["run", f"{name}.toml", "-o", "x.h5", "--trust"], word)
+        for name, (_, word) in SCENES.items()
+    ]
     contact, deep = ["--side", "9", "--delta", "1"], ["--side", "9", "--delta", "70"]
     for name in [*(f"{name}.npy" for name in SURFACES), *TEXTS, "truncated.npy", "pickled.npy"]:
         cases.append((["contact", name, *contact], name))

@@ -14,14 +14,16 @@ settings.load_profile("project")
 
 @pytest.fixture(scope="session")
 def populations(tmp_path_factory):
-    """A folder with a scene and a database for each of `POPULATIONS`."""
+    """A folder with a scene and a database for each of `POPULATIONS`, whose function is trusted."""
     import textwrap
 
     from small_populations import MAPS, POPULATIONS
 
     from bench.populations.made_maps import write_all
     from gen import cli
+    from gen.runtime.user_code import TRUSTED
 
+    trust = TRUSTED.set(True)
     folder = tmp_path_factory.mktemp("populations")
     write_all(folder / "maps", MAPS)
     for name, scene in POPULATIONS.items():
@@ -29,4 +31,5 @@ def populations(tmp_path_factory):
         assert (
             cli.main(["run", str(folder / f"{name}.toml"), "-o", str(folder / f"{name}.h5")]) == 0
         )
-    return folder
+    yield folder
+    TRUSTED.reset(trust)

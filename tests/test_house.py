@@ -127,6 +127,7 @@ ROOMS = {
 """What each room may import of its own package; `gen.runtime` is below everything of `gen`."""
 
 TESTED_TOGETHER = {
+    "tests/asperity/test_strangers_files.py": "code that files name, in every command",
     "tests/bem/test_convergence.py": "the study of orders of convergence, which only tests use",
     "tests/bem/test_edgeless_references.py": "a property of all solves: dense references, images",
     "tests/bem/test_hardness_least_squares.py": "a property of all solves: bounded least squares",

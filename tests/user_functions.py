@@ -4,6 +4,8 @@ import sys
 from contextlib import contextmanager
 from pathlib import Path
 
+from gen.runtime.user_code import TRUSTED
+
 MODULE = '''
 """Surfaces and outputs of a user's own."""
 import numpy as np
@@ -47,11 +49,13 @@ def write(folder: Path, scene: str, module: str = MODULE) -> None:
 
 @contextmanager
 def inside(folder: Path, monkeypatch, scene: str):
-    """Work in a folder with the module and a scene; forget the module and its place afterwards."""
+    """Work in a folder with the module and a scene, which are trusted; forget them afterwards."""
     monkeypatch.chdir(folder)
     monkeypatch.setattr(sys, "path", list(sys.path))
     write(folder, scene)
+    trust = TRUSTED.set(True)
     try:
         yield
     finally:
+        TRUSTED.reset(trust)
         sys.modules.pop("mine", None)

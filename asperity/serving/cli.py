@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gen.options import Trust
 from gen.runtime import command_line
 from gen.runtime.command_line import Version
 from gen.runtime.errors import InputError
@@ -47,6 +48,7 @@ def serve(
     port: Port = 4242,
     host: Host = "127.0.0.1",
     processes: Processes = None,
+    trust: Trust = False,
     *,
     version: Version = False,
 ) -> None:

@@ -11,7 +11,7 @@ from gen.generation.completion import completed
 from gen.generation.sample import solve_contact
 from gen.runtime.errors import InputError
 from gen.runtime.output import kind_of
-from gen.scene import Scene, load, preset_names
+from gen.scene import PythonSurface, Scene, load, preset_names
 
 AREA_FORCE_DELTA = 3
 """Number of the solver's outputs: area [%], force [uN] and Delta [um]."""
@@ -102,6 +102,11 @@ class SurrogateModel:
         self.name = path.stem
         self.surrogate = Surrogate.load(path)
         self.scene = Scene.from_text(self.surrogate.card["scene"], str(path))
+        if isinstance(self.scene.surface, PythonSurface):
+            raise InputError(
+                f"{path}: its surfaces come from {self.scene.surface.function}, and no code runs"
+                " for a surrogate; give `learn predict` the surfaces themselves"
+            )
         inputs = Inputs.of(self.scene)
         limits = self.surrogate.hardness_limits  # of all databases of the training
         self._inputs = replace(

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from asperity.serving.models import Model, Unsolved, model_of
 from asperity.serving.questions import Configuration, Vectors
 from gen.runtime.errors import InputError
+from gen.runtime.user_code import TRUSTED
 
 ATTEMPTS = 2
 """Times that a question is asked; a worker that was killed is replaced in between."""
@@ -151,7 +152,7 @@ class Workers:
     def _new_pool(self) -> ProcessPoolExecutor:
         """Prepare a process; not by forking, since this one has threads."""
         context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(1, context, _begin, (self._sources,))
+        return ProcessPoolExecutor(1, context, _begin, (self._sources, TRUSTED.get()))
 
 
 def _end(pool: ProcessPoolExecutor) -> None:
@@ -173,10 +174,11 @@ def _deaf() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin(sources: tuple[str, ...]) -> None:
+def _begin(sources: tuple[str, ...], trusted: bool) -> None:
     """Prepare a worker: Ctrl-C is the server's, and every model is loaded once."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_server, daemon=True).start()
+    TRUSTED.set(trusted)
     for source in sources:
         model = model_of(source)
         _MODELS[model.name] = model

@@ -17,6 +17,7 @@ def info(file: options.Database) -> None:
 def plot(
     file: options.Database,
     output: options.NewPicture,
+    trust: options.Trust = False,
 ) -> None:
     """Draw a database: one surface and its pressure, all areas, all solve times."""
     from gen.picture import draw_database
@@ -38,6 +39,7 @@ def check(
     file: options.Database,
     recompute: options.Recompute = 16,
     seed: options.Seed = 0,
+    trust: options.Trust = False,
 ) -> int:
     """Check a database: statuses, values and plan, and recompute N random rows.
 

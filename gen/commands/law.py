@@ -28,6 +28,7 @@ def law(
     surfaces: options.Population = 50,
     band: options.Band = 0.9,
     output: options.LawFiles = None,
+    trust: options.Trust = False,
     *,
     files: Files,
     reading: Reading,

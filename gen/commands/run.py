@@ -15,6 +15,7 @@ def run(
     sample_limit: options.SampleLimit = None,
     writer: options.Writer = "auto",
     dry_run: options.DryRun = False,
+    trust: options.Trust = False,
 ) -> int:
     """Generate a database, or continue an interrupted run.
 
@@ -52,6 +53,7 @@ def run(
 def estimate(
     scene: options.SceneName,
     ranks: options.Ranks = 1,
+    trust: options.Trust = False,
 ) -> None:
     """Measure a few samples and predict time, memory and disk space of a run."""
     from gen.display import databases

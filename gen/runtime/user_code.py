@@ -1,15 +1,19 @@
 """Functions of the user's that scenes name: found by name, and known by their source.
 
-The source whose hash a database records is the one that runs: it is compiled here, as Python's own
-import may take the compiled file of an earlier source that was changed within the same second.
+No function is looked for, let alone run, unless the user says `--trust`: a scene or a database may
+come from a stranger. The source whose hash a database records is the one that runs: it is compiled
+here, as Python's own import may take the compiled file of an earlier source that was changed within
+the same second.
 """
 
 import functools
 import hashlib
+import importlib
 import importlib.util
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -19,14 +23,15 @@ from gen.runtime.overtime import Overtime
 
 Function = Callable[..., Any]
 
+TRUSTED: ContextVar[bool] = ContextVar("TRUSTED", default=False)
+"""Whether the user trusts the functions that scenes and databases name: the option `--trust`."""
+
 _compiled: dict[str, ModuleType] = {}
 """Modules that were compiled here, by their names."""
 
 
 def source_hash(name: str) -> str:
     """Compute the SHA-256 of the source of the module that has a function, without running it.
-
-    Only the folders of a dotted name, which are packages, are imported.
 
     Parameters
     ----------
@@ -65,7 +70,8 @@ def load_function(name: str, source: str) -> Function:
     Raises
     ------
     SourceError
-        If there is no such function, its module cannot be imported, or its source has changed.
+        If functions are not trusted, there is no such function, its module cannot be imported, or
+        its source has changed.
     """
     path = source_of(name)
     content = _read(name, path)
@@ -108,7 +114,7 @@ def faults_of(
 
 
 def source_of(name: str) -> Path:
-    """Find the file of the module that has a function.
+    """Find the file of the module that has a function; nothing of the user's is imported.
 
     Parameters
     ----------
@@ -118,32 +124,31 @@ def source_of(name: str) -> Path:
     Raises
     ------
     SourceError
-        If there is no such module, or it has no source.
+        If functions are not trusted, there is no such module, or it has no source.
     """
+    if not TRUSTED.get():
+        raise SourceError(
+            f"{name}: is code that a scene or a database names, which runs only with --trust; read"
+            " it first"
+        )
     module = name.partition(":")[0]
+    first, *inner = module.split(".")
     folder = str(Path.cwd())
     if folder not in sys.path and "" not in sys.path:
         sys.path.insert(0, folder)
     importlib.invalidate_caches()
-    with _forgotten(module), faults_of(name):
-        spec = importlib.util.find_spec(module)
-    if spec is None or not spec.has_location or not (spec.origin or "").endswith(".py"):
-        raise SourceError(f"{name}: no module {module} in {folder}, nor where Python finds modules")
-    return Path(str(spec.origin))
-
-
-@contextmanager
-def _forgotten(module: str) -> Iterator[None]:
-    """Let Python look for a module anew that was compiled here, perhaps from another folder."""
-    ours = _compiled.get(module)
-    present = ours is not None and sys.modules.get(module) is ours
-    if present:
-        del sys.modules[module]
-    try:
-        yield
-    finally:
-        if present and ours is not None:
-            sys.modules[module] = ours
+    with faults_of(name):
+        # Not `importlib.util.find_spec`, which imports the packages of a dotted name.
+        specs = (finder.find_spec(first, None) for finder in sys.meta_path)
+        spec = next((spec for spec in specs if spec is not None), None)
+    places = [] if spec is None else [Path(spec.origin or "")]
+    if inner and spec is not None:
+        stems = [Path(root, *inner) for root in spec.submodule_search_locations or ()]
+        places = [path for stem in stems for path in (stem / "__init__.py", Path(f"{stem}.py"))]
+    for path in places:
+        if path.suffix == ".py" and path.is_file():
+            return path
+    raise SourceError(f"{name}: no module {module} in {folder}, nor where Python finds modules")
 
 
 def _read(name: str, path: Path) -> bytes:
@@ -165,6 +170,8 @@ def _imported(name: str, module: str, path: Path, content: bytes) -> ModuleType:
     sys.modules[module] = _compiled[module] = made
     try:
         with faults_of(f"{name}: importing {module} failed", passing=(MemoryError,)):
+            if made.__package__ not in {"", module}:
+                importlib.import_module(str(made.__package__))
             exec(compile(content, str(path), "exec"), made.__dict__)
     except BaseException:
         del sys.modules[module], _compiled[module]

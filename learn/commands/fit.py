@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from gen.options import Trust
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.invocation import to_type
@@ -109,7 +110,7 @@ class Choice(NamedTuple):
 
 
 @grouped
-def fit(files: Databases, output: SurrogateFile, *, choice: Choice) -> int:
+def fit(files: Databases, output: SurrogateFile, *, choice: Choice, trust: Trust = False) -> int:
     """Fit a surrogate: area and force with intervals, in one file that holds its own model card.
 
     Several databases are learnt together; where their grids differ, the number of nodes is an

@@ -118,6 +118,7 @@ def grow(
     *,
     goal: Goal,
     maps: OfMaps,
+    trust: options.Trust = False,
 ) -> int:
     """Generate rows of a scene and fit to them until a surrogate is as accurate as asked for.
 

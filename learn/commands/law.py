@@ -45,6 +45,7 @@ def law(
     boundary: LawBoundary = None,
     interval: Coverage = 0.9,
     output: options.LawFiles = None,
+    trust: options.Trust = False,
     *,
     files: Files,
     reading: Reading,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from gen.options import Trust
 from gen.runtime.output import check_folder
 from gen.runtime.terminal import echo
 
@@ -96,6 +97,8 @@ class Selection(NamedTuple):
         Seed of the split and of the models.
     train_rows : int, optional
         Largest number of training rows.
+    trust : bool
+        Whether functions that the database names may run, for hybrid features.
     """
 
     area_max: AreaMax = None
@@ -103,6 +106,7 @@ class Selection(NamedTuple):
     normalise: Normalise = ""
     seed: Seed = 0
     train_rows: TrainRows = None
+    trust: Trust = False
 
 
 class Material(NamedTuple):

@@ -82,7 +82,7 @@ def folder(tmp_path_factory):
     for name in SCENES:
         (folder / f"{name}.toml").write_text(text(name))
         (folder / f"{name}-small.toml").write_text(text(name, ROWS // 2 + 1))
-        assert run_here(folder, "run", f"{name}.toml", "-o", f"{name}.h5") == 0
+        assert run_here(folder, "run", f"{name}.toml", "--trust", "-o", f"{name}.h5") == 0
     return folder
 
 
@@ -90,7 +90,7 @@ def folder(tmp_path_factory):
 def on_three_ranks(folder):
     """The databases with half of the rows, grown to all, by three ranks in one launch."""
     lines = [
-        ["gen", "run", f"{name}{size}.toml", "-o", f"{name}-3.h5"]
+        ["gen", "run", f"{name}{size}.toml", "--trust", "-o", f"{name}-3.h5"]
         for name in SCENES
         for size in ("-small", "")
     ]
@@ -105,18 +105,18 @@ def test_three_ranks_give_the_bytes_of_one_grown_and_merged(folder, on_three_ran
     assert deterministic_bytes(folder / f"{name}-3.h5") == expected
     for part, rows in (("first", f"0:{ROWS // 3}"), ("rest", f"{ROWS // 3}:{ROWS}")):
         output = f"{name}-{part}.h5"
-        assert run_here(folder, "run", f"{name}.toml", "-o", output, "--rows", rows) == 0
+        assert run_here(folder, "run", f"{name}.toml", "--trust", "-o", output, "--rows", rows) == 0
     parts = [f"{name}-{part}.h5" for part in ("first", "rest")]
     assert run_here(folder, "merge", *parts, "-o", f"{name}-both.h5") == 0
     assert deterministic_bytes(folder / f"{name}-both.h5") == expected
-    assert run_here(folder, "check", f"{name}-3.h5", "--recompute", "20") == 0
+    assert run_here(folder, "check", f"{name}-3.h5", "--trust", "--recompute", "20") == 0
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_a_killed_run_goes_on(folder, name):
     output = folder / f"{name}-killed.h5"
     run = subprocess.Popen(
-        command(0, "run", f"{name}.toml", "-o", output.name),
+        command(0, "run", f"{name}.toml", "--trust", "-o", output.name),
         cwd=folder,
         env=environment(),
         stdout=subprocess.PIPE,
@@ -129,13 +129,13 @@ def test_a_killed_run_goes_on(folder, name):
         time.sleep(0.005)
     run.kill()
     run.communicate(timeout=TIMEOUT)
-    assert run_here(folder, "run", f"{name}.toml", "-o", output.name) == 0
+    assert run_here(folder, "run", f"{name}.toml", "--trust", "-o", output.name) == 0
     assert deterministic_bytes(output) == deterministic_bytes(folder / f"{name}.h5")
 
 
 def test_a_function_may_print_and_a_changed_one_is_another_scene(folder, tmp_path):
     user_functions.write(tmp_path, text("python"), PRINTING)
-    done = launch(3, "run", "mine.toml", "-o", "a.h5", folder=tmp_path)
+    done = launch(3, "run", "mine.toml", "--trust", "-o", "a.h5", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "a word" in done.stdout
     assert f"runs mine:spots of {tmp_path / 'mine.py'}" in done.stderr
@@ -145,7 +145,7 @@ def test_a_function_may_print_and_a_changed_one_is_another_scene(folder, tmp_pat
     )
     assert made == expected
     (tmp_path / "mine.py").write_text(user_functions.MODULE)
-    refused = launch(3, "run", "mine.toml", "-o", "a.h5", folder=tmp_path)
+    refused = launch(3, "run", "mine.toml", "--trust", "-o", "a.h5", folder=tmp_path)
     assert refused.returncode == 2
     assert refused.stderr.count("\n") == 1
     assert "surface.source" in refused.stderr
@@ -155,7 +155,7 @@ def test_a_function_that_fails_late_ends_all_ranks_with_its_row(tmp_path):
     late = "def spots(contact):\n    return {'a' if contact.delta < 0.9 else 'b': 1.0}\n"
     module = user_functions.MODULE.partition("def spots")[0] + late
     user_functions.write(tmp_path, text("python"), module)
-    done = launch(3, "run", "mine.toml", "-o", "a.h5", folder=tmp_path)
+    done = launch(3, "run", "mine.toml", "--trust", "-o", "a.h5", folder=tmp_path)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     *_, said = done.stderr.splitlines()
@@ -169,7 +169,7 @@ def test_a_function_that_hangs_is_left_pending_or_interrupted(tmp_path, ranks):
     scene = text("python", 15).replace(user_functions.STORE, "")
     user_functions.write(tmp_path, scene, HANGING.format(1.2))
     limited = launch(
-        ranks, "run", "mine.toml", "-o", "a.h5", "--sample-limit", "0.2", folder=tmp_path
+        ranks, "run", "mine.toml", "--trust", "-o", "a.h5", "--sample-limit", "0.2", folder=tmp_path
     )
     assert limited.returncode == 0, limited.stderr
     assert "took longer than --sample-limit and are pending" in limited.stdout
@@ -177,7 +177,7 @@ def test_a_function_that_hangs_is_left_pending_or_interrupted(tmp_path, ranks):
     assert 0 < done < 15
     (tmp_path / "hanging").unlink()
     run = subprocess.Popen(
-        command(ranks, "run", "mine.toml", "-o", "a.h5"),
+        command(ranks, "run", "mine.toml", "--trust", "-o", "a.h5"),
         cwd=tmp_path,
         env=environment(),
         stdout=subprocess.PIPE,

@@ -104,7 +104,13 @@ def test_the_solver_answers_with_rows_of_any_scene(folder, name, monkeypatch):
         assert answer == [[columns[key][row]] for key in ("area_percent", "force", "delta")]
 
 
-@pytest.mark.parametrize("name", INPUTS)
+@pytest.mark.parametrize("name", ["python", "unsorted"])
+def test_a_surrogate_runs_no_function_even_a_trusted_one(folder, name):
+    with pytest.raises(InputError, match="small_populations:waves, and no code runs for a surr"):
+        model_of(str(folder / f"{name}.surrogate"))
+
+
+@pytest.mark.parametrize("name", sorted(INPUTS.keys() - {"python", "unsorted"}))
 def test_a_surrogate_of_any_scene_answers_as_it_predicts(folder, name):
     """At the Delta of a row where the scene gives pressures or forces."""
     model, surrogate = model_of(str(folder / f"{name}.surrogate")), None

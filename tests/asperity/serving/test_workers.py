@@ -7,6 +7,7 @@ import pytest
 from asperity.serving import workers
 from asperity.serving.questions import Configuration
 from asperity.serving.workers import Call, Refusal, Workers
+from gen.runtime.user_code import TRUSTED
 
 LIMIT = 60.0
 MODULE = """
@@ -35,7 +36,9 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "sleeping.py").write_text(MODULE)
     (tmp_path / "scene.toml").write_text(SCENE)
-    return tmp_path
+    trust = TRUSTED.set(True)
+    yield tmp_path
+    TRUSTED.reset(trust)
 
 
 def call(seconds):

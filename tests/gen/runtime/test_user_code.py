@@ -7,14 +7,16 @@ import pytest
 
 from gen.runtime.errors import SourceError
 from gen.runtime.overtime import Overtime, at_most
-from gen.runtime.user_code import faults_of, load_function, source_hash, source_of
+from gen.runtime.user_code import TRUSTED, faults_of, load_function, source_hash, source_of
 
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
+    token = TRUSTED.set(True)
     yield tmp_path
+    TRUSTED.reset(token)
     sys.modules.pop("of_the_user", None)
 
 
