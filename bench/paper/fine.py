@@ -123,7 +123,7 @@ def _picture(found: dict[str, Judged], fine: Path) -> Any:
     *axes, last = figure.subplots(2, 2).ravel()
     for axis, (name, each) in zip(axes, found.items(), strict=False):
         parity_axes(axis, each.rows.target)
-        look = {"marker": ".", "ms": 3, "ls": "none", "color": COLOURS[0]}
+        look: dict[str, Any] = {"marker": ".", "ms": 3, "ls": "none", "color": COLOURS[0]}
         draw_parity(axis, each.rows.target, each.prediction, **look)
         beside = f" (the paper's {FINE.r2:.2f} %)" if name == "paper" else ""
         axis.set_title(f"{name} features: R² {each.scores.r2:.2f} %{beside}", fontsize=10)

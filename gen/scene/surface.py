@@ -352,7 +352,7 @@ class ScanSurface(GeneratedSurface):
         return self.found is not None
 
     def known(self) -> Found:
-        """Return the maps that a run has found; without a run nobody knows them."""
+        """Return the maps that a run has found; unknown before a run."""
         if self.found is None:
             raise InputError("the maps of this scene have not been looked for")
         return self.found

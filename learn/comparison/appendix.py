@@ -143,8 +143,8 @@ def _draw(cases: list[Agreement], path: Path) -> Path:
     for row, case in zip(figure.subplots(len(cases), 3), cases, strict=True):
         for axis in row[:2]:
             parity_axes(axis, case.truth)
-        circles = {"marker": "o", "ms": 4, "mew": 0.5, "mfc": "none", "ls": "none"}
-        dots = {"marker": ".", "ms": 2, "ls": "none"}
+        circles: dict[str, Any] = {"marker": "o", "ms": 4, "mew": 0.5, "mfc": "none", "ls": "none"}
+        dots: dict[str, Any] = {"marker": ".", "ms": 2, "ls": "none"}
         draw_parity(row[0], case.truth, case.process, label="Gaussian process", **circles)
         draw_parity(row[0], case.truth, case.ridge, label="kernel ridge", **dots)
         row[0].set(xlabel="solved area [%]", ylabel="predicted area [%]", title=case.case)

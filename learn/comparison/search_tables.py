@@ -27,7 +27,7 @@ WINNERS = {
     "optimum": "the paper's optimum",
     "baseline": "the baseline",
 }
-"""Names of the winners' places in tables; a folder of before this choice has none."""
+"""Names of the winners' places in tables; an older folder has none."""
 
 DECIDED = {
     "winner_r2": "r2_folds",

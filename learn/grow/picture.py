@@ -49,7 +49,7 @@ def _draw_learning(axis: Any, found: Appraisal, curve: Curve | None) -> None:
         axis.errorbar(curve.rows, curve.nmae, spread, fmt="o", color="0.4", ms=4, label="parts")
         rows = np.geomspace(curve.rows[0], 8 * curve.rows[-1], 100)
         fit, low, high = curve.at(rows)
-        axis.plot(rows, fit, color=COLOUR, label="a + b n$^{-c}$, four of five draws")
+        axis.plot(rows, fit, color=COLOUR, label="a + b n$^{-c}$, 80 % of its draws")
         axis.fill_between(rows, low, high, color=COLOUR, alpha=0.2, lw=0)
     bound = found.bound(found.worst) - judged.nmae
     axis.errorbar(

@@ -287,8 +287,10 @@ def asked_for(found: Appraisal, advice: Advice) -> str:
     """Say how many more rows the learning curve asks for, and how sure that is."""
     if math.isinf(advice.rows):
         return f"the learning curve does not come to it ({1 - advice.hopeless:.0%} of its draws do)"
-    high = "no number" if math.isinf(advice.high) else f"{advice.high:.0f}"
+    lie = f"from {advice.low:,.0f} to {advice.high:,.0f}"
+    if math.isinf(advice.high):
+        lie = f"above {advice.low:,.0f}"
     return (
-        f"the learning curve asks for {advice.rows:.0f} rows, {advice.rows - found.rows:.0f} more"
-        f" (four of five of its draws: {advice.low:.0f} to {high})"
+        f"the learning curve asks for {advice.rows:,.0f} rows, {advice.rows - found.rows:,.0f} more"
+        f" (80 % of its draws lie {lie})"
     )

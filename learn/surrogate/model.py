@@ -42,7 +42,7 @@ class Surrogate:
     low, high : ndarray, shape (d,)
         Training ranges of the features.
     distance : Distance, optional
-        Distances from the training; None in files of before there were any.
+        Distances from the training; None in older files.
     """
 
     card: dict[str, Any]

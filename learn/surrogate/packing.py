@@ -146,7 +146,7 @@ def _held(features: FeatureSet, part: Part, low: Values, high: Values) -> Held |
 
 
 def _scale(part: Part, width: int) -> tuple[Scheme, ErrorScale | None]:
-    """Return what scores are kept by, and the usual errors."""
+    """Return the scale of the stored scores, and the usual errors."""
     if "usual" not in part:
         return "ranges", None
     usual = mapping(part, "usual")
