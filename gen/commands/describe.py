@@ -44,16 +44,16 @@ def describe(
         row = single.statistics_row(topography, description, warnings)
         write_csv(table, [{**row, **areal.values}])
     if picture is not None:
-        _draw_description(figure, topography, picture)
+        _draw_description(figure, topography, areal.values["Str"], picture)
 
 
-def _draw_description(figure: Any, topography: Any, picture: Path) -> None:
+def _draw_description(figure: Any, topography: Any, aspect: float, picture: Path) -> None:
     """Fit the self-affine law to a surface, print it, and draw both."""
     from gen.display import surfaces
     from gen.measured.self_affine import fit_self_affine, radial_spectrum
     from gen.measured.surface_picture import draw_surface
 
     spectrum = radial_spectrum(topography)
-    fit = fit_self_affine(topography, spectrum)
+    fit = fit_self_affine(topography, spectrum, aspect)
     surfaces.print_self_affine(fit)
     draw_surface(figure, topography, spectrum, fit, picture)

@@ -101,8 +101,9 @@ def print_self_affine(fit: SelfAffineFit | str) -> None:
     law = fit.spectrum
     remarks = "".join(f"; {remark}" for remark in fit.remarks)
     console.print(
-        f"self-affine law from {fit.longest:.4g} to {law.cut_off:.4g} um, the spectrum within a"
-        f" factor of {fit.scatter:.3g}{remarks}; as a start for the generator spectral:"
+        f"self-affine law over {fit.decades:.2g} decades, from {law.roll_off:.4g} to"
+        f" {law.cut_off:.4g} um, the spectrum within a factor of {fit.scatter:.3g}{remarks}; as a"
+        " start for the generator spectral:"
     )
     table = Table(box=None, pad_edge=False, show_header=False)
     for name, value, unit, meaning in (

@@ -14,6 +14,7 @@ from gen.draft.proposal import choose_preparation, known_texture, require_used
 from gen.draft.scans import contact_keys, load_keys
 from gen.draft.survey import Look, measured, survey, with_texture
 from gen.draft.writing import Key, number, quoted, rounded, span
+from gen.measured.areal import areal_parameters
 from gen.measured.preparation import prepare
 from gen.measured.self_affine import SelfAffineFit, fit_self_affine, radial_spectrum
 from gen.measured.settings import Preparation
@@ -190,7 +191,8 @@ def _fit(topography: Topography, stretch: float) -> SelfAffineFit | str:
     """
     sides = (topography.sides[0] / stretch, topography.sides[1])
     isotropic = replace(topography, sides=sides)
-    return fit_self_affine(isotropic, radial_spectrum(isotropic))
+    aspect = areal_parameters(isotropic).values["Str"]
+    return fit_self_affine(isotropic, radial_spectrum(isotropic), aspect)
 
 
 def _on_grid(law: SelfAffineSpectrum, stretch: float, step: float) -> SelfAffineSpectrum:
@@ -264,8 +266,9 @@ def _surface_keys(likeness: Likeness) -> Iterator[Key]:
     remarks = f" The fit says: {'; '.join(fit.remarks)}." if fit.remarks else ""
     yield Key(
         f"The fit to the map's radial power spectrum: Hurst exponent {fit.spectrum.hurst:.2f},"
-        f" roll-off {fit.spectrum.roll_off:.3g} um, cut-off {fit.spectrum.cut_off:.3g} um; the"
-        f" spectrum is off the law by a factor of {fit.scatter:.2g} (rms).{remarks}"
+        f" roll-off {fit.spectrum.roll_off:.3g} um, cut-off {fit.spectrum.cut_off:.3g} um,"
+        f" {fit.decades:.2g} decades; the spectrum is off the law by a factor of"
+        f" {fit.scatter:.2g} (rms).{remarks}"
         f" Ranges around it, by {EXPONENTS:g} and a factor of {AROUND:g}, give a surrogate"
         " something to tell apart; single numbers give one spectrum.",
         "hurst",

@@ -34,6 +34,13 @@ LEAST = 4
 LARGEST_SCATTER = 2.0
 """Root mean square factor between spectrum and law beyond which there is none."""
 
+LEAST_DECADES = 1.0
+"""Decades that a law has to hold over: shorter pieces of any spectrum are straight."""
+
+DIRECTIONAL = (0.5, 0.2)
+"""Slopes along a lay over those across it, and Str, below which a surface is directional: isotropic
+made surfaces have 0.8 and 0.27 or more, with few long waves and without a roll-off."""
+
 ROLL_OFFS = 400
 """Number of roll-offs that are tried."""
 
@@ -87,6 +94,11 @@ class SelfAffineFit:
     longest: float
     scatter: float
     remarks: tuple[str, ...]
+
+    @property
+    def decades(self) -> float:
+        """Decades of wavelengths between roll-off and cut-off, on which the exponent rests."""
+        return math.log10(self.spectrum.roll_off / self.spectrum.cut_off)
 
 
 def radial_spectrum(topography: Topography) -> RadialSpectrum:
@@ -158,7 +170,9 @@ def _averaged(wavenumbers: Values, density: Values, edges: Values, columns: int)
     return RadialSpectrum(np.exp(logs[full] / waves), ends, power[full] / waves, waves)
 
 
-def fit_self_affine(topography: Topography, spectrum: RadialSpectrum) -> SelfAffineFit | str:
+def fit_self_affine(
+    topography: Topography, spectrum: RadialSpectrum, aspect: float = math.nan
+) -> SelfAffineFit | str:
     """Fit the self-affine law to the radial power spectrum of a surface.
 
     Parameters
@@ -167,22 +181,18 @@ def fit_self_affine(topography: Topography, spectrum: RadialSpectrum) -> SelfAff
         Surface without holes.
     spectrum : RadialSpectrum
         Its spectrum, from `radial_spectrum`.
+    aspect : float
+        Its texture aspect ratio Str, NaN if it is unknown [1].
 
     Returns
     -------
     SelfAffineFit or str
-        The law, or the reason why there is none.
+        The law, or the reason why there is none: a law over less than a decade, of a directional
+        surface, or flatter than any Hurst exponent is none.
     """
-    heights = topography.heights
-    if np.ptp(heights) == 0.0:
-        return "flat surface"
-    if is_lost(heights):
-        return "heights lost in rounding beside their offset"
-    if spectrum.wavenumbers.size <= LEAST:
-        return "too few nodes: give 16 x 16 or more"
+    if reason := _without_law(topography, spectrum) or _lay(topography, aspect):
+        return reason
     largest = float(spectrum.density.max())
-    if not 0.0 < largest < math.inf:
-        return "its power spectrum is beyond what numbers hold"
     q = np.log(spectrum.wavenumbers)
     c = np.log(np.maximum(spectrum.density, 1e-30 * largest) / largest)
     weights = 1.0 / (1.0 / spectrum.waves + MISFIT**2)
@@ -191,17 +201,50 @@ def fit_self_affine(topography: Topography, spectrum: RadialSpectrum) -> SelfAff
         return f"the spectrum is off the nearest one by a factor of {math.exp(error):.2g}"
     longest = float(2 * math.pi / spectrum.wavenumbers[0])
     cut_off = float(2 * math.pi / spectrum.edges[bins - 1, 1])
-    remarks = _remarks(roll <= q[1], bins == q.size, slope)
     roll_off = longest if roll <= q[1] else 2 * math.pi / math.exp(roll)
     if roll <= q[1]:
         level += slope * (roll - q[0])
-    return SelfAffineFit(
+    fit = SelfAffineFit(
         SelfAffineSpectrum(float(slope / 2 - 1), max(roll_off, cut_off), cut_off),
-        float(np.std(heights)),
+        float(np.std(topography.heights)),
         largest * math.exp(level),
         longest,
         math.exp(error),
-        remarks,
+        _remarks(roll <= q[1], bins == q.size, slope),
+    )
+    if fit.decades < LEAST_DECADES:
+        said = f"a power law would hold over {fit.decades:.3g} decades, from {roll_off:.4g} to"
+        return f"{said} {cut_off:.4g} um, and a Hurst exponent takes one or more"
+    return fit if slope > 2.0 else "the spectrum is flatter than any Hurst exponent's, as of noise"
+
+
+def _without_law(topography: Topography, spectrum: RadialSpectrum) -> str:
+    """Say why a spectrum cannot be fitted, "" if it can."""
+    heights = topography.heights
+    if np.ptp(heights) == 0.0:
+        return "flat surface"
+    if is_lost(heights):
+        return "heights lost in rounding beside their offset"
+    if spectrum.wavenumbers.size <= LEAST:
+        return "too few nodes: give 16 x 16 or more"
+    if not 0.0 < float(spectrum.density.max()) < math.inf:
+        return "its power spectrum is beyond what numbers hold"
+    return ""
+
+
+def _lay(topography: Topography, aspect: float) -> str:
+    """Say that a surface is directional, "" if it is not."""
+    heights, (dx, dy) = topography.heights, topography.spacing
+    along_x, along_y = np.diff(heights, axis=0) / dx, np.diff(heights, axis=1) / dy
+    at_cells = along_x[:, 1:] + along_x[:, :-1], along_y[1:] + along_y[:-1]
+    low, high = np.linalg.eigvalsh(np.cov(np.stack([each.ravel() for each in at_cells])))
+    ratio = math.sqrt(max(low, 0.0) / high)
+    if ratio >= DIRECTIONAL[0] and not aspect < DIRECTIONAL[1]:
+        return ""
+    known = "" if math.isnan(aspect) else f"Str {aspect:.2g}, "
+    return (
+        f"the surface is directional ({known}slopes along its lay {ratio:.2g} of those across it),"
+        " and its spectrum depends on the direction"
     )
 
 
@@ -248,7 +291,6 @@ def _remarks(no_roll_off: bool, no_cut_off: bool, slope: float) -> tuple[str, ..
     texts = (
         (no_roll_off, "no roll-off within the patch"),
         (no_cut_off, "no cut-off above two nodes a wavelength"),
-        (slope <= 2.0, "flatter than any Hurst exponent: held at 0"),
         (slope >= 4.0, "steeper than any Hurst exponent: held at 1"),
     )
     return tuple(text for found, text in texts if found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,9 @@ from gen.runtime.terminal import shortened
 
 BINS = 80
 """Number of bars of the height distribution."""
+
+LETTERS = 110
+"""Letters in a line of the spectrum's title."""
 
 SLIVER = 4.0
 """Ratio of the sides beyond which the map fills its panel, as the title then says."""
@@ -121,8 +125,9 @@ def _draw_spectrum(axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str
 def _spectrum_title(fit: SelfAffineFit | str) -> str:
     """Return the title of the spectrum: the law's numbers, or why there is none."""
     if isinstance(fit, str):
-        return f"radial power spectrum; no self-affine law: {fit}"
-    numbers = f"Hurst exponent {fit.spectrum.hurst:.3g}, rms height {fit.rms_height:.4g} µm"
+        return textwrap.fill(f"radial power spectrum; no self-affine law: {fit}", LETTERS)
+    numbers = f"Hurst exponent {fit.spectrum.hurst:.3g} over {fit.decades:.2g} decades, "
+    numbers += f"rms height {fit.rms_height:.4g} µm"
     return "; ".join((f"radial power spectrum: {numbers}", *fit.remarks))
 
 

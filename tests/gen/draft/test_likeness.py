@@ -50,22 +50,29 @@ def test_the_scene_holds_the_law_that_the_map_was_made_by(tmp_path, hurst):
 
 
 def test_a_lay_becomes_a_stretch(tmp_path):
-    path = save(tmp_path, made(SelfAffineSpectrum(0.7, 40.0, 4.0, stretch=0.25), 0.1))
+    path = save(tmp_path, made(SelfAffineSpectrum(0.7, 60.0, 4.2, stretch=0.25), 0.1))
     like = likeness.propose(path, READING, Material())
     assert like.spectrum.stretch == pytest.approx(0.25, rel=0.15)
     assert like.spectrum.hurst == pytest.approx(0.7, abs=0.1)
-    assert like.spectrum.roll_off == pytest.approx(40.0, rel=0.3)
+    assert like.spectrum.roll_off == pytest.approx(60.0, rel=0.3)
     assert like.height == pytest.approx(like.windows[0], rel=0.25)
     files.write(tmp_path / "a.toml", likeness.keys(like, "a command", Path("a.toml")))
 
 
-def test_a_map_of_grooves_brings_a_doubt(tmp_path):
-    [honed] = [each for each in MAPS if each.name == "honed-0"]
-    like = likeness.propose(write(honed, tmp_path), Reading(), Material())
+def test_a_map_of_scratches_brings_a_doubt(tmp_path):
+    [ground] = [each for each in MAPS if each.name == "ground-2"]
+    like = likeness.propose(write(ground, tmp_path), Reading(), Material())
     assert like.doubt
     scene = tmp_path / "a.toml"
     files.write(scene, likeness.keys(like, "a command", Path("a.toml")))
     assert "DOUBTFUL" in scene.read_text()
+
+
+@pytest.mark.parametrize("name", ["honed-0", "turned-0", "ground-1"])
+def test_a_law_over_less_than_a_decade_feeds_no_scene(tmp_path, name):
+    [made_map] = [each for each in MAPS if each.name == name]
+    with pytest.raises(InputError, match=r"no self-affine law fits it: .* over 0\.\d+ decades"):
+        likeness.propose(write(made_map, tmp_path), Reading(), Material())
 
 
 def test_a_map_that_follows_no_law_is_refused(tmp_path):

@@ -1,10 +1,13 @@
 """The self-affine law: found again on surfaces that have one, refused on those that have none."""
 
 import math
+import re
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
+from gen.measured.areal import areal_parameters
 from gen.measured.self_affine import SelfAffineFit, fit_self_affine, radial_spectrum
 from gen.measured.topography import Topography
 from gen.spectral import SelfAffineSpectrum, generate_spectral
@@ -33,7 +36,7 @@ def fitted(topography) -> SelfAffineFit:
 
 @pytest.mark.parametrize("hurst", [0.3, 0.5, 0.8])
 @pytest.mark.parametrize(
-    ("nodes", "periods"), [(65, (6, 0.4)), (128, (6, 0.3)), (257, (10, 0.25)), (1000, (10, 0.125))]
+    ("nodes", "periods"), [(128, (4, 0.45)), (257, (6, 0.3)), (1000, (10, 0.125))]
 )
 def test_a_law_is_found_again(nodes, periods, hurst):
     topography, asked = made(nodes, hurst, periods=periods)
@@ -42,14 +45,14 @@ def test_a_law_is_found_again(nodes, periods, hurst):
     assert fit.spectrum.roll_off == pytest.approx(asked.roll_off, rel=0.2)
     assert fit.spectrum.cut_off == pytest.approx(asked.cut_off, rel=0.05)
     assert fit.rms_height == pytest.approx(3.0, rel=1e-9)
-    assert fit.scatter < 1.05
+    assert fit.scatter < 1.06
     assert not fit.remarks
 
 
 @pytest.mark.parametrize("hurst", [0.3, 0.5, 0.8])
 def test_a_law_is_found_again_behind_a_window(hurst):
-    """The window leaves few waves: at 65 nodes a single surface scatters by 0.1."""
-    for nodes, periods, seeds in ((65, (6, 0.4), 8), (257, (10, 0.25), 4), (1000, (10, 0.125), 1)):
+    """The window leaves few waves: at 129 nodes a single surface scatters by 0.05."""
+    for nodes, periods, seeds in ((129, (4, 0.45), 8), (257, (6, 0.3), 4), (1000, (8, 0.125), 1)):
         fits = []
         for seed in range(seeds):
             topography, asked = made(nodes, hurst, seed=seed, boundary="free", periods=periods)
@@ -85,18 +88,59 @@ def test_the_law_ends_in_a_floor_of_noise():
     assert fit.spectrum.cut_off > 1.5 * asked.cut_off
 
 
-@pytest.mark.parametrize(("exponent", "hurst"), [(1.0, 0.0), (6.0, 1.0)])
-def test_slopes_of_no_hurst_exponent_are_held_at_the_nearest(exponent, hurst):
+@pytest.mark.parametrize("exponent", [0.0, 1.0, 6.0])
+def test_slopes_of_no_hurst_exponent_are_refused_or_held_at_the_nearest(exponent):
     frequencies = np.hypot(np.fft.fftfreq(256)[:, None], np.fft.rfftfreq(256)[None, :])
     frequencies[0, 0] = 1.0
     phases = np.exp(2j * math.pi * np.random.default_rng(1).random(frequencies.shape))
     heights = np.fft.irfft2(phases * frequencies ** (-exponent / 2), s=(256, 256))
     fit = fit_self_affine(*_with_spectrum(heights))
     if isinstance(fit, str):
-        assert "off the nearest one" in fit
+        assert re.search("off the nearest one|flatter than|decades", fit)
     else:
-        assert fit.spectrum.hurst == hurst
-        assert any(f"held at {hurst:g}" in remark for remark in fit.remarks)
+        assert exponent == 6.0
+        assert fit.spectrum.hurst == 1.0
+        assert any("held at 1" in remark for remark in fit.remarks)
+
+
+LAYS = {
+    "half a decade": (made(257, 0.8, periods=(20, 0.25))[0].heights, "decades"),
+    "a decade less a bit": (made(257, 0.8, periods=(10, 0.32))[0].heights, "over 0.9"),
+    "white noise": (np.random.default_rng(0).normal(size=(128, 128)), "decades"),
+    "blobs": (gaussian_filter(np.random.default_rng(4).normal(size=(128, 128)), 6), "decades"),
+    "ground": (
+        gaussian_filter(np.random.default_rng(4).normal(size=(256, 256)), (1.5, 40)),
+        r"directional \(Str 0.0[456].*, slopes along its lay 0.03.* of those across",
+    ),
+    "at 45 degrees": (
+        np.cumsum(np.random.default_rng(1).normal(size=511))[
+            np.arange(256)[:, None] + np.arange(256)
+        ],
+        "directional",
+    ),
+}
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic"])
+@pytest.mark.parametrize("name", LAYS)
+def test_what_no_exponent_describes_is_refused_with_the_reason(name, boundary):
+    heights, reason = LAYS[name]
+    topography, spectrum = _with_spectrum(heights, boundary)
+    fit = fit_self_affine(topography, spectrum, areal_parameters(topography).values["Str"])
+    assert isinstance(fit, str), fit
+    assert re.search(reason, fit)
+
+
+@pytest.mark.parametrize("stretch", [1.0, 3.0, 1 / 3])
+def test_directional_surfaces_are_told_from_isotropic_ones(stretch):
+    spectrum = SelfAffineSpectrum(0.8, 400.0, 24.0, stretch)
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        heights = generate_spectral((256, 256), SIDE, spectrum, random, rms_height=1.0)
+        topography = Topography("made", heights, (SIDE, SIDE))
+        fit = fit_self_affine(topography, radial_spectrum(topography))
+        assert isinstance(fit, str) == (stretch != 1.0)
+        assert stretch == 1.0 or "directional (slopes along its lay 0.3" in fit
 
 
 def _with_spectrum(heights, boundary="periodic"):
@@ -130,7 +174,8 @@ REFUSED = {
     "sliver": (np.random.default_rng(0).normal(size=(500, 4)), "too few nodes"),
     "huge": (1e300 * np.random.default_rng(0).normal(size=(64, 64)), "beyond what numbers hold"),
     "lost": (1e9 + 1e-6 * np.random.default_rng(0).normal(size=(64, 64)), "lost in rounding"),
-    "one wave": (np.sin(np.arange(64.0))[:, None] + np.zeros(64), "off the nearest one"),
+    "one wave": (np.sin(np.arange(64.0))[:, None] + np.zeros(64), "directional"),
+    "a square wave": (np.add.outer(*(np.sin(np.arange(64.0)),) * 2), "off the nearest one"),
 }
 
 

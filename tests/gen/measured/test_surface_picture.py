@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from gen.measured import surface_picture
 
 ROUGH = generate_spectral(
-    (129, 129), 1000.0, SelfAffineSpectrum(0.7, 150, 20), np.random.default_rng(1), rms_height=2.0
+    (129, 129), 1000.0, SelfAffineSpectrum(0.7, 250, 16.5), np.random.default_rng(1), rms_height=2.0
 )
 SHAPES = {
     "square": (ROUGH, "1000"),
@@ -58,7 +58,7 @@ def test_the_law_is_printed_for_the_generator(tmp_path, monkeypatch, capsys):
     printed = {line.split()[0]: float(line.split()[1]) for line in lines[-4:]}
     assert list(printed) == ["hurst", "roll_off", "cut_off", "rms_height"]
     assert printed["hurst"] == pytest.approx(0.7, abs=0.05)
-    assert printed["roll_off"] == pytest.approx(150, rel=0.2)
+    assert printed["roll_off"] == pytest.approx(250, rel=0.2)
     law = SelfAffineSpectrum(printed["hurst"], printed["roll_off"], printed["cut_off"])
     again = np.random.default_rng(2)
     generate_spectral((129, 129), 1000.0, law, again, rms_height=printed["rms_height"])
