@@ -44,6 +44,13 @@ TEXT = bytes({7, 8, 9, 10, 12, 13, 27} | set(range(32, 256)))
 SURROGATE = b"asperity surrogate\n"
 """First bytes of a surrogate; before format 3 surrogates were zip archives."""
 
+NOT_TEXT = {
+    *(".xlsx", ".xlsm", ".xlsb", ".xls", ".ods", ".docx", ".doc", ".odt", ".pdf", ".zip", ".gz"),
+    *(".png", ".jpg", ".jpeg", ".tif", ".tiff", ".npy", ".npz", ".mat", ".parquet", ".feather"),
+    *(".h5", ".hdf5", ".nc", ".surrogate", ".pickle", ".pkl"),
+}
+"""Suffixes that promise something other than text, so that programs fail to open text there."""
+
 MAPS = b"asperity prepared maps\n"
 """First bytes of a file of prepared maps."""
 
@@ -197,9 +204,7 @@ def whole(path: Path, kind: Kind = "text", *, replace: bool = True) -> Iterator[
     InputError
         If the file cannot be written; an existing file is unchanged then.
     """
-    real = place_of(path)
-    if real.exists():
-        _require_replaceable(path, kind)
+    real = _place(path, kind)
     with _in_words(path, "cannot be written"):
         unfinished = real.with_name(f".asperity-{secrets.token_hex(8)}")
         descriptor = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
@@ -295,11 +300,21 @@ def hand_on(old: os.stat_result, descriptor: int) -> None:
 
 def _try(path: Path, kind: Kind) -> None:
     """Refuse a file that cannot be written, without changing an existing one."""
+    real = _place(path, kind)
+    with _in_words(path, "cannot be written"):
+        _try_beside(real)
+
+
+def _place(path: Path, kind: Kind) -> Path:
+    """Return the place of a file; refuse a suffix of another kind, and what cannot be replaced."""
     real = place_of(path)
     if real.exists():
         _require_replaceable(path, kind)
-    with _in_words(path, "cannot be written"):
-        _try_beside(real)
+    if kind == "text" and path.suffix.lower() in NOT_TEXT:
+        raise InputError(
+            f"{path}: holds text, which {path.suffix} does not promise: give .csv, .txt"
+        )
+    return real
 
 
 def _require_replaceable(path: Path, kind: Kind) -> None:

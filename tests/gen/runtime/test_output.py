@@ -47,6 +47,30 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.parametrize("suffix", [".xlsx", ".ODS", ".h5", ".png", ".npy", ".gz"])
+@pytest.mark.parametrize(
+    ("program", "words"),
+    [
+        (cli, ["contact", "h.npy", "--side", "9", "--delta", "1", "--csv"]),
+        (cli, ["describe", "h.npy", "--side", "9", "--csv"]),
+        *((cli, ["law", "h.npy", "--side", "9", "--pressure", "1", f"--{option}"]) for option in
+          ("csv", "json", "header", "calculix", "abaqus")),
+        (learn, ["predict", "model.surrogate", "h.npy", "--delta", "1", "-o"]),
+        (learn, ["law", "model.surrogate", "h.npy", "--delta", "1", "--csv"]),
+    ],
+)  # fmt: skip
+def test_text_is_not_written_under_a_name_that_promises_something_else(
+    folder, capsys, program, words, suffix
+):
+    before = contents(folder)
+    assert program.main([*words, f"table{suffix}"]) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert f"table{suffix}: holds text, which {suffix} does not promise" in said
+    assert contents(folder) == before
+    with pytest.raises(InputError, match="holds text"):
+        output.write(folder / f"table{suffix}", "a,b")
+
+
 def contents(folder):
     return {
         (each.name, each.lstat().st_mtime_ns): each.read_bytes() if each.is_file() else b""
@@ -107,8 +131,6 @@ def test_refused_before_any_work(folder, capsys, monkeypatch, program, arguments
         "growth": ["growth.csv", "growth.png"],
         "peers": ["peers.csv", "peers.png"],
         "solver": ["solver.csv", "solver.json", "solver.png"],
-        "scale": ["costs.json", "scale.csv", "scale.png"],
-        "unstated": ["readings.csv", "unstated.png"],
         "cost": ["cost.csv", "learning.csv", "cost.txt", "cost.png"],
         "tolerance": ["tolerance.csv", "tolerance.txt", "tolerance.png"],
         "generalisation": ["generalisation.csv"],
