@@ -26,6 +26,13 @@ COLUMNS = {
 ENDLESS = {STIFFNESS, CONDUCTANCE}
 """Quantities that full contact makes infinite."""
 
+DERIVED = {"closure_um", *ENDLESS}
+"""Quantities that follow from the predicted ones, so that they miss by more than those: outside the
+training they are not given at all."""
+
+MOST = 0.5
+"""Share of surfaces outside the training above which a row tells nothing about an interface."""
+
 UNITS = {"delta_um": "um", "pressure_MPa": "MPa"}
 """Unit of what a table is against."""
 
@@ -102,8 +109,8 @@ class Curves:
 
     @property
     def flagged(self) -> NDArray[np.bool_]:
-        """True where a surrogate was asked outside its training, so that there is no band, (k,)."""
-        return np.array([self.withheld(each) for each in range(self.at.size)]) & (self.outside > 0)
+        """True where most surfaces are outside a surrogate's training, (k,)."""
+        return self.outside > MOST
 
     def chosen(self, places: NDArray[np.bool_]) -> Curves:
         """Return the table at some of its arguments, with the slopes through what is left."""
@@ -161,7 +168,8 @@ def tabulated(
     The values and intervals of one surface are those of its points. Those of a population are mean
     and quantiles over the surfaces at the same argument. There is no band outside the surrogate's
     training: for one surface at points with a reason, for a population where more surfaces are
-    outside than the band leaves out on each side, (1 - level) / 2 of them.
+    outside than the band leaves out on each side, (1 - level) / 2 of them. Where most are, closure,
+    stiffness and conductance are NaN.
 
     Parameters
     ----------
@@ -197,6 +205,8 @@ def tabulated(
         slope = slopes(at, value, gap_at_rest if name == "mean_gap_um" else 0.0)
         low, high = np.minimum(low, value), np.maximum(high, value)
         low[withheld], high[withheld] = np.nan, np.nan
+        if name in DERIVED:
+            value, slope = (np.where(outside > MOST, np.nan, each) for each in (value, slope))
         curves[name] = Curve(value, low, high, slope)
     return Curves(against, at, curves, outside, tuple(reasons), gap_at_rest)
 

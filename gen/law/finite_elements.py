@@ -153,8 +153,12 @@ def rising(law: Law, side: Side = MEAN) -> tuple[Values, Values, Values | None]:
     places = np.flatnonzero(usable)
     places = places[risen(closures[places], CLOSER)]
     if not places.size:
-        outside = " inside the surrogate's training" if table.flagged.any() else ""
-        raise InputError(f"the law closes nowhere{outside}: it has no table for finite elements")
+        if table.flagged.any():
+            raise InputError(
+                "no load lies inside the surrogate's training: C headers and files for finite"
+                " elements need one; --solver solves the law"
+            )
+        raise InputError("the law closes nowhere: there is no table for finite elements")
 
     def some(values: Values) -> Values:
         return np.append(0.0, values[places])

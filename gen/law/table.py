@@ -75,8 +75,10 @@ def _beside_the_point(curves: Curves) -> set[str]:
 
 
 def _shown(curve: Curve, place: int, curves: Curves) -> str:
-    """Return a value with its band, with `-` for a band that is withheld, or alone."""
+    """Return a value with its band, with `-` for what is withheld, or alone."""
     value, low, high = curve.value[place], curve.low[place], curve.high[place]
+    if np.isnan(value):
+        return "-"
     if low < high:
         return f"{value:.4g} ({low:.4g} to {high:.4g})"
     return f"{value:.4g} (-)" if curves.withheld(place) else f"{value:.4g}"

@@ -259,20 +259,25 @@ def _unknown(over_delta: Curves) -> list[str]:
     if not beyond:
         return []
     many = f"{beyond} of {over_delta.at.size - 1} displacements"
-    return [f"warning: {many} are outside the training ranges for one surface or more"]
+    line = f"warning: {many} are outside the training ranges for one surface or more"
+    if over_delta.flagged.any():
+        line += "; outside, neither closure nor stiffness is given (-)"
+    return [line]
 
 
 def _corrected(over_delta: Curves, corrections: Sequence[Points]) -> list[str]:
     """Warn of curves that were far from monotone."""
-    worst = 0.0
-    for name, curve in over_delta.curves.items():
-        if name not in corrections[0].values:  # slopes are not corrected
-            continue
+    lines = []
+    for name in set(over_delta.names) & corrections[0].values.keys():  # slopes are not corrected
         change = np.mean([each.values[name] for each in corrections], axis=0)
-        worst = max(worst, float(np.abs(change).max()) / (float(np.abs(curve.value).max()) or 1.0))
-    if worst <= CORRECTED:
-        return []
-    return [f"warning: made monotone by up to {100 * worst:.2g} % of the largest value"]
+        largest = np.nanmax(np.abs(over_delta.curves[name].value)) or 1.0
+        if np.abs(change).max() > CORRECTED * largest:
+            fell, rising = ("rose", "falling") if name == "mean_gap_um" else ("fell", "rising")
+            lines.append(
+                f"warning: the surrogate's curve of {name} {fell} with the load; shown is the"
+                f" nearest {rising} one"
+            )
+    return sorted(lines)
 
 
 def _pressures(

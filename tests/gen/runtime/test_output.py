@@ -87,7 +87,7 @@ REFUSED = [
     (cli, [*CONTACT, "--csv", "rows.h5"], "holds HDF5, not text"),
     (cli, [*CONTACT, "--csv", "old.png"], "holds a picture, not text"),
     (cli, [*CONTACT, "--plot", "table.csv"], "holds text, not a picture"),
-    (cli, [*CONTACT, "--csv", "new.png", "--plot", "new.png"], "is what --csv writes too"),
+    (cli, [*CONTACT, "--csv", "new.svg", "--plot", "new.svg"], "is what --csv writes too"),
     (cli, [*CONTACT, "--csv", "locked.csv"], "is read-only"),
     (cli, [*CONTACT, "--plot", "locked.png"], "is read-only"),
     (cli, [*CONTACT, "--csv", "fifo.csv"], "is no regular file"),

@@ -1,18 +1,23 @@
 """Laws at the given loads, their bands, and no band outside the training."""
 
+import re
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from laws import LOADS, STEEL, column, rows_of, run
+from strict import json_of
 
 import bem
 from gen import cli as gen_cli
 from gen.generation.plan import parameters
 from gen.generation.sample import solve_contact, surface_of
+from gen.law.curves import monotone, tabulated
+from gen.law.points import Points
 from gen.scene import Scene
 from learn import Surrogate
+from learn.surrogate.law.predicted import _corrected
 
 COLUMNS = ("delta_um", "area_percent", "mean_gap_um")
 FREE = ["--boundary", "free"]
@@ -439,18 +444,72 @@ stiffness = true
 """
 
 
+def inside(predicted, solved):
+    """Rows of two laws against Delta, behind the first, where closures are predicted."""
+    pairs = zip(*(rows_of(name, "delta_um")[1:] for name in (predicted, solved)), strict=True)
+    return zip(*((one, other) for one, other in pairs if one["closure_um"]), strict=True)
+
+
+def test_what_follows_from_predictions_is_withheld_outside_the_training(work, capsys):
+    """In print and in every file; where no row is left, nothing is written."""
+    ask = ["law", "hybrid.surrogate", "many/s1.npy", "--side", "1000", "--conductivity", "50"]
+    run(*ask, "--delta", "0.02:40:21", "-o", "law", "--plot", "law.png")
+    said = capsys.readouterr().out
+    assert "; outside, neither closure nor stiffness is given (-)" in said
+    rows = rows_of("law.csv", "pressure_MPa")
+    flagged = [row for row in rows if float(row["outside"]) == 1]
+    assert 0 < len(flagged) < len(rows) - 1
+    for name in ("closure_um", "stiffness_MPa_per_um", "conductance_W_per_mm2_K"):
+        assert all((row[name] == "") == (row in flagged) for row in rows)
+    (curves,) = [
+        t["curves"]
+        for t in json_of("law.json")["tables"]
+        if "closure_um" in t["curves"] and "delta_um" in t["curves"]
+    ]
+    assert [each is None for each in curves["closure_um"]["value"]] == [
+        row in flagged for row in rows
+    ]
+    kept = {f"{float(row['pressure_MPa']):.10g}" for row in rows if row not in flagged}
+    behaviour, _, _ = Path("law-abaqus.inp").read_text().partition("*GAP")
+    lines = [line.split(",")[0] for line in behaviour.splitlines() if not line.startswith("*")]
+    assert set(lines) - {"0"} <= kept
+    assert re.search(
+        rf"define ASPERITY_LAW_PRESSURES {len(kept | {'0'})}\b", Path("law.h").read_text()
+    )
+    for path in Path().glob("law*"):
+        path.unlink()
+    capsys.readouterr()
+    run(*ask, "--delta", "0.02,0.03", "-o", "law", ends=2)
+    assert "no load lies inside the surrogate's training" in capsys.readouterr().err
+    assert not list(Path().glob("law*"))
+
+
+def test_a_curve_that_turned_back_is_told_in_a_sentence():
+    deltas = np.array([0.0, 1.0, 2.0, 3.0])
+    raw = {"force_uN": [0, 5, 2, 6], "area_percent": [0, 1, 2, 3], "mean_gap_um": [3, 1, 2, 0]}
+    columns = {name: np.array(each, dtype=float) for name, each in raw.items()}
+    smooth, changes = monotone(Points({"delta_um": deltas, **columns}, reasons=("",) * 4))
+    warned = _corrected(tabulated("delta_um", deltas, [smooth], 0.9, 3.0), [changes])
+    curve = "warning: the surrogate's curve of "
+    assert warned == [
+        f"{curve}force_uN fell with the load; shown is the nearest rising one",
+        f"{curve}mean_gap_um rose with the load; shown is the nearest falling one",
+    ]
+
+
 def test_the_conductance_of_elastic_bodies_is_the_slope_of_their_force(work):
     """Of a surrogate of area and force; in files for finite elements too."""
     ask = ["hybrid.surrogate", "many/s1.npy", "--side", "1000", *STEEL, "--delta", "4:40:13"]
     ask += ["--conductivity", "50"]
     run("law", *ask, "--csv", "predicted.csv", "--calculix", "law.inp", "--json", "law.json")
     run("law", *ask, "--csv", "solved.csv", "--solver")
-    predicted, solved = (rows_of(f"{name}.csv", "delta_um") for name in ("predicted", "solved"))
+    predicted, solved = inside("predicted.csv", "solved.csv")
+    assert len(predicted) > 6
     for name in ("stiffness_MPa_per_um", "conductance_W_per_mm2_K"):
         near = column(predicted, name)[2:-2] / column(solved, name)[2:-2]
         assert np.abs(np.median(near) - 1) < 0.3
     assert "*GAP CONDUCTANCE" in Path("law.inp").read_text()
-    closures = column(predicted, "closure_um")[1:] / column(solved, "closure_um")[1:]
+    closures = column(predicted, "closure_um") / column(solved, "closure_um")
     assert np.abs(np.median(closures) - 1) < 0.2
 
 
@@ -463,7 +522,8 @@ def test_the_conductance_of_bodies_that_yield_is_learnt_from_their_stiffness(wor
     ask = ["yielding.toml", "--surfaces", "8", "--delta", "3:6:4", "--conductivity", "50"]
     run("law", "stiff.surrogate", *ask, "--csv", "predicted.csv")
     run("law", *ask, "--solver", "--csv", "solved.csv")
-    predicted, solved = (rows_of(f"{name}.csv", "delta_um")[1:] for name in ("predicted", "solved"))
+    predicted, solved = inside("predicted.csv", "solved.csv")
+    assert predicted
     ratio = column(predicted, "conductance_W_per_mm2_K") / column(solved, "conductance_W_per_mm2_K")
     np.testing.assert_allclose(ratio, 1, atol=0.4)
     capsys.readouterr()
