@@ -1,4 +1,4 @@
-"""Channels of a file that holds several maps: choosing one, and telling the user which."""
+"""Channels of a file that holds several maps: choosing one, telling the user which, and its map."""
 
 from __future__ import annotations
 
@@ -6,7 +6,39 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from gen.arrays import Heights
 from gen.runtime.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """The map of a channel in the file's own units.
+
+    Attributes
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights, NaN at holes [unit].
+    widths : tuple of float, optional
+        Lengths along x and y, which count whole pixels [length_unit]; None if the file has none.
+    unit : str, optional
+        Unit of the heights; if the file names none, "" for one in um by default, else None.
+    length_unit : str, optional
+        Unit of the lengths, None for that of the heights.
+    origin : str
+        What was read, in words.
+    remarks : tuple of str
+        Comments of the file that we do not understand and that name a unit of length.
+    repeats : bool
+        Whether the file calls the map one period of a periodic surface.
+    """
+
+    heights: Heights
+    widths: tuple[float, float] | None = None
+    unit: str | None = None
+    length_unit: str | None = None
+    origin: str = ""
+    remarks: tuple[str, ...] = ()
+    repeats: bool = False
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ def read(path: Path) -> list[text.Matrix]:
 
 
 def checked(heights: Heights, path: Path) -> Heights:
-    """Refuse heights that are not 2-D, 2 x 2 or more, finite or NaN, and not all NaN."""
+    """Refuse heights that are not 2-D, 2 x 2 or more, and finite or NaN."""
     if heights.ndim != 2 or min(heights.shape) < 2:
         shape = " x ".join(str(length) for length in heights.shape) or "a single number"
         content = shape if heights.size else "no heights"
@@ -56,8 +56,6 @@ def checked(heights: Heights, path: Path) -> Heights:
         raise InputError(
             f"{path}: {refused} of {heights.size} heights are infinite; give finite heights"
         )
-    if np.isnan(heights).all():
-        raise InputError(f"{path}: all of its {heights.size} heights are missing; measure again")
     return heights
 
 

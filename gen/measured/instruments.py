@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import logging
 import re
 import warnings
+import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
-from gen.arrays import Heights
-from gen.measured.channel import Channel, choice_in_words, choose_channel
+from gen.measured.channel import Channel, Scan, choice_in_words, choose_channel
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 
@@ -22,6 +23,8 @@ WIDEST_NMS = 1e3
 """Spacing of the nodes above which a NanoFocus file was read in the wrong unit [um]."""
 TABLES = {"asc", "xyz"}
 """Readers of tables of numbers, which `gen.measured.text` reads: they take points for heights."""
+DAMAGED = (OSError, EOFError, RuntimeError, BadZipFile, zlib.error)
+"""Errors of damaged, encrypted and foreign ZIP archives."""
 GUESSING = {"nms", "hgt"}
 """Readers that take any file for theirs: they are tried for files of their suffix only."""
 MOST_LETTERS = 600
@@ -33,31 +36,7 @@ REVISION = re.compile(
 """Revision of an x3p file with any dash; SurfaceTopography knows it with one dash only."""
 
 
-class InstrumentMap(NamedTuple):
-    """A map as SurfaceTopography gives it.
-
-    Attributes
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights, NaN at holes [unit].
-    widths : tuple of float, optional
-        Lengths along x and y, which count whole pixels [unit]; None if the file has none.
-    unit : str, optional
-        Unit of heights and lengths, None if the file names none.
-    origin : str
-        What was read, in words.
-    repeats : bool
-        Whether the file calls the map one period of a periodic surface.
-    """
-
-    heights: Heights
-    widths: tuple[float, float] | None
-    unit: str | None
-    origin: str
-    repeats: bool
-
-
-def read(path: Path, wanted: str, reason: str) -> InstrumentMap:
+def read(path: Path, wanted: str, reason: str) -> Scan:
     """Read the map of a channel from an instrument's file.
 
     Parameters
@@ -71,7 +50,7 @@ def read(path: Path, wanted: str, reason: str) -> InstrumentMap:
 
     Returns
     -------
-    InstrumentMap
+    Scan
         The map.
 
     Raises
@@ -92,8 +71,10 @@ def read(path: Path, wanted: str, reason: str) -> InstrumentMap:
         raise InputError(f"{path}: is no file that could be read")
     if not path.stat().st_size:
         raise InputError(f"{path}: is empty; give a file with a map of heights")
+    logged = logging.root.manager.disable
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # every reader that is tried warns about foreign formats
+        logging.disable()
         try:
             return _map_of(path, wanted, *_opened(path, reason))
         except InputError:
@@ -102,6 +83,8 @@ def read(path: Path, wanted: str, reason: str) -> InstrumentMap:
             raise InputError(
                 f"{path}: SurfaceTopography cannot read it: {_reason(error)}"
             ) from None
+        finally:
+            logging.disable(logged)
 
 
 def _opened(path: Path, reason: str) -> tuple[Any, str]:
@@ -117,14 +100,13 @@ def _opened(path: Path, reason: str) -> tuple[Any, str]:
     from SurfaceTopography.IO import MagicMatch, open_topography, readers
 
     suffix = path.suffix.lower().removeprefix(".")
-    named = [each for each in readers if suffix in {each.format(), *each.file_extensions()}]
     with path.open("rb") as file:
         start = file.read(512)
+    named = [each for each in readers if suffix in {each.format(), *each.file_extensions()}]
     others = [each for each in readers if each.can_read(start) != MagicMatch.NO]
-    others = [each for each in others if each.format() not in GUESSING]
-    reasons: list[str] = []
-    scans = False
-    for kind in dict.fromkeys(each for each in [*named, *others] if each.format() not in TABLES):
+    tried = [*named, *(each for each in others if each.format() not in GUESSING)]
+    reasons, scans = [], False
+    for kind in dict.fromkeys(each for each in tried if each.format() not in TABLES):
         fault = "it holds no map"
         for content, remark in _contents(path, kind.format()):
             try:
@@ -151,10 +133,9 @@ def _contents(path: Path, kind: str) -> Iterator[tuple[str | BytesIO, str]]:
     yield str(path), ""
     if kind != "x3p":
         return
-    with suppress(OSError, BadZipFile, NotImplementedError), ZipFile(path) as archive:
+    with suppress(*DAMAGED), ZipFile(path) as archive:
         names = archive.namelist()
-        main = min((name for name in names if name.endswith("/main.xml")), key=len, default="")
-        main = "main.xml" if "main.xml" in names else main
+        main = min((each for each in names if Path(each).name == "main.xml"), key=len, default="")
         folder = main.removesuffix("main.xml")
         text = archive.read(main) if main else b""
         mended = REVISION.sub(rb"\1ISO5436 - 2000\2", text)
@@ -175,7 +156,7 @@ def _reason(error: Exception) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"[:MOST_LETTERS]
 
 
-def _map_of(path: Path, wanted: str, reader: Any, remark: str) -> InstrumentMap:
+def _map_of(path: Path, wanted: str, reader: Any, remark: str) -> Scan:
     """Read the wanted map of an open file."""
     maps = {channel.index: channel for channel in reader.channels if channel.dim == 2}
     channels = [
@@ -203,4 +184,5 @@ def _map_of(path: Path, wanted: str, reader: Any, remark: str) -> InstrumentMap:
         if reader.format() == "nms" and width / nx > WIDEST_NMS:
             widths = 1e-6 * width, 1e-6 * length
             origin += " with the spacing in its header in nm (SurfaceTopography takes it for mm)"
-    return InstrumentMap(heights, widths, topography.unit, origin, bool(topography.is_periodic))
+    repeats = bool(topography.is_periodic)
+    return Scan(heights, widths, topography.unit, origin=origin, repeats=repeats)

@@ -7,6 +7,7 @@ become a map with holes at the nodes that no point lies on; other lists are refu
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
+from gen.measured.channel import Scan
 from gen.runtime.errors import InputError
 
 MOST_COLUMNS = 6
@@ -31,41 +33,38 @@ COVERED = 0.5
 ADVICE = "give the heights as a grid, one row of them a line, or x, y and z of points on a grid"
 
 
-def arranged(
-    path: Path, numbers: Values, names: Sequence[str] = ()
-) -> tuple[Heights, tuple[float, float] | None, str]:
+def arranged(path: Path, scan: Scan, names: Sequence[str] = ()) -> Scan:
     """Turn a table of numbers into a map of heights.
 
     Parameters
     ----------
     path : Path
         File, for messages.
-    numbers : ndarray, shape (rows, columns)
-        Numbers as the file holds them.
+    scan : Scan
+        Numbers as the file holds them; those with widths are a map already.
     names : sequence of str
         "x", "y", "z" or "" for each column; empty if the file does not name them.
 
     Returns
     -------
-    heights : ndarray, shape (nx, ny)
-        Heights, NaN at holes [unit of the table].
-    spacing : tuple of float, optional
-        Distances of the nodes along x and y [unit of the table]; None if the table has none.
-    origin : str
-        How the table held the map, in words; "" for a plain matrix.
+    Scan
+        The map, with widths if there are coordinates.
 
     Raises
     ------
     InputError
         If the numbers look like coordinates but not like a map: a profile, points on no grid.
     """
+    numbers = scan.heights
+    if scan.widths is not None:
+        return scan
     if len(names) == numbers.shape[1]:
         columns = numbers[:, [names.index(axis) for axis in "xyz"]]
-        return _from_points(path, columns, "columns")
+        return _from_points(path, scan, columns, "columns")
     for columns, direction in ((numbers, "columns"), (numbers.T, "rows")):
         if _is_list(columns):
-            return _from_points(path, columns, direction)
-    return _between_coordinates(path, numbers)
+            return _from_points(path, scan, columns, direction)
+    return _between_coordinates(path, scan)
 
 
 def _is_list(columns: Values) -> bool:
@@ -85,9 +84,7 @@ def _is_list(columns: Values) -> bool:
     return any(each.covered >= COVERED and 10 * each.repeated <= points for each in grids if each)
 
 
-def _from_points(
-    path: Path, columns: Values, direction: str
-) -> tuple[Heights, tuple[float, float] | None, str]:
+def _from_points(path: Path, scan: Scan, columns: Values, direction: str) -> Scan:
     """Lay points on their grid; refuse points on no grid, and columns that are not told."""
     points, width = columns.shape
     if width == 4 and (columns[:, 0] == columns[0, 0] + np.arange(points)).all():
@@ -100,7 +97,7 @@ def _from_points(
     if columns.shape[1] == 3:
         grid = _grid(columns[:, 0], columns[:, 1])
         if grid is None:
-            looks += f"off any regular grid by more than {100 * EVEN:g} % of its spacing"
+            looks += f"on no regular grid within {100 * EVEN:g} % of its spacing"
         elif grid.repeated:
             looks += f"{grid.repeated} of which lie where others do"
         elif grid.covered < COVERED:
@@ -111,18 +108,22 @@ def _from_points(
             heights[grid.nodes] = columns[:, 2]
             off = f", up to {100 * grid.misfit:.1g} % of a spacing off it"
             origin = f" of {points} points on a grid{off if grid.misfit > 1e-4 else ''}"
-            return heights, grid.spacing, origin
+            return _with_spacing(scan, heights, grid.spacing, origin)
     raise InputError(
         f"{path}: holds {points} x {width} numbers in {direction}: looks like {looks}, not a map of"
         f" heights; {ADVICE}"
     )
 
 
-def _between_coordinates(
-    path: Path, numbers: Values
-) -> tuple[Heights, tuple[float, float] | None, str]:
+def _with_spacing(scan: Scan, heights: Heights, spacing: tuple[float, float], said: str) -> Scan:
+    """Return a scan with these heights, the widths of all pixels, and more words on its origin."""
+    widths = spacing[0] * heights.shape[0], spacing[1] * heights.shape[1]
+    return replace(scan, heights=heights, widths=widths, origin=scan.origin + said)
+
+
+def _between_coordinates(path: Path, scan: Scan) -> Scan:
     """Take coordinates off the first row, x, and column, y; refuse one without the other."""
-    kinds = ("", "")
+    numbers, kinds = scan.heights, ("", "")
     if min(numbers.shape) >= 4:
         kinds = _first_row(numbers), _first_row(numbers.T)
     x, y = numbers[0, 1:], numbers[1:, 0]
@@ -131,8 +132,10 @@ def _between_coordinates(
         heights = np.ascontiguousarray(heights[:: 1 if dx > 0 else -1, :: 1 if dy > 0 else -1])
         inside = "its first row and column, x along its lines"
         if np.allclose((dx, dy), 1, rtol=1e-9) and {x[0], y[0]} <= {0, 1}:
-            return heights, None, f" without the row and column numbers in {inside}"
-        return heights, (abs(dx), abs(dy)), f" between the coordinates in {inside}"
+            said = f"{scan.origin} without the row and column numbers in {inside}"
+            return replace(scan, heights=heights, origin=said)
+        said = f" between the coordinates in {inside}"
+        return _with_spacing(scan, heights, (abs(dx), abs(dy)), said)
     pairs = zip(kinds, (x, y), strict=True)
     alone = any(kind and (axis.size >= CHANCE or np.isnan(numbers[0, 0])) for kind, axis in pairs)
     if alone and (all(kinds) or "even" in kinds):
@@ -141,7 +144,7 @@ def _between_coordinates(
             f"{path}: its first row holds {row} coordinates, its first column {column} coordinates;"
             " leave both out, or give both in even steps"
         )
-    return numbers, None, ""
+    return scan
 
 
 def _first_row(numbers: Values) -> str:

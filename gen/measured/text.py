@@ -303,16 +303,13 @@ def _row(fields: list[str], path: Path, line: int, above: list[list[float]]) -> 
 
 def _fields(line: str) -> list[str]:
     """Split a line into fields; a separator may end the line, and commas may be decimal."""
-    words = line.split()
-    if ";" in line:
-        words = line.removesuffix(";").split(";")
-    elif "," in line and (
-        len(words) < 2 or not all(WITH_COMMA.fullmatch(each) or _is_number(each) for each in words)
-    ):
+    words = line.removesuffix(";").split(";") if ";" in line else line.split()
+    if "," not in line:
+        return words
+    decimal = all(WITH_COMMA.fullmatch(each.strip()) or _is_number(each) for each in words)
+    if ";" not in line and not (decimal and len(words) > 1):
         return line.removesuffix(",").split(",")
-    return [
-        each.replace(",", ".") if WITH_COMMA.fullmatch(each.strip()) else each for each in words
-    ]
+    return [each.replace(",", ".") for each in words] if decimal else words
 
 
 def _is_number(field: str) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 
 from gen.arrays import Heights
 from gen.measured import grid_file, instruments, text
-from gen.measured.channel import Channel, choice_in_words, choose_channel
+from gen.measured.channel import Channel, Scan, choice_in_words, choose_channel
 from gen.measured.points import arranged
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
@@ -95,37 +95,6 @@ def intervals(nodes: int, boundary: Boundary) -> int:
     return nodes - 1 if boundary == "free" else nodes
 
 
-@dataclass(frozen=True, eq=False)
-class _Scan:
-    """A map in the file's own units.
-
-    Attributes
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights, NaN at holes [unit].
-    lengths : tuple of float, optional
-        Lengths of the patch along x and y [length_unit]; None if the file has none.
-    unit : str, optional
-        Unit of the heights; if the file names none, "" for one in um by default, else None.
-    length_unit : str, optional
-        Unit of the lengths, None for that of the heights.
-    origin : str
-        Channel and header that were read, in words.
-    remarks : tuple of str
-        Comments of the file that we do not understand and that name a unit of length.
-    repeats : bool
-        Whether the file says that its map is periodic.
-    """
-
-    heights: Heights
-    lengths: Sides | None = None
-    unit: str | None = None
-    length_unit: str | None = None
-    origin: str = ""
-    remarks: tuple[str, ...] = ()
-    repeats: bool = False
-
-
 def read(
     path: Path,
     side: str = "",
@@ -171,17 +140,19 @@ def read(
     if override_scale and not (side or unit):
         raise InputError("--override-scale: give --side, --unit or both, to overrule the file's")
     matrices, reason = _matrices(path)
-    scan = (
-        _own_scan(path, matrices, channel, boundary, override_scale and bool(unit))
-        if matrices
-        else _instrument_scan(path, channel, boundary, reason)
-    )
+    if matrices:
+        scan = _own_scan(path, matrices, channel, overruled=override_scale and bool(unit))
+    else:
+        scan = instruments.read(path, channel, reason)
+        scan = arranged(path, replace(scan, heights=grid_file.checked(scan.heights, path)))
     overruled: list[str] = []
     allowed = overruled if override_scale else None
     heights_unit = _agreed_unit(path, scan, unit, allowed)
     sides = _agreed_sides(path, scan, heights_unit, side, boundary, allowed)
     with np.errstate(over="ignore"):
         heights = scan.heights * _factor(heights_unit or "um", "--unit")
+    if np.isnan(heights).all():
+        raise InputError(f"{path}: all of its {heights.size} heights are missing; measure again")
     if np.isinf(heights).any() or not all(0 < length < np.inf for length in sides):
         raise InputError(
             f"{path}: its heights or lengths are beyond what numbers hold; give others"
@@ -209,21 +180,21 @@ def _absurd(topography: Topography) -> list[str]:
     """Warn of a scale that no instrument has; say which number it is."""
     heights = topography.heights
     span = float(np.nanmax(heights) - np.nanmin(heights))
-    numbers = [(step, f"its nodes are {step:.3g} um apart") for step in set(topography.spacing)]
-    numbers += [(span, f"its heights span {span:.3g} um")] if span else []
+    numbers = {step: f"its nodes are {step:.3g} um apart" for step in topography.spacing}
+    numbers |= {span: f"its heights span {span:.3g} um"} if span else {}
     return [
         f"{said}, which no instrument measures; compare with the instrument's own display, and"
         " overrule the file by --side or --unit with --override-scale"
-        for number, said in numbers
+        for number, said in numbers.items()
         if not NEAREST <= number <= WIDEST
     ]
 
 
-def _first_step(scan: _Scan, heights: Heights, unit: str | None) -> str:
+def _first_step(scan: Scan, heights: Heights, unit: str | None) -> str:
     """Describe the map that was read in one line: nodes, channel, units, holes."""
     nx, ny = heights.shape
     units = f"heights in {unit}" if unit else "heights taken as um"
-    if scan.lengths is not None:
+    if scan.widths is not None:
         units = f"lengths in {unit}"
         if scan.length_unit not in {None, unit}:
             units = f"lengths in {scan.length_unit}, heights in {unit}"
@@ -268,7 +239,7 @@ def _unit(name: str) -> str:
     return name if name in UNITS else WORDS.get(word, word if known else name)
 
 
-def _agreed_unit(path: Path, scan: _Scan, given: str, overruled: list[str] | None) -> str | None:
+def _agreed_unit(path: Path, scan: Scan, given: str, overruled: list[str] | None) -> str | None:
     """Return the unit of the heights, from the file or the user; None if it is um by default.
 
     If the user's unit overrules the file's, that is appended to `overruled`; None forbids it.
@@ -276,7 +247,7 @@ def _agreed_unit(path: Path, scan: _Scan, given: str, overruled: list[str] | Non
     own = scan.unit
     factor = _factor(given, "--unit") if given else None
     if not own:
-        if not given and (scan.lengths is not None or own is None):
+        if not given and (scan.widths is not None or own is None):
             raise InputError(f"{path}: names no unit; give --unit, one of {', '.join(UNITS)}")
         return given or None
     if not given or factor == UNITS.get(_unit(own)):
@@ -293,7 +264,7 @@ def _agreed_unit(path: Path, scan: _Scan, given: str, overruled: list[str] | Non
 
 def _agreed_sides(
     path: Path,
-    scan: _Scan,
+    scan: Scan,
     unit: str | None,
     side: str,
     boundary: Boundary,
@@ -303,7 +274,7 @@ def _agreed_sides(
 
     If the user's lengths overrule the file's, that is appended to `overruled`; None forbids it.
     """
-    if scan.lengths is None:
+    if scan.widths is None:
         if not side:
             hint = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
             raise InputError(f"{path}: holds no lengths; give --side, the scan length in um{hint}")
@@ -314,7 +285,9 @@ def _agreed_sides(
         overruled.append(f"lengths in {length_unit}, taken as {given[0]:g} x {given[1]:g} um")
         return given
     factor = _factor(length_unit, f"{path}: unit of lengths")
-    own = scan.lengths[0] * factor, scan.lengths[1] * factor
+    (nx, ny), (width, length) = scan.heights.shape, scan.widths
+    width, length = width * intervals(nx, boundary) / nx, length * intervals(ny, boundary) / ny
+    own = width * factor, length * factor
     if not side:
         return own
     given = sides_from(side)
@@ -367,9 +340,7 @@ def _matrices(path: Path) -> tuple[list[text.Matrix], str]:
     return matrices, ""
 
 
-def _own_scan(
-    path: Path, matrices: Sequence[text.Matrix], wanted: str, boundary: Boundary, overruled: bool
-) -> _Scan:
+def _own_scan(path: Path, matrices: Sequence[text.Matrix], wanted: str, *, overruled: bool) -> Scan:
     """Choose the map of a .npy or text file; if `overruled`, its unit need not be a length."""
     units = [matrix.value_unit for matrix in matrices]
     channels = [
@@ -394,36 +365,8 @@ def _own_scan(
         origin += " under a header, x along its lines"
     elif y_unit and _unit(y_unit) != _unit(x_unit):
         raise InputError(f"{path}: has x in {x_unit} and y in {y_unit}; give both in one unit")
-    scan = _scan(path, heights, widths, boundary, matrix.names)
+    scan = Scan(heights, widths, unit, x_unit or None, origin, matrix.remarks)
+    scan = arranged(path, scan, matrix.names)
     # An overflow is refused by `read`; a signalling NaN is a hole like every NaN.
     with np.errstate(over="ignore", invalid="ignore"):
-        heights = factor * scan.heights
-    origin, length_unit = origin + scan.origin, x_unit or None
-    return _Scan(heights, scan.lengths, unit, length_unit, origin, matrix.remarks)
-
-
-def _instrument_scan(path: Path, wanted: str, boundary: Boundary, reason: str) -> _Scan:
-    """Read the wanted map of an instrument's file; `reason` says why it is no table of numbers."""
-    found = instruments.read(path, wanted, reason)
-    scan = _scan(path, grid_file.checked(found.heights, path), found.widths, boundary)
-    origin = found.origin + scan.origin
-    return replace(scan, unit=found.unit, origin=origin, repeats=found.repeats)
-
-
-def _scan(
-    path: Path,
-    heights: Heights,
-    widths: Sides | None,
-    boundary: Boundary,
-    names: Sequence[str] = (),
-) -> _Scan:
-    """Return a map with the lengths of its patch, those of all its pixels or of coordinates."""
-    origin = ""
-    if widths is None:
-        heights, spacing, origin = arranged(path, heights, names)
-        if spacing is None:
-            return _Scan(heights, origin=origin)
-        widths = spacing[0] * heights.shape[0], spacing[1] * heights.shape[1]
-    (nx, ny), (width, length) = heights.shape, widths
-    lengths = width * intervals(nx, boundary) / nx, length * intervals(ny, boundary) / ny
-    return _Scan(heights, lengths, origin=origin)
+        return replace(scan, heights=factor * scan.heights)

@@ -95,6 +95,7 @@ def test_a_harmless_x3p_has_no_remark(tmp_path: Path) -> None:
 
 AS_X3P = r"SurfaceTopography cannot read it as XML 3D surface profile \(X3P\): "
 TIFF = b"II*\0\x08\0\0\0\0\0\0\0\0\0"
+DAMAGED = TIFF[:8] + struct.pack("<HHHII", 1, 256, 4, 1000, 30) + bytes(4)
 FAULTS = {
     "another revision": (
         ".x3p",
@@ -111,6 +112,7 @@ FAULTS = {
     "cut ibw": (".ibw", struct.pack("<h", 5) + bytes(99), "as Igor binary wave: "),
     "text in sur": (".sur", b"hello\nworld\n", "as Digital Surf SUR: .*expected value is 'DIGITAL"),
     "tif without a scale": (".tif", TIFF, "as Park Systems TIFF: .*not a Park Systems TIFF"),
+    "damaged tif": (".tif", DAMAGED, "as Park Systems TIFF: "),
     "unknown": (".bin", bytes(range(256)), "no reader of SurfaceTopography knows its format"),
     "unknown text": (".log", b"1 2 3\n4 5 bang\n", "line 2: 'bang' is not a number"),
 }
@@ -118,7 +120,12 @@ FAULTS = {
 
 @pytest.mark.parametrize(("suffix", "content", "message"), FAULTS.values(), ids=FAULTS)
 def test_the_reason_is_that_of_the_reader_of_the_suffix(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str, content, message: str
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+    suffix: str,
+    content,
+    message: str,
 ) -> None:
     path = tmp_path / f"scan{suffix}"
     if isinstance(content, bytes):
@@ -129,6 +136,7 @@ def test_the_reason_is_that_of_the_reader_of_the_suffix(
         read(path)
     assert "tried" not in str(refusal.value)
     assert "line scans" not in str(refusal.value)
+    assert not caplog.records
     assert cli.main(["describe", str(path)]) == 2
     said = capsys.readouterr()
     assert (said.out, said.err.count("\n")) == ("", 1)
@@ -139,5 +147,5 @@ def test_the_rule_for_points_stands_before_other_readers(tmp_path: Path) -> None
     from scipy.io import savemat
 
     savemat(tmp_path / "points.mat", {"points": np.random.default_rng(1).normal(size=(300, 3))})
-    with pytest.raises(InputError, match="looks like a list of points, x, y and z, off any"):
+    with pytest.raises(InputError, match="looks like a list of points, x, y and z, on no"):
         read(tmp_path / "points.mat", "9", "um")

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gen import cli
+from gen.measured.channel import Scan
 from gen.measured.points import arranged
 from gen.measured.topography import read
 from gen.runtime.errors import InputError
@@ -92,17 +93,19 @@ FILES = {
     "points with rounded coordinates": Strange(
         rows(ROUNDED, number="{:.3f}"), LARGE[:, 2].reshape(35, 34), UM, pixel=(1 / 3, 1 / 3)
     ),
-    "points rounded too much": Strange(rows(ROUNDED_OFF, number="{:.1f}"), f"{LIST}, off any", UM),
+    "points rounded too much": Strange(
+        rows(ROUNDED_OFF, number="{:.1f}"), f"{LIST}, on no reg", UM
+    ),
     "points of a round part": Strange(rows(ROUND), ROUND_MAP, UM, ".xyz", (1, 1)),
-    "jittered points": Strange(rows(JITTERED), f"{LIST}, off any regular grid by more than 2 %"),
-    "jittered points in .xyz": Strange(rows(JITTERED), f"{LIST}, off any", UM, ".xyz"),
+    "jittered points": Strange(rows(JITTERED), f"{LIST}, on no regular grid within 2 %"),
+    "jittered points in .xyz": Strange(rows(JITTERED), f"{LIST}, on no reg", UM, ".xyz"),
     "doubled points": Strange(rows(DOUBLED), f"{LIST}, 4 of which lie where others do", UM),
     "dropped points": Strange(
         rows(LARGE[RANDOM.random(1190) < 0.3]), f"{LIST}, on 31.3 % of the nodes", UM
     ),
     "turned points": Strange(rows(TURNED), f"{LIST}, on 0.11 % of the nodes", UM),
-    "scattered points": Strange(rows(SCATTERED), f"{LIST}, off any regular grid", UM, ".pts"),
-    "points on a line": Strange(rows(ON_AXIS), f"{LIST}, off any regular grid", UM),
+    "scattered points": Strange(rows(SCATTERED), f"{LIST}, on no regular grid", UM, ".pts"),
+    "points on a line": Strange(rows(ON_AXIS), f"{LIST}, on no regular grid", UM),
     "points and quality": Strange(rows(QUALITY), "a list of points with 4 numbers each", UM),
     "points, quality in .pts": Strange(rows(QUALITY), "with 4 numbers each", UM, ".pts"),
     "points and normals": Strange(rows(NORMALS), "with 6 numbers each .leave all but x, y", UM),
@@ -231,9 +234,10 @@ def test_points_on_any_grid_become_the_map_they_were_taken_from(
     kept[:, 0] = kept[0] = True  # the whole extent
     x, y = np.mgrid[:nx, :ny]
     columns = np.column_stack([start + step * x[kept], 7 - 3 * step * y[kept], heights[kept]])
-    found, spacing, _ = arranged(Path("points.txt"), random.permutation(columns), ("x", "y", "z"))
-    assert spacing == pytest.approx((step, 3 * step), rel=1e-6)
-    np.testing.assert_array_equal(found, np.where(kept, heights, np.nan)[:, ::-1])
+    table = Scan(random.permutation(columns))
+    found = arranged(Path("points.txt"), table, ("x", "y", "z"))
+    assert found.widths == pytest.approx((step * nx, 3 * step * ny), rel=1e-6)
+    np.testing.assert_array_equal(found.heights, np.where(kept, heights, np.nan)[:, ::-1])
 
 
 @settings(max_examples=100, deadline=None)
@@ -253,10 +257,10 @@ def test_rough_maps_are_not_taken_for_coordinates(
     heights += tilt * np.arange(shape[1])
     if min(shape) < 4:
         return
-    assert arranged(Path("map.txt"), heights)[0] is heights
+    assert arranged(Path("map.txt"), Scan(heights)).heights is heights
 
 
 def test_smooth_maps_are_maps() -> None:
     x, y = np.mgrid[-10:11.0, -10:11.0]
     for heights in (x, y, x + y, 2 * x - y, x * x + y * y, x * y, np.abs(x), 0 * x, np.sin(x)):
-        assert arranged(Path("map.npy"), heights)[0] is heights
+        assert arranged(Path("map.npy"), Scan(heights)).heights is heights
