@@ -65,7 +65,6 @@ static inline double NAME_interpolate(const double *x, const double *y, const do
     if (at >= x[n - 1]) return y[n - 1];
     i = NAME_place(x, n, at);
     if (at == x[i]) return y[i];
-    if (isinf(y[i + 1])) return y[i + 1];
     h = x[i + 1] - x[i];
     t = (at - x[i]) / h;
     u = 1.0 - t;
@@ -227,9 +226,7 @@ def _array(name: str, size: str, values: Values) -> Iterator[str]:
 
 def _number(value: float) -> str:
     """Return a constant of C99."""
-    if np.isnan(value):
-        return "NAN"
-    return f"{value:.17g}" if np.isfinite(value) else "HUGE_VAL"
+    return "NAN" if np.isnan(value) else f"{value:.17g}"
 
 
 def _functions(

@@ -126,23 +126,9 @@ class Curves:
     def below_full_contact(self, bodies: Bodies) -> tuple[Curves, list[str]]:
         """Return the table up to full contact, where nothing is left of an interface.
 
-        Parameters
-        ----------
-        bodies : Bodies
-            E*, which is said where nothing is left.
-
-        Returns
-        -------
-        Curves
-            The table before the first argument at which every node touches, or at which the
-            stiffness is infinite: there is one surface of a population in full contact.
-        list of str
-            The line that says so; none if there is no full contact.
-
-        Raises
-        ------
-        InputError
-            If nothing is left of the table.
+        It ends before the first argument at which every node touches, or at which the stiffness is
+        infinite, as one surface of a population is in full contact. A line says so. InputError is
+        raised, with E*, if nothing is left of the table.
         """
         full = self.curves["area_percent"].value >= 100
         if STIFFNESS in self.curves:
@@ -204,7 +190,8 @@ def tabulated(
             raise InputError(f"{name} of the law has values that are not finite: no law holds here")
         slope = slopes(at, value, gap_at_rest if name == "mean_gap_um" else 0.0)
         low, high = np.minimum(low, value), np.maximum(high, value)
-        low[withheld], high[withheld] = np.nan, np.nan
+        unknown = withheld | ~np.isfinite(low + high)  # an interval without an end is none
+        low[unknown], high[unknown] = np.nan, np.nan
         if name in DERIVED:
             value, slope = (np.where(outside > MOST, np.nan, each) for each in (value, slope))
         curves[name] = Curve(value, low, high, slope)

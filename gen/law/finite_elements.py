@@ -74,25 +74,8 @@ UNITS: dict[Units, UnitSystem] = {
 }
 
 
-class Side(NamedTuple):
-    """A side of a law's band, as names of the attributes of a `Curve`.
-
-    Attributes
-    ----------
-    name : str
-        Name of the side; "" for the law itself.
-    closure, conductance : str
-        What the side takes of the curve of the closure and of the conductance.
-    """
-
-    name: str
-    closure: str
-    conductance: str
-
-
-MEAN = Side("", "value", "value")
-SIDES = (Side("soft", "high", "low"), Side("stiff", "low", "high"))
-"""Both sides of the band."""
+SIDES = {"": ("value", "value"), "soft": ("high", "low"), "stiff": ("low", "high")}
+"""What the law and each side of its band take of the curves of closure and conductance."""
 
 
 def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
@@ -108,16 +91,16 @@ def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
     InputError
         If the closure does not rise with the pressure, or a file cannot be written.
     """
-    made = [(path, MEAN)]
+    made = [(path, "")]
     if law.over_pressure.curves["closure_um"].banded.any():
-        made += zip(sides_of(path), SIDES, strict=True)
+        made += zip(sides_of(path), ("soft", "stiff"), strict=True)
     texts = ["\n".join(_lines(each, law, program, UNITS[units], side)) for each, side in made]
     for (each, _), text in zip(made, texts, strict=True):
         output.write(each, text + "\n")
     return [each for each, _ in made]
 
 
-def rising(law: Law, side: Side = MEAN) -> tuple[Values, Values, Values | None]:
+def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
     """Return the points at which closure and pressure rise, from first touch on.
 
     Points outside a surrogate's training are left out.
@@ -126,7 +109,7 @@ def rising(law: Law, side: Side = MEAN) -> tuple[Values, Values, Values | None]:
     ----------
     law : Law
         The law, whose table against pressure is taken.
-    side : Side
+    side : {"", "soft", "stiff"}
         The law itself, or a side of its band.
 
     Returns
@@ -143,22 +126,19 @@ def rising(law: Law, side: Side = MEAN) -> tuple[Values, Values, Values | None]:
     InputError
         If no point is left.
     """
-    table = law.over_pressure
-    closures = getattr(table.curves["closure_um"], side.closure)
+    table, (closure, conductance) = law.over_pressure, SIDES[side]
+    closures = getattr(table.curves["closure_um"], closure)
     known = table.curves.get(CONDUCTANCE)
-    conductances = None if known is None else getattr(known, side.conductance)
+    conductances = None if known is None else getattr(known, conductance)
     usable = (table.at > 0) & np.isfinite(closures) & ~table.flagged
     if conductances is not None:
         usable &= np.isfinite(conductances)
     places = np.flatnonzero(usable)
     places = places[risen(closures[places], CLOSER)]
     if not places.size:
-        if table.flagged.any():
-            raise InputError(
-                "no load lies inside the surrogate's training: C headers and files for finite"
-                " elements need one; --solver solves the law"
-            )
-        raise InputError("the law closes nowhere: there is no table for finite elements")
+        outside = ": no load lies inside the surrogate's training; --solver solves the law"
+        ends = outside if table.flagged.any() else ""
+        raise InputError(f"the law closes nowhere, so that only tables can be written{ends}")
 
     def some(values: Values) -> Values:
         return np.append(0.0, values[places])
@@ -166,7 +146,7 @@ def rising(law: Law, side: Side = MEAN) -> tuple[Values, Values, Values | None]:
     return some(table.at), some(closures), None if conductances is None else some(conductances)
 
 
-def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: Side) -> Iterator[str]:
+def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str) -> Iterator[str]:
     """Yield the whole file."""
     pressures, closures, conductances = rising(law, side)
     for paragraph in _description(law, program, units, pressures, side):
@@ -196,7 +176,7 @@ def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: Side
 
 
 def _description(
-    law: Law, program: Program, units: UnitSystem, pressures: Values, side: Side
+    law: Law, program: Program, units: UnitSystem, pressures: Values, side: str
 ) -> Iterator[str]:
     """Yield the paragraphs of the comment at the top."""
     version = versions(["asperity"]).get("asperity", "")
@@ -205,11 +185,9 @@ def _description(
         k1, k2 = law.order.conductivities
         yield f"Conductivities of the bodies: {k1:g} and {k2:g} W/(m K)."
     yield f"Surface: {'; '.join(law.origins)}"
-    if side.name:
-        yield (
-            f"The {side.name} side of the band ({law.band}): {side.closure} closure at a pressure,"
-            f" {side.conductance} conductance."
-        )
+    if side:
+        closure, conductance = SIDES[side]
+        yield f"The {side} side: closure {closure}, conductance {conductance} of the {law.band}."
     yield f"Command: {law.order.command}"
     yield f"Made by asperity {version} {git_commit()[:12]}"
     for note in law.notes:

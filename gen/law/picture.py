@@ -26,11 +26,11 @@ def draw(figure: Any, law: Law, picture: Path) -> None:
     figure : matplotlib.figure.Figure
         Empty figure.
     law : Law
-        The law, whose table against pressure is drawn.
+        The law, whose table against pressure is drawn where it is inside a surrogate's training.
     picture : Path
         Picture to write.
     """
-    curves = law.over_pressure
+    curves = law.over_pressure.chosen(~law.over_pressure.flagged)
     names = ["closure_um", "area_percent"]
     names += [name for name in (CONDUCTANCE, STIFFNESS) if name in curves.curves][:1]
     figure.suptitle(
@@ -50,7 +50,7 @@ def _draw_curve(axis: Any, at: Any, curve: Curve, scale: str) -> None:
     drawn = finite & (at > 0) & (curve.value > 0) if scale == "log" else finite
     axis.set(xscale=scale, yscale=scale)
     axis.plot(at[drawn], curve.value[drawn], ".-", color="tab:blue")
-    band = drawn & curve.banded & np.isfinite(curve.high)
+    band = drawn & curve.banded
     band &= (curve.low > 0) | (scale == "linear")
     if band.any():
         axis.fill_between(at[band], curve.low[band], curve.high[band], alpha=0.25, lw=0)

@@ -104,7 +104,7 @@ def _rows(law: Law) -> Iterator[Row]:
 
 
 def _cells(name: str, curve: Curve, place: int) -> Row:
-    """Return the cells of a value, its band and its slope; what is not finite is empty."""
+    """Return the cells of a value, its band and its slope; what is unknown is empty."""
     parts = curve.value, curve.low, curve.high, curve.slope
     numbers = zip(ENDS, (float(part[place]) for part in parts), strict=True)
-    return {f"{name}{end}": number if np.isfinite(number) else "" for end, number in numbers}
+    return {f"{name}{end}": "" if np.isnan(number) else number for end, number in numbers}

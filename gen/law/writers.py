@@ -31,7 +31,7 @@ def write(law: Law, files: Files, figure: Any) -> Iterator[Path]:
     InputError
         If a file cannot be written, or the law cannot be told in its format.
     """
-    if files.header or files.calculix or files.abaqus:
+    if any((files.header, files.calculix, files.abaqus, files.picture)):
         finite_elements.rising(law)  # refused before any file is written
     if files.table is not None:
         table.write(files.table, law)

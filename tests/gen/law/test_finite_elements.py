@@ -12,6 +12,7 @@ from bench.calculix import DECK, DOWN, QUANTITIES, YOUNG, pressed
 from gen import cli
 from gen.law import finite_elements
 from gen.law.finite_elements import FAR, UNITS
+from gen.runtime.errors import InputError
 
 STEEL = ["--young", "210e3", "--poisson", "0.3", "--hardness", "2000"]
 TABLE = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR"
@@ -134,7 +135,8 @@ def test_a_population_has_a_soft_and_a_stiff_side(tmp_path, program, capsys):
     for side, closure, conductance in (("soft", "high", "low"), ("stiff", "low", "high")):
         path = tmp_path / f"joint-{side}.inp"
         assert f"wrote {path}" in wrote
-        assert f"The {side} side of the band (quantiles of 3 surfaces, 80 % between" in said(path)
+        ends = f"The {side} side: closure {closure}, conductance {conductance} of the quantiles of"
+        assert f"{ends} 3 surfaces, 80 % between them" in said(path)
         blocks = read(path)
         behaviour = blocks[TABLE]
         for number in 1e-3 * table[f"closure_um_{closure}"]:
@@ -308,3 +310,8 @@ def test_calculix_gets_nineteen_points_of_any_law(points):
     np.testing.assert_array_equal(overclosures[19:], FAR)
     same = np.isclose(overclosures[:19, None], closures, rtol=1e-12, atol=0)
     assert same.any(axis=0 if points <= 19 else 1).all()
+
+
+def test_a_closure_beyond_the_points_far_away_is_refused():
+    with pytest.raises(InputError, match="closes by 12"):
+        finite_elements._for_calculix(np.array([0.0, 1.0]), np.array([0.0, 12.0]))

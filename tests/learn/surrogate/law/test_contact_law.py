@@ -480,7 +480,7 @@ def test_what_follows_from_predictions_is_withheld_outside_the_training(work, ca
         path.unlink()
     capsys.readouterr()
     run(*ask, "--delta", "0.02,0.03", "-o", "law", ends=2)
-    assert "no load lies inside the surrogate's training" in capsys.readouterr().err
+    assert "no load lies inside the surrogate's training; --solver" in capsys.readouterr().err
     assert not list(Path().glob("law*"))
 
 
