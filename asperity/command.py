@@ -14,7 +14,7 @@ from asperity import neighbours
 from asperity.programs import PROGRAMS
 
 COMPLETING = "_ASPERITY_COMPLETE"
-"""Environment variable with which a shell asks for completions."""
+"""Environment variable by which a shell asks for completions."""
 
 
 def main() -> int:

@@ -16,9 +16,10 @@ MARK = "Asperity"
 """Word in the docstring of each of the packages."""
 
 OWN_NAMES = {"bem"}
-"""Packages of which the others take names of `__init__.py`. Of the rest they take modules, which an
-editable install finds beside a folder of the same name without `__init__.py`; the packages of a
-wheel go before such folders."""
+"""Packages from whose `__init__.py` our other packages import names. From the rest they import
+modules, which an editable install finds beside a folder of the same name without `__init__.py`; the
+packages of a wheel go before such folders.
+"""
 
 
 def fault(*packages: str) -> str:

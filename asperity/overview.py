@@ -1,4 +1,4 @@
-"""What `asperity` has of its own: the list of programs, the version, completion in shells."""
+"""Options of `asperity` itself: the list of programs, the version, completion in shells."""
 
 from importlib import import_module
 from typing import Any

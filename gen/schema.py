@@ -43,7 +43,7 @@ PHYSICS_CHANGES: dict[int, str] = {
     4: "contacts of few nodes are solved by dense algebra: forces differ within the tolerance,"
     " iterations count the contact sets that it tries",
 }
-"""What changed in the results when the physics number was raised to each number, one sentence."""
+"""For each physics number, how it changed the results, in one sentence."""
 
 EDGELESS_CHANGES: dict[int, str] = {
     5: "patches without edges of few nodes in contact, or of few gaps, are solved by dense algebra:"
@@ -55,19 +55,19 @@ EDGELESS_CHANGES: dict[int, str] = {
     9: "transforms of periodic patches round in another order, and few gaps open with neighbours up"
     " to three cells away instead of four: pressures differ within the tolerance",
 }
-"""What changed in the results of patches without edges alone."""
+"""The same for changes of patches without edges only."""
 
 LARGE_CHANGES: dict[int, str] = {
     6: "grids of a million nodes or more start from a looser solve of a coarser grid; transforms"
     " and long sums round in another order: forces differ within the tolerance",
 }
-"""What changed in the results of large grids alone."""
+"""The same for changes of large grids only."""
 
 LARGE_FREE_CHANGES: dict[int, str] = {
     10: "where nearly all nodes overlap, the looser solve of a coarser grid starts from one on a"
     " yet coarser grid: forces differ within the tolerance, convolutions are fewer",
 }
-"""What changed in the results of large grids with edges alone."""
+"""The same for changes of large grids with edges only."""
 
 RUNTIME = "runtime"
 """Group of the columns that differ from run to run: times, ranks, hosts."""

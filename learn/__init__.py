@@ -18,7 +18,7 @@ __all__ = ["Prediction", "Surrogate"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import what needs numerics only when it is asked for: `--help` does not."""
+    """Import numerical packages only when a name needs them: `--help` does not."""
     if name in __all__:
         from learn import surrogate
 

@@ -1,4 +1,4 @@
-"""The columns of a database by what learning does with them: inputs, targets, places."""
+"""The columns of a database by their role in learning: inputs, targets, places."""
 
 from gen.scene import Scene
 from gen.schema import Column, columns_for, parameter_columns, statistics_columns
@@ -10,7 +10,7 @@ TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}
 """Short names of the two targets that every database has, and their columns."""
 
 WHOLE_TARGETS = ("contact_nodes", "contact_spots")
-"""Results that are whole numbers and can be learnt all the same."""
+"""Results that are whole numbers, and are learnt like real numbers."""
 
 NO_TARGETS = frozenset({*INPUTS, "load", "hardness", "residual"})
 """Columns of floating numbers that are no results: inputs, and how well a row was solved."""

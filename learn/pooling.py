@@ -23,7 +23,7 @@ from learn.arrays import Indices, Values
 from learn.features.hardness import modulus
 
 DIGITS = 8
-"""Digits of a file's hash that tell maps of one name apart."""
+"""Digits of a file's hash in the labels of maps, so that maps of one name differ."""
 
 
 class Population(NamedTuple):
@@ -67,7 +67,7 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """The rows of a database, by what they may share with rows of others.
+    """The rows of a database, with the labels that rows of other databases may share.
 
     Attributes
     ----------
@@ -203,7 +203,9 @@ def _surfaces(statistics: Values) -> Indices:
 
 
 Labels = tuple[object, Indices] | None
-"""What the numbers of a database's rows count, and these numbers, (n,); None for rows alone."""
+"""The kind of groups that a database's rows belong to, and their numbers, (n,); None for single
+rows.
+"""
 
 
 def _seeded(part: Placed) -> Labels:
@@ -232,7 +234,7 @@ def _tiles(part: Placed, placed: Sequence[Placed]) -> Labels:
 
 
 def _tiling(scene: Scene) -> str:
-    """Return what decides the tiles of a scene's maps: its table of surfaces."""
+    """Return the table of surfaces of a scene, which decides the tiles of its maps."""
     content = scene.surface.model_dump(exclude_none=True)
     return str(sorted(scene.surface.relevant(content).items()))
 

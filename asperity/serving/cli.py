@@ -107,7 +107,7 @@ def serve(
 
 
 class _CtrlC:
-    """What Ctrl-C does to the server: the first lets it shut down, the second ends its workers.
+    """Handling of Ctrl-C: the first lets the server shut down, the second ends its workers.
 
     Their questions are then answered with an error, so that the shutdown has nothing to wait for.
 

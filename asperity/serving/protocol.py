@@ -106,7 +106,7 @@ class Server:
         return {"outputSizes": self._model(body).output_sizes(body.config)}
 
     async def _model_info(self, body: Body) -> dict[str, Any]:
-        """Tell what a model can do: no model has derivatives for all pairs of its vectors."""
+        """List a model's operations: no model has derivatives for all pairs of its vectors."""
         self._model(body)
         derivatives = dict.fromkeys(("Gradient", "ApplyJacobian", "ApplyHessian"), False)
         return {"support": {"Evaluate": True, **derivatives}}

@@ -1,4 +1,4 @@
-"""What a client asks of a model: inputs, a configuration, and a scene that follows from both."""
+"""A client's question to a model: inputs, a configuration, and the scene that follows from both."""
 
 from dataclasses import dataclass
 from typing import Annotated

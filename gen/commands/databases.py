@@ -1,4 +1,4 @@
-"""`gen info`, `plot`, `columns`, `check`, `merge`, `export`: what is done with databases."""
+"""`gen info`, `plot`, `columns`, `check`, `merge`, `export`: commands that read databases."""
 
 from gen import options
 from gen.runtime.output import Output, check_outputs

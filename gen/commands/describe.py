@@ -1,4 +1,4 @@
-"""`gen describe`: what a surface is like, before any contact."""
+"""`gen describe`: the roughness of a surface, before any contact."""
 
 from pathlib import Path
 from typing import Any

@@ -119,13 +119,21 @@ def print_contact(contact: Contact, seconds: float, wanted: Wanted) -> None:
         ("mean gap", f"{contact.mean_gap:.6g}", "um"),
         ("contact perimeter", f"{contact.perimeter:.6g}", "um"),
         ("displacement Delta", f"{contact.delta:.10g}", "um"),
-        ("far-field displacement", f"{contact.approach:.10g}", "um, with what the far field gives"),
+        *_far_field_lines(contact),
         ("residual", f"{contact.residual:.2e}", "of Delta"),
         ("iterations", f"{contact.iterations}", f"({contact.convolutions} convolutions)"),
         ("time", f"{1e3 * seconds:.1f}", "ms, the set-up of a first solve included"),
     ):
         table.add_row(name, value, unit)
     plain_console().print(table)
+
+
+def _far_field_lines(contact: Contact) -> list[tuple[str, str, str]]:
+    """Return the line of the far field's displacement, if it is another number than Delta."""
+    approach = f"{contact.approach:.10g}"
+    if approach == f"{contact.delta:.10g}":
+        return []
+    return [("far-field displacement", approach, "um, Delta and the compliance of the far field")]
 
 
 def print_law(contacts: Sequence[Contact], wanted: Wanted) -> None:

@@ -1,4 +1,4 @@
-"""Print databases, and what a run of a scene does or takes."""
+"""Print databases, and the work and time of a scene's run."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ def _times(reader: Reader) -> str:
 
 
 def _is_papers(scene: Scene) -> bool:
-    """Tell whether a scene draws nothing beyond what the paper draws."""
+    """Tell whether a scene draws the paper's parameters, from its ranges or narrower ones."""
     from gen.scene import DisplacedSurface, Scene
 
     paper, surface = Scene(samples=1), scene.surface

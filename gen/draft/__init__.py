@@ -1,1 +1,1 @@
-"""Scenes for people's own maps: what a folder of maps holds, and which scene suits it."""
+"""Scenes for a folder of measured maps: survey the maps, then write the scene that suits them."""

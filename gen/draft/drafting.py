@@ -18,7 +18,7 @@ from gen.scans.library import Reading
 
 @dataclass(frozen=True)
 class Order:
-    """What is to be drafted.
+    """The maps, options and file of a scene to be written.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ WINDOWS = (200, 2000)
 
 @dataclass(frozen=True)
 class Proposal:
-    """A scene of windows of maps, and what it follows from.
+    """A scene of windows of maps, with the reasons for its values.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ def require_used(looks: Sequence[Look]) -> list[Look]:
 
 
 def choose_preparation(looks: Sequence[Look]) -> Preparation:
-    """Choose the steps that make surfaces of maps: spikes, form and holes as they were found."""
+    """Choose the steps of the preparation by the spikes, form and holes found in the maps."""
     spikes = [look.spikes for look in looks if look.spikes is not None]
     return Preparation(
         despike=common_threshold(spikes),

@@ -222,7 +222,7 @@ def _preparation(proposal: Proposal) -> Iterator[Key]:
 
 
 def _despike(used: list[Look], threshold: float) -> Iterator[Key]:
-    """Yield the threshold of spikes, and what it takes out."""
+    """Yield the threshold of spikes, and the number of nodes that it takes out."""
     spiky = [look for look in used if look.spikes is not None and look.spikes.number]
     surface = max(look.spikes.surface for look in used if look.spikes is not None)
     nearest = min(look.spikes.nearest for look in spiky if look.spikes is not None)
@@ -320,6 +320,6 @@ def _spacing(look: Look) -> str:
 
 
 def _names(names: list[str], most: int = 3) -> str:
-    """List some names, and the number of the others."""
+    """List the first names, then say how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more

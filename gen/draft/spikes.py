@@ -19,7 +19,7 @@ GAP = 2.0
 a surface whatever their number."""
 
 FEW = 1e-3
-"""Largest share of the nodes that may be spikes if no such gap is before them."""
+"""Largest share of the nodes that may be spikes if no gap separates them from the other nodes."""
 
 APART = 2.5
 """Distance of the furthest of such spikes over that of the furthest share `FEW` of all nodes, at

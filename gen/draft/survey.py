@@ -1,4 +1,4 @@
-"""Look at measured maps: what each file holds, and what is wrong with it."""
+"""Survey measured maps: the content of each file, and its faults."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ long wave of the roughness."""
 
 @dataclass(frozen=True)
 class Look:
-    """What a file holds before any preparation.
+    """The content of a file before any preparation.
 
     Attributes
     ----------
@@ -219,7 +219,7 @@ def with_texture(
 
 
 def remarks(look: Look) -> list[str]:
-    """List what a reader should know of a map that is used."""
+    """List the remarks on a map that is used."""
     said = []
     if look.texture is not None and look.texture.rms_slope > STEEP:
         said.append(f"steep, above {STEEP:g}")

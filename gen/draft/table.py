@@ -1,4 +1,4 @@
-"""Print what was found in the files of maps."""
+"""Print the survey of the files of maps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TITLES = (
 
 
 def print_looks(looks: Sequence[Look]) -> None:
-    """Print a line for each file: what it holds, and whether it is used or why not."""
+    """Print a line for each file: its content, and whether it is used or why not."""
     table = Table(box=None, pad_edge=False)
     for title in TITLES:
         left = title in {"map", "unit", "use"}
@@ -31,7 +31,7 @@ def print_looks(looks: Sequence[Look]) -> None:
 
 
 def _cells(look: Look) -> list[str]:
-    """Write what is known of a file, a dash where it is not."""
+    """Write the known facts of a file, and a dash for each unknown one."""
     use = f"no: {look.fault}" if look.fault else "; ".join(["yes", *remarks(look)])
     if not look.shape[0]:
         return [look.path.name, *["-"] * (len(TITLES) - 2), use]

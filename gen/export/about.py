@@ -1,4 +1,4 @@
-"""What a publisher says of a dataset: title, creator, licence, DOI."""
+"""A publisher's entries on a dataset: title, creator, licence, DOI."""
 
 import re
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class About:
 
     @classmethod
     def of(cls, reader: Reader, title: str, creator: str, licence: str, doi: str) -> Self:
-        """Complete the options of a command by what the database says of itself.
+        """Complete the options of a command by the entries of the database.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The data card: what a dataset is, in Markdown, made from its scene, ranges and versions."""
+"""The data card: a dataset described in Markdown, from its scene, ranges and versions."""
 
 import json
 import math

@@ -109,13 +109,13 @@ def write(
 
 
 def identity(reader: Reader) -> dict[str, object]:
-    """Return what tells databases apart: the scene, and the moment of creation."""
+    """Return the identity of a database: its scene, and the moment of its creation."""
     attributes = reader.attributes
     return {name: attributes[name] for name in ("scene_hash", "created", "physics")}
 
 
 def origin_of(path: Path) -> dict[str, object] | None:
-    """Return what a Parquet file says of its origin.
+    """Return the entries of a Parquet file on its origin.
 
     Parameters
     ----------

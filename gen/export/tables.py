@@ -15,8 +15,9 @@ Mask = NDArray[np.bool_]
 """One truth value for each row of a file."""
 
 KEPT_BACK = frozenset(("status", "rank", "host"))
-"""Columns that are not exported: all exported rows are done, and which machine computed a row is
-nobody's business but the owner's."""
+"""Columns that are not exported: the status, since all exported rows are done, and the machine that
+computed a row, which is private.
+"""
 
 TABLE_ROWS = 50_000
 """Number of rows that are in memory at once, and in one row group of a file."""

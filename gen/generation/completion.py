@@ -1,4 +1,4 @@
-"""Completion of a scene by what it leaves to a run: hashes of sources, names of outputs."""
+"""Completion of a scene by what only a run knows: hashes of sources, names of outputs."""
 
 import json
 from contextlib import suppress
@@ -15,7 +15,7 @@ TRIED_ROWS = 16
 
 
 def completed(scene: Scene, home: Path | None = None) -> Scene:
-    """Complete a scene by all that its database records, and try the user's functions.
+    """Complete a scene by the entries that its database records, and try the user's functions.
 
     The outputs that a scene does not list are those of its first row that has a solution, which is
     solved here. The result depends on the scene and the functions' sources only.

@@ -1,4 +1,4 @@
-"""Contact laws of interfaces: what a finite-element code needs at an integration point, as tables.
+"""Contact laws of interfaces: tables that a finite-element code reads at an integration point.
 
 `contact_law` makes a law with the solver; `subjects` are the surfaces that it is about, `points`
 and `curves` its numbers. `writers` writes its files: `table` (CSV), `json_file`, `c_header`,

@@ -146,9 +146,14 @@ def _directions(connects: Connects) -> str:
 
 def _corrected_area(contact: Contact) -> Answer:
     """Return the corrected area; none for oblong cells."""
-    column, label = "corrected_area_percent", "area less its perimeter's"
+    column, label = "corrected_area_percent", "area in the continuum"
     try:
-        return Answer(column, contact.corrected_area_percent, label, "%, see Yastrebov 2017")
+        return Answer(
+            column,
+            contact.corrected_area_percent,
+            label,
+            "%, cells at the edges of spots counted in part",
+        )
     except ValueError:
         return Answer(column, "", label, "needs square cells")
 

@@ -1,4 +1,4 @@
-"""Populations of surfaces: what each generator of a scene makes for one surface."""
+"""Populations of surfaces: for each generator of a scene, how it makes one surface."""
 
 import importlib
 from collections.abc import Iterable, Mapping
@@ -94,7 +94,7 @@ def opposite_heights(
 
 
 def resolved(scene: Scene, home: Path | None = None) -> Scene:
-    """Complete a scene by hashes of what it is made of outside the scene itself.
+    """Complete a scene by hashes of the files and sources that its surfaces depend on.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def resolved(scene: Scene, home: Path | None = None) -> Scene:
 def make_ready(
     scene: Scene, home: Path | None, *, sources: bool = False, verify: bool = True
 ) -> None:
-    """Open what the surfaces of a database's scene are made of, in this process.
+    """Open the files that the surfaces of a database's scene are made from, in this process.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def make_ready(
 
 
 def remarks(scene: Scene) -> list[str]:
-    """Return lines for the user of a run about its material and what the surfaces are made of."""
+    """Return lines for the user of a run about its material and the source of its surfaces."""
     lines = [f"warning: {line}" for line in scene.contact.doubts]
     if isinstance(scene.surface, ScanSurface):
         from gen.populations import scans

@@ -279,7 +279,7 @@ def _is_square(settings: ScanSurface) -> bool:
 
 
 def _wanted(scene: Scene) -> library.Wanted:
-    """Return what is to be made of a scene's files."""
+    """Return how the files of a scene are to be read and prepared."""
     settings = _settings(scene)
     given = settings.spacing
     spacing = given if given is None or isinstance(given, tuple) else (given, given)

@@ -1,1 +1,1 @@
-"""What every command runs on: processes, signals, outputs, errors in words."""
+"""The ground of every command: processes, signals, outputs, errors in words."""

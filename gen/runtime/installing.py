@@ -1,4 +1,4 @@
-"""How to install what is missing: the command that works with this installation of Asperity.
+"""The command that installs a missing package into this installation of Asperity.
 
 A package index may not have the name asperity, or somebody else's package under it. So the commands
 name this clone, the file or the address that Asperity was installed from, or else the libraries.

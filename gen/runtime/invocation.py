@@ -8,7 +8,7 @@ COMMAND = "asperity"
 """Name of the installed command, under which all programs run too."""
 
 _start: ContextVar[str] = ContextVar("_start", default="python -m")
-"""What stands before the name of a program."""
+"""The words before the name of a program on the command line."""
 
 
 @contextmanager

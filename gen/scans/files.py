@@ -75,7 +75,7 @@ def _matching(pattern: str, folder: Path) -> list[Path]:
 
 
 def _may_hold_map(path: Path) -> bool:
-    """Tell whether a file of a folder is taken for a map by its name."""
+    """Tell whether the name of a file in a folder is that of a map."""
     return not path.name.startswith(".") and path.suffix.lower() not in OTHERS
 
 

@@ -54,7 +54,7 @@ AS_IT_IS = Reading()
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is to be made of the files of a scene.
+    """How the files of a scene are to be read and prepared.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Wanted:
     reading: Reading = AS_IT_IS
 
     def key(self, sha256s: Sequence[str]) -> str:
-        """Return the name of what files of these contents become: a SHA-256.
+        """Return the name of the library that files of these contents make: a SHA-256.
 
         The versions of the libraries that read and prepare count, the window does not.
         """

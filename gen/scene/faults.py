@@ -1,4 +1,4 @@
-"""What is said of a scene that breaks a rule: the key, its value, and what is allowed."""
+"""Messages about a scene that breaks a rule: the key, its value, and the allowed values."""
 
 import difflib
 from collections.abc import Iterator

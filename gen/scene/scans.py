@@ -1,4 +1,4 @@
-"""Measured maps in a scene: how their files are read and prepared, and what a run has found."""
+"""Measured maps in a scene: how files are read and prepared, and the maps found by a run."""
 
 import sys
 from typing import Annotated, Any, Literal

@@ -94,7 +94,7 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _require_surfaces_and_solutions(self) -> Self:
-        """Refuse surfaces that cannot be made, and loads of which the hardness bears none."""
+        """Refuse surfaces that cannot be made, and loads all of which exceed the hardness."""
         if not self.surface.has_sides():  # known when its maps have been looked for
             return self
         if fault := self.surface.fault_on(self.spacing, self.contact.boundary):

@@ -102,7 +102,7 @@ AnotherOrFiles = Annotated[str | tuple[str, ...], PlainValidator(_another_or_fil
 
 
 class GeneratedSurface(Table):
-    """Rules of every table of surfaces: what the plan and the solver ask of them."""
+    """Rules of every table of surfaces, which the plan and the solver rely on."""
 
     # Without the key the other body is flat.
     against: Another | None = Field(

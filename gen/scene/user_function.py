@@ -17,7 +17,7 @@ FUNCTION_WORDS = "text, 'module:function'"
 
 
 def _function(text: str) -> str:
-    """Refuse what does not name a function in a module."""
+    """Refuse a text that does not name a function in a module."""
     if not FUNCTION.fullmatch(text):
         raise ValueError("as 'my_surfaces:waves', for the function waves of my_surfaces.py")
     return text

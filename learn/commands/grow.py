@@ -43,7 +43,7 @@ LARGEST_NMAE = 1000.0
 
 
 class Goal(NamedTuple):
-    """What the surrogate is to be, and what it may cost.
+    """Options of the surrogate, and the largest cost of its growth.
 
     Attributes
     ----------
@@ -187,7 +187,7 @@ def _require_own(database: Path, surrogate: Path, drawing: Path) -> None:
 
 
 def _order(output: Path, goal: Goal) -> Order:
-    """Return what is to be grown, after a check of the options."""
+    """Check the options, and return the growth that they describe."""
     from learn.features import chosen
     from learn.features.pressed import BLOCKS
     from learn.grow.rounds import Order

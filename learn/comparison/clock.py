@@ -98,7 +98,7 @@ class Clock:
         return self._folder / target / "trials" / f"{model}{ENDING}"
 
     def _found(self, path: Path) -> dict[str, Any] | None:
-        """Return what an interrupted run of this job has written, None if there is nothing."""
+        """Return the record of an interrupted run of this job; None without one."""
         found = documents.read(path, records.Clock)
         if found is None or any(found[name] != value for name, value in self._job.items()):
             return None

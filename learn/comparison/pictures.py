@@ -80,7 +80,7 @@ def draw(folder: Folder) -> list[Path]:
 
 
 Shown = list[tuple[str, str, dict[str, Any]]]
-"""Model, kind and result of all that is drawn."""
+"""Model, kind and result of each drawn fit."""
 
 
 def _parity(folder: Folder, shown: Shown, quantity: str) -> Any:
@@ -127,7 +127,7 @@ def _scores(folder: Folder, shown: Shown, target: str) -> Any:
 
 
 def _said(found: Intervals, shown: Shown, target: str) -> str:
-    """Say what the whiskers are, where the baseline has won a search, and what the nMSE is."""
+    """Explain the whiskers and the nMSE, and name the models whose baseline won the search."""
     lines = []
     if found.of:
         lines.append(

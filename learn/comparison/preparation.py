@@ -56,7 +56,7 @@ def prepare(
 
 
 def _described(request: Request, rows: Dataset, parts: Split) -> Iterator[str]:
-    """Yield the lines that tell a user what the models are trained on."""
+    """Yield the lines that describe the training rows to a user."""
     yield (
         f"{request.database}: {rows.target_name}, {parts.train.size} training rows,"
         f" {parts.test.size} test rows, {rows.features} features"

@@ -121,7 +121,7 @@ def show(folder: Folder) -> None:
 
 
 def _show_uncertainty(console: Any, folder: Folder, target: str) -> None:
-    """Print the intervals of the scores, and what the nMSE is."""
+    """Print the intervals of the scores, and explain the nMSE."""
     found = intervals.of(folder)
     if found is None:
         return
@@ -136,7 +136,7 @@ def _show_uncertainty(console: Any, folder: Folder, target: str) -> None:
 
 
 def nmse_note(spread: float) -> str:
-    """Say what the nMSE is, beside the R2 that it stands for.
+    """Explain the nMSE by the R2 that it is computed from.
 
     Parameters
     ----------

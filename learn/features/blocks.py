@@ -1,4 +1,4 @@
-"""A surface in blocks: the mean heights that a coarse solve presses, and what they leave out.
+"""A surface in blocks: the mean heights for a coarse solve, and the roughness inside blocks.
 
 The blocks are pressed as if each were smooth. What their means do not resolve is described by its
 rms height and, for each block, by the rms slope inside it. From this slope and the pressure on a

@@ -41,7 +41,7 @@ BANDWIDTHS = ("bandwidth_x", "bandwidth_y")
 PURE = tuple(name for name in STATISTICS if name not in {*HEIGHTS, *CURVATURES, *BANDWIDTHS})
 
 ROOT = "sqrt(delta/h)"
-"""What surrogates with dimensionless features see too, beside the root of the area."""
+"""Further inputs of surrogates with dimensionless features, beside the root of the area."""
 
 HARDNESS = "hardness/E*"
 """The hardness as a feature of sets with units."""

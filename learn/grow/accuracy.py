@@ -45,7 +45,7 @@ class Accuracy(NamedTuple):
 
 
 def quantile(risk: float, groups: int) -> float:
-    """Return what Student's t exceeds with a probability; `groups` - 1 degrees of freedom."""
+    """Return the value that Student's t of `groups` - 1 degrees exceeds with a probability."""
     from scipy.stats import t
 
     return float(t.ppf(1.0 - risk, groups - 1))

@@ -1,4 +1,4 @@
-"""Rows that are kept apart for tests: a fixed random fifth of the surfaces, or of the maps' tiles.
+"""The holdout of a growth: a fixed random fifth of the surfaces, or of the maps' tiles.
 
 Of every five successive surfaces one is drawn, and its rows never train: whether a row is kept
 apart depends on the scene and its number alone, not on the size of the database. Surfaces that
@@ -19,14 +19,14 @@ from learn.dataset import Dataset
 from learn.split import FOLDS, Split
 
 SHARE = 5
-"""One of this many surfaces, or tiles, is kept apart."""
+"""One of this many surfaces, or tiles, is in the holdout."""
 
 KEY = 20_260
 """Key of the draw's stream of random numbers, which belongs to no other part of a scene."""
 
 
 def drawn(numbers: Indices, seed: int, among: int = SHARE) -> NDArray[np.bool_]:
-    """Tell which surfaces or tiles are kept apart.
+    """Tell which surfaces or tiles are in the holdout.
 
     Parameters
     ----------

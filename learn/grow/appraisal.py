@@ -1,4 +1,4 @@
-"""Fit a surrogate to the rows of a growing database, and judge it on those kept apart."""
+"""Fit a surrogate to the rows of a growing database, and judge it on the holdout."""
 
 import time
 from collections.abc import Callable
@@ -46,7 +46,7 @@ class Judged:
 
 @dataclass(frozen=True, eq=False)
 class Appraisal:
-    """A surrogate of the rows that there are, and what the rows kept apart say of it.
+    """A surrogate of the present rows, and its errors on the holdout.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Appraisal:
     reading: float
 
     def bound(self, target: str) -> float:
-        """Return what the error of a target exceeds with the probability of this size only [%]."""
+        """Return the bound that a target's error exceeds with this size's probability only [%]."""
         return self.judged[target].accuracy.bound(risk(self.number))
 
     @property
@@ -92,7 +92,7 @@ class Appraisal:
         return self.bound(self.worst) <= self.mark
 
     def record(self) -> dict[str, object]:
-        """Return what the surrogate's card says of the growth."""
+        """Return the entry of the surrogate's card on the growth."""
         return {
             "mark": self.mark,
             "met": self.met,

@@ -26,7 +26,7 @@ from learn.grow.pace import Block, Pace
 
 @dataclass(frozen=True)
 class Stock:
-    """What a database holds.
+    """The rows and times of a database.
 
     Attributes
     ----------

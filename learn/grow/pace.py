@@ -1,4 +1,4 @@
-"""The pace of a growth: what a row, its features and a fit take, and what a budget still allows."""
+"""The pace of a growth: times of a row, its features and a fit, and the rows still affordable."""
 
 import math
 import time

@@ -113,7 +113,7 @@ def _origin(paths: list[Path], population: Population) -> str:
 
 
 def _require_origin(file: Path, origin: str, population: Population) -> None:
-    """Refuse a scene of other maps or options; one that somebody has edited is taken as it is."""
+    """Refuse a scene of other maps or options; use an edited scene unchanged."""
     try:
         present = file.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:

@@ -44,7 +44,7 @@ curve does not come to the mark, or a signal has come."""
 
 @dataclass(frozen=True)
 class Order:
-    """What is to be grown.
+    """The scene, target accuracy and limits of a growth.
 
     Attributes
     ----------

@@ -117,7 +117,7 @@ def _errors(found: Appraisal) -> object:
 
 
 def payback(request: Request, grown: Grown, found: Appraisal) -> Payback:
-    """Return what the surrogate has cost, and what the solver and its own answers cost."""
+    """Return the times of the surrogate's making, of one of its answers and of a solve."""
     from gen.scene import Scene
 
     test: Dataset = found.sets[0].at(found.parts.test)

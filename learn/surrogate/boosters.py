@@ -19,7 +19,7 @@ SINGLE = "f4"
 """XGBoost computes in single precision."""
 
 NO_PARENT = 2**31 - 1
-"""What XGBoost calls the root's parent."""
+"""XGBoost's number for the missing parent of a tree's root."""
 
 
 def taken_apart(estimator: Any) -> dict[str, Any]:

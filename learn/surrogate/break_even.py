@@ -1,4 +1,4 @@
-"""When a surrogate pays: what it costs before its first answer, and what it saves with each."""
+"""When a surrogate pays: its cost before the first answer, and the time that each answer saves."""
 
 import math
 import time

@@ -1,4 +1,4 @@
-"""The card's entry on the calibration of the intervals: what it holds, and its words."""
+"""The card's entry on the calibration of the intervals: its fields, and its words."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from learn.surrogate.learnt import Learnt
 
 ROUNDING = 1e-9
-"""Difference up to which a level is taken for the largest one."""
+"""Difference up to which a level counts as the largest one."""
 
 FEWEST = 9
 """Smallest number of groups whose intervals of 90 % hold for other groups too."""

@@ -219,7 +219,7 @@ def lines(surrogate: "Surrogate") -> Iterator[str]:
 
 
 def _grown(record: dict[str, Any]) -> str:
-    """Say what a growth has aimed at, and what it has come to."""
+    """State the accuracy that a growth aimed at, and the accuracy that it reached."""
     bounds = ", ".join(f"{name} {bound:.3g} %" for name, bound in record["bounds"].items())
     met = "met" if record["met"] else "not met"
     return (

@@ -1,6 +1,7 @@
 """What a contact decides, asked for on the command line: spots, stiffness, conductance."""
 
 import math
+import re
 
 import numpy as np
 import pandas as pd
@@ -8,6 +9,7 @@ import pytest
 
 import bem
 from gen import cli
+from gen.display.contacts import print_contact
 from gen.measured import outcome
 from gen.measured.outcome import NOTHING, Wanted, answers
 from gen.surface import generate
@@ -31,7 +33,8 @@ def contact(surface, *arguments):
 def test_answers_are_printed_and_written(surface, capsys):
     asked = ["--spots", "--stiffness", "--conductivity", "50", "--conductivity", "20"]
     assert contact(surface, "--pressure", "100", *asked, "--csv", "one.csv") == 0
-    lines = {line[:26].strip(): line[26:].split() for line in capsys.readouterr().out.splitlines()}
+    parts = (re.split(r"  +", line, maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    lines = {part[0]: part[1].split() for part in parts if len(part) == 2}
     expected = bem.solve(ROUGH, 200.0, **LOAD)
     row = pd.read_csv("one.csv").iloc[0]
     assert row.spots == expected.spots.number == int(lines["spots of contact"][0])
@@ -99,3 +102,12 @@ def test_a_solve_that_fails_is_one_line(surface, capsys, monkeypatch):
     monkeypatch.setattr(outcome, "_stiffness", fail)
     assert contact(surface, "--pressure", "1", "--stiffness") == 2
     assert "stiffness of 3 nodes" in capsys.readouterr().err
+
+
+def test_the_far_field_has_a_line_where_it_is_another_number_than_delta(surface, capsys):
+    assert contact(surface, "--pressure", "100") == 0
+    assert "far-field displacement" not in capsys.readouterr().out
+    given = bem.solve(ROUGH, 200.0, delta=1.0, far_field="compliant", kernel="concentrated-force")
+    print_contact(given, 0.0, NOTHING)
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("far-f"))
+    assert float(line.split()[2]) == pytest.approx(given.approach) != given.delta
