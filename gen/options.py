@@ -212,13 +212,23 @@ Threads = Annotated[
         show_default=False,
     ),
 ]
+Depth = Annotated[
+    float | None,
+    typer.Option(
+        metavar="UM", help="Give the material ratio at this depth below the highest node."
+    ),
+]
+SpectrumTable = Annotated[
+    Path | None,
+    typer.Option("--spectrum", metavar="FILE", help="Write the radial power spectrum (CSV)."),
+]
 Picture = Annotated[
     Path | None, typer.Option("--plot", metavar="FILE", help="Draw heights, contact and a section.")
 ]
 SurfacePicture = Annotated[
     Path | None,
     typer.Option(
-        "--plot", metavar="FILE", help="Draw heights, distribution and spectrum; fit a law to it."
+        "--plot", metavar="FILE", help="Draw heights, distribution and spectrum with its law."
     ),
 ]
 NewPicture = Annotated[

@@ -57,11 +57,7 @@ ROOMS = {
         "gen.surface",
     },
     "gen.measured": {
-        "gen.arrays",
-        "gen.maps",
-        "gen.material",
-        "gen.runtime",
-        "gen.spectral",
+        *("gen.arrays", "gen.maps", "gen.material", "gen.runtime", "gen.schema", "gen.spectral"),
         "gen.statistics",
     },
     "gen.scans": {"gen.arrays", "gen.measured", "gen.runtime"},

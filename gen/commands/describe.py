@@ -1,12 +1,10 @@
 """`gen describe`: the roughness of a surface, before any contact."""
 
-from pathlib import Path
-from typing import Any
-
 from gen import options
 from gen.commands.bodies import second_body
 from gen.commands.pictures import empty_figure
 from gen.option_groups import Against, Reading
+from gen.runtime.errors import InputError
 from gen.runtime.option_groups import grouped
 from gen.runtime.output import Output, check_outputs
 
@@ -18,19 +16,23 @@ def describe(
     reading: Reading,
     facing: Against,
     boundary: options.Boundary = "free",
+    depth: options.Depth = None,
     table: options.Table = None,
+    spectrum: options.SpectrumTable = None,
     picture: options.SurfacePicture = None,
 ) -> None:
-    """Print the 22 roughness statistics and the parameters of ISO 25178 with their units."""
+    """Print the 22 roughness statistics, the parameters of ISO 25178 and the self-affine law."""
     from gen.display import surfaces
     from gen.measured import single
-    from gen.measured.areal import areal_parameters
+    from gen.measured.areal import areal_parameters, require_depth
     from gen.measured.preparation import surface_warnings
+    from gen.measured.self_affine import fit_self_affine, radial_spectrum
     from gen.measured.source import Source, surface_of
     from gen.runtime.table import write_csv
 
-    outputs = [Output(table, "--csv"), Output(picture, "--plot", "picture")]
-    check_outputs(outputs, facing.with_first(surface))
+    outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
+    check_outputs([*outputs, Output(picture, "--plot", "picture")], facing.with_first(surface))
+    require_depth(depth)
     figure = empty_figure(picture, 10.5, 8.6)
     source = Source.of_options(surface, reading._asdict())
     topography = surface_of(source, second_body(source, facing), boundary)
@@ -38,22 +40,20 @@ def describe(
     surfaces.print_preparation(topography, warnings)
     description = single.describe(topography)
     surfaces.print_statistics(topography, description)
-    areal = areal_parameters(topography)
+    areal = areal_parameters(topography, depth)
     surfaces.print_areal(areal)
+    radial = radial_spectrum(topography)
+    fit = fit_self_affine(topography, radial, areal.values["Str"])
+    surfaces.print_self_affine(fit)
+    if spectrum is not None and not radial.wavenumbers.size:
+        raise InputError(f"--spectrum {spectrum}: there is none, {fit}")
     if table is not None:
         row = single.statistics_row(topography, description, warnings)
-        write_csv(table, [{**row, **areal.values}])
+        further = single.areal_row(areal, depth, fit)
+        write_csv(table, [{**row, **further, "units": single.units_of([*row, *further])}])
+    if spectrum is not None:
+        write_csv(spectrum, radial.rows())
     if picture is not None:
-        _draw_description(figure, topography, areal.values["Str"], picture)
+        from gen.measured.surface_picture import draw_surface
 
-
-def _draw_description(figure: Any, topography: Any, aspect: float, picture: Path) -> None:
-    """Fit the self-affine law to a surface, print it, and draw both."""
-    from gen.display import surfaces
-    from gen.measured.self_affine import fit_self_affine, radial_spectrum
-    from gen.measured.surface_picture import draw_surface
-
-    spectrum = radial_spectrum(topography)
-    fit = fit_self_affine(topography, spectrum, aspect)
-    surfaces.print_self_affine(fit)
-    draw_surface(figure, topography, spectrum, fit, picture)
+        draw_surface(figure, topography, radial, fit, picture)

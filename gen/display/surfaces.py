@@ -79,7 +79,8 @@ def print_areal(parameters: Description) -> None:
     for title in ("ISO 25178", "value", "unit", "meaning"):
         table.add_column(title, justify="right" if title == "value" else "left")
     for name, unit, meaning in PARAMETERS:
-        table.add_row(name, f"{parameters.values[name]:.6g}", unit, meaning)
+        if name in parameters.values:
+            table.add_row(name, f"{parameters.values[name]:.6g}", unit, meaning)
     console = plain_console()
     console.print(table)
     if parameters.reason:

@@ -1,7 +1,7 @@
 """Areal parameters of surface texture by ISO 25178-2, as instruments' programs report them.
 
-Of the eleven parameters SurfaceTopography has Sq and Sdq only, with which the tests compare; the
-others follow the definitions of the standard, whose clauses (edition of 2012) the functions name.
+SurfaceTopography has Sq and Sdq of them only, with which the tests compare; the others follow the
+definitions of the standard, whose clauses (edition of 2012) the functions name.
 Heights count from their mean. No plane and no form is subtracted and no filter applied beyond the
 preparation that the user asks for, which decides what these parameters are parameters of.
 """
@@ -13,10 +13,15 @@ import numpy as np
 
 from gen.arrays import Heights, Values
 from gen.measured.topography import Topography
+from gen.runtime.errors import InputError
+from gen.runtime.numbers import magnitude
 from gen.statistics import LOST, Description
 
 DECAY = 0.2
 """Value s to which the autocorrelation falls at Sal, the default of ISO 25178-3."""
+
+CORE = 0.4
+"""Share of the material ratio over which the core of the curve is sought (ISO 13565-2)."""
 
 RAYS = 360
 """Directions over half a turn in which the autocorrelation is followed."""
@@ -42,11 +47,17 @@ PARAMETERS = (
     Parameter("Sdr", "%", "developed interfacial area ratio: area gained over a plane"),
     Parameter("Sal", "um", "autocorrelation length: fastest decay to 0.2"),
     Parameter("Str", "1", "texture aspect ratio: 1 isotropic, 0 one direction"),
+    Parameter("Sk", "um", "core height, of the flattest 40 % of the material ratio curve"),
+    Parameter("Spk", "um", "reduced peak height, above the core"),
+    Parameter("Svk", "um", "reduced dale depth, below the core"),
+    Parameter("Smr1", "%", "material ratio of the peaks"),
+    Parameter("Smr2", "%", "material ratio above the dales"),
+    Parameter("Smr", "%", "material ratio at the depth asked for, below the highest node"),
 )
 """The parameters in the order in which they are printed and written."""
 
 
-def areal_parameters(topography: Topography) -> Description:
+def areal_parameters(topography: Topography, depth: float | None = None) -> Description:
     """Compute the areal parameters of a surface by ISO 25178-2.
 
     Parameters
@@ -54,13 +65,16 @@ def areal_parameters(topography: Topography) -> Description:
     topography : Topography
         Surface without holes, of 2 x 2 nodes or more. One with the boundary "periodic" is closed:
         its gradients and its autocorrelation reach over the border.
+    depth : float, optional
+        Depth below the highest node of the material ratio Smr, which is left out without it [um].
 
     Returns
     -------
     Description
-        Values of `PARAMETERS` by name in their units. Ssk, Sku, Sal and Str of a flat surface are
-        NaN, and so are Sal and Str if the autocorrelation does not fall to `DECAY` within half of
-        the sides along any direction, or along all; the reason says so.
+        Values of `PARAMETERS` by name in their units. Ssk, Sku, Sal, Str and those of the material
+        ratio curve of a flat surface are NaN, and so are Sal and Str if the autocorrelation does
+        not fall to `DECAY` within half of the sides along any direction, or along all; the reason
+        says so.
     """
     heights, periodic = topography.heights, topography.boundary == "periodic"
     lowest, highest = float(heights.min()), float(heights.max())
@@ -68,7 +82,9 @@ def areal_parameters(topography: Topography) -> Description:
     scaled = (heights - (lowest + 0.5 * (highest - lowest))) / unit
     scaled -= scaled.mean()
     values = {name: value * unit for name, value in _amplitudes(scaled).items()}
-    shape = dict.fromkeys(("Ssk", "Sku", "Sdq", "Sdr", "Sal", "Str"), math.nan)
+    shape = {name: math.nan for name, *_ in PARAMETERS[len(values) :]}
+    if depth is None:
+        del shape["Smr"]
     if lowest == highest:
         return Description(values | shape | {"Sdq": 0.0, "Sdr": 0.0}, "flat surface")
     if is_lost(heights):
@@ -79,7 +95,14 @@ def areal_parameters(topography: Topography) -> Description:
     shape["Sku"] = float(np.mean(squares**2) / square**2)
     shape["Sdq"], shape["Sdr"] = gradients(scaled * unit, topography.spacing, periodic=periodic)
     shape["Sal"], shape["Str"], reason = _lengths(scaled, topography.spacing, periodic=periodic)
+    shape.update(_of_curve(scaled, unit, depth))
     return Description(values | shape, reason)
+
+
+def require_depth(depth: float | None) -> None:
+    """Refuse a depth that no material ratio has; raise InputError."""
+    if depth is not None and not magnitude(depth):
+        raise InputError(f"--depth {depth:g}: give a depth below the highest node in um, above 0")
 
 
 def is_lost(heights: Heights) -> bool:
@@ -93,6 +116,39 @@ def _amplitudes(heights: Heights) -> dict[str, float]:
     peak, pit = float(heights.max()), 0.0 - float(heights.min())
     rms = math.sqrt(np.mean(heights**2))
     return {"Sa": float(np.abs(heights).mean()), "Sq": rms, "Sz": peak + pit, "Sp": peak, "Sv": pit}
+
+
+def _of_curve(heights: Heights, unit: float, depth: float | None) -> dict[str, float]:
+    """Compute the parameters of the material ratio curve (ISO 25178-2:2012, 4.4; ISO 13565-2).
+
+    The equivalent line is the least-squares line through the part of the curve over `CORE` of the
+    material ratio that falls least, the first of several. Sk is its fall from 0 to 100 %; Spk and
+    Svk are the heights of triangles over Smr1 and beyond Smr2 with the areas of the curve there.
+    """
+    falling = np.sort(heights, axis=None)[::-1]
+    ratios = np.linspace(0.0, 100.0, falling.size)
+    width = max(1, round(CORE * (falling.size - 1)))
+    first = int(np.argmin(falling[:-width] - falling[width:]))
+    start, at = float(falling[first]), ratios[first : first + width + 1]
+    core = falling[first : first + width + 1] - start  # of a plateau exactly 0
+    slope = float((at - at.mean()) @ core / np.sum((at - at.mean()) ** 2))
+    top = start + (float(core.mean()) - slope * float(at.mean()))
+    peaks, above = _reduced(falling, ratios, top)
+    dales, below = _reduced(-falling[::-1], ratios, -(top + 100.0 * slope))
+    found = {"Sk": -100.0 * slope * unit, "Spk": peaks * unit, "Svk": dales * unit}
+    found |= {"Smr1": above, "Smr2": 100.0 - below}
+    if depth is not None:
+        found["Smr"] = float(np.interp(falling[0] - depth / unit, falling[::-1], ratios[::-1]))
+    return found
+
+
+def _reduced(falling: Values, ratios: Values, level: float) -> tuple[float, float]:
+    """Return the reduced height of what a curve has above a level, and its material ratio [%]."""
+    ratio = float(np.interp(level, falling[::-1], ratios[::-1]))
+    nodes = int(np.count_nonzero(falling > level))
+    above, at = np.append(falling[:nodes] - level, 0.0), np.append(ratios[:nodes], ratio)
+    area = float(np.trapezoid(above, at))
+    return (2.0 * area / ratio if ratio else 0.0), ratio
 
 
 def gradients(

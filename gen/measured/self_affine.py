@@ -17,6 +17,7 @@ import numpy as np
 from gen.arrays import Values
 from gen.measured.areal import is_lost
 from gen.measured.topography import Topography
+from gen.runtime.table import Row
 from gen.spectral import SelfAffineSpectrum
 
 RATIO = 1.05
@@ -40,6 +41,9 @@ LEAST_DECADES = 1.0
 DIRECTIONAL = (0.5, 0.2)
 """Slopes along a lay over those across it, and Str, below which a surface is directional: isotropic
 made surfaces have 0.8 and 0.27 or more, with few long waves and without a roll-off."""
+
+LAW = {"hurst": "1", "roll_off": "um", "cut_off": "um", "law_decades": "1", "law_scatter": "1"}
+"""Units of the numbers of a law, by their names in tables."""
 
 ROLL_OFFS = 400
 """Number of roll-offs that are tried."""
@@ -66,6 +70,13 @@ class RadialSpectrum:
     edges: Values
     density: Values
     waves: Values
+
+    def rows(self) -> list[Row]:
+        """Return a row of a table for each bin, with the units in the names."""
+        names = "wavenumber_per_um", "wavelength_um", "density_um4", "waves"
+        columns = self.wavenumbers, 2 * math.pi / self.wavenumbers, self.density, self.waves
+        bins = zip(*(column.tolist() for column in columns), strict=True)
+        return [dict(zip(names, each, strict=True)) for each in bins]
 
 
 @dataclass(frozen=True)
@@ -94,6 +105,13 @@ class SelfAffineFit:
     longest: float
     scatter: float
     remarks: tuple[str, ...]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The numbers of the law, in the units of `LAW`."""
+        law = self.spectrum
+        numbers = law.hurst, law.roll_off, law.cut_off, self.decades, self.scatter
+        return dict(zip(LAW, numbers, strict=True))
 
     @property
     def decades(self) -> float:

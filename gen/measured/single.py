@@ -11,14 +11,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gen.material import Bodies
+from gen.measured.areal import PARAMETERS
 from gen.measured.outcome import NOTHING, Wanted, answers
 from gen.measured.preparation import is_tilted
+from gen.measured.self_affine import LAW, SelfAffineFit
 from gen.measured.topography import Topography
 from gen.runtime import memory
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import values_from
 from gen.runtime.output import write
 from gen.runtime.table import Row
+from gen.schema import statistics_columns
 
 if TYPE_CHECKING:
     from bem import Contact
@@ -245,6 +248,23 @@ def statistics_row(
         "prepared": "; ".join(topography.steps),
         "warnings": "; ".join(warnings),
     }
+
+
+def areal_row(areal: Description, depth: float | None, fit: SelfAffineFit | str) -> Row:
+    """Return the further cells of a table of statistics: ISO 25178, and the self-affine law."""
+    row: Row = {**areal.values}
+    if depth is not None:
+        row["Smr_depth"] = depth
+    if isinstance(fit, str):
+        return {**row, **dict.fromkeys(LAW, ""), "law": f"none: {fit}"}
+    return {**row, **fit.values, "law": "; ".join(fit.remarks)}
+
+
+def units_of(names: Iterable[str]) -> str:
+    """Return the units of columns of a table of statistics, as "Sa um; Sk um"."""
+    units = {column.name: column.unit for column in statistics_columns()}
+    units |= {name: unit for name, unit, _ in PARAMETERS} | LAW | {"Smr_depth": "um"}
+    return "; ".join(f"{name} {units[name]}" for name in names if name in units)
 
 
 def contact_row(
