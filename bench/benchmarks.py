@@ -16,7 +16,7 @@ SIZES = ("smoke", "paper", "large")
 
 
 def contents(folder: Path) -> list[Content]:
-    """List the table of times, and a sentence on where and with what they were measured.
+    """List the table of times, and a sentence on the machine and the versions.
 
     Where pytest-benchmark's `times.json` is in the folder, `times.csv` and `times.txt` are written
     from it first; without it they are shown as they are.
@@ -90,7 +90,7 @@ SOLVES = 64
 
 
 def in_short(times: Sequence[Row], growth: Sequence[Row]) -> list[tuple[str, str, str]]:
-    """Return what the steps of a contact take at 129 x 129 nodes, and how convolutions grow.
+    """Return the times of a contact's steps at 129 x 129 nodes, and the growth of the convolutions.
 
     Takes the rows of `times.csv` and of the table of `bench growth`; returns for each quantity its
     name, its median time with the spread of the middle half, and a ratio in words.

@@ -1,4 +1,4 @@
-"""Where, when and with what something was measured."""
+"""The date, machine, code and versions of a measurement."""
 
 import hashlib
 import os
@@ -14,7 +14,7 @@ PACKAGES = (
     *("asperity", "numpy", "scipy", "pyfftw", "h5py", "mpi4py", "scikit-learn", "xgboost"),
     *("xgboost-cpu", "ContactMechanics", "tamaas", "aspher"),
 )
-"""What may take part: the versions of those that are installed are written down."""
+"""Packages whose versions are written down where they are installed."""
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ("asperity", "bem", "bench", "gen", "learn")

@@ -26,7 +26,7 @@ CONCENTRATED = 'samples = 15878\n[contact]\nkernel = "concentrated-force"\n'
 
 
 def generated(folder: Path, name: str, text: str) -> Path:
-    """Return a complete database of a scene (TOML): generate what is missing in the folder's.
+    """Return a complete database of a scene (TOML): generate the rows that the folder's file lacks.
 
     A KeyboardInterrupt is raised after a signal: the same command goes on.
     """
@@ -80,7 +80,7 @@ def shipped(name: str, rows: int | None = None) -> str:
 
 
 def all_of_them(folder: Path, given: Path | None, rows: int | None = None) -> list[Path]:
-    """Return the databases whose summaries are published, generated as far as they are missing.
+    """Return the databases whose summaries are published; generate the missing ones.
 
     Takes a database of the paper preset, None for one of the folder's own, and the number of rows
     of each, None for all.
@@ -94,7 +94,7 @@ def all_of_them(folder: Path, given: Path | None, rows: int | None = None) -> li
 
 
 def report(paths: list[Path]) -> Report:
-    """Summarise databases: a table, and what `gen info` says of each."""
+    """Summarise databases: a table, and the output of `gen info` for each."""
     rows, told = [], []
     for path in paths:
         with Reader(path) as reader, redirect_stdout(StringIO()) as text:

@@ -1,4 +1,4 @@
-"""Peak memory of the nine models, beside what `learn.memory` reckons with.
+"""Peak memory of the nine models, beside the estimate of `learn.memory`.
 
 Each fit runs in a process of its own, since the peak of a process never falls. Ensembles are fitted
 with a tenth and a twentieth of their largest number of trees: their memory is a line in it, which

@@ -1,4 +1,4 @@
-"""What each optional output of a database costs: time and bytes per sample, on and off."""
+"""The cost of each optional output of a database: time and bytes per sample, on and off."""
 
 import tempfile
 import time

@@ -147,7 +147,7 @@ class Files(NamedTuple):
         ]
 
     def filled(self, stem: Path | None) -> Files:
-        """Return the files with those that are not asked for named after a stem, but no picture.
+        """Return the files, with missing names made from a stem, but no picture.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What several commands take, and how they tell what they have found."""
+"""Options that several commands share, and how commands print their results."""
 
 from __future__ import annotations
 

@@ -189,7 +189,7 @@ def stability(
         metavar="TABLE",
     ),
 ) -> int:
-    """Ask for what is stiff and extreme, and check every answer independently.
+    """Solve stiff and extreme cases, and check every answer independently.
 
     Of surfaces (generators and statistics), of the solver, of random loads, of random contacts that
     yield and of the nine models with their features: prints a table each and writes

@@ -1,4 +1,4 @@
-"""Commands on surrogates: what they are worth, and what they cost."""
+"""Commands on surrogates: their errors, and their costs."""
 
 from pathlib import Path
 from typing import Annotated

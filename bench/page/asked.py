@@ -1,4 +1,4 @@
-"""What is asked of Asperity and what is measured: the lines at the top of the page.
+"""Questions about Asperity and the measured answers: the lines at the top of the page.
 
 Each line is made of tables of one report. Its commands are those that the report's records name.
 """
@@ -56,7 +56,7 @@ class Line:
 
 
 def lines(parts: Sequence[Part], inputs: Inputs) -> list[Line]:
-    """Answer all questions whose tables are there and hold what is asked."""
+    """Answer all questions whose tables are there and hold the answer."""
     known = {part.name: part for part in parts}
     found = []
     for asked in ASKED:
@@ -75,7 +75,7 @@ def _commands(parts: Sequence[Part], inputs: Inputs) -> Iterator[str]:
 
 
 def _answer(asked: Asked, folder: Path) -> str:
-    """Return the answer to one question, "" if its tables are not there or lack what is asked."""
+    """Return the answer to one question, "" if its tables are not there or lack the answer."""
     rows = [row for path in _paths(folder, asked.tables) for row in read_table(path)[1]]
     try:
         return asked.answer(rows) if rows else ""

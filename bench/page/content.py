@@ -1,4 +1,4 @@
-"""What a page shows: pictures, tables and words, each with the files behind it."""
+"""The contents of a page: pictures, tables and words, each with the files behind it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

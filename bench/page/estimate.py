@@ -1,4 +1,4 @@
-"""What a run is going to take, by the records of earlier ones."""
+"""The time that a run is going to take, by the records of earlier runs."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ from bench.page.record import read
 
 
 def seconds(part: Part, inputs: Inputs) -> float | None:
-    """Return what a part took [s]: here, by the same command, else when it was published.
+    """Return the time that a part took [s]: here, by the same command, else as published.
 
     None where no record tells. What is published is of a full run, and tells nothing of a short
     one.

@@ -52,14 +52,14 @@ class Shown:
 
 
 def write_page(parts: Sequence[Part], inputs: Inputs) -> Path:
-    """Write the page of what a folder holds into that folder; return the file."""
+    """Write the page of a folder's reports into that folder; return the file."""
     path = inputs.output / PAGE
     write(path, page_of(parts, inputs))
     return path
 
 
 def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
-    """Return the page of what a folder holds."""
+    """Return the page of a folder's reports."""
     present = [part for part in parts if not part.retired or read(inputs.making(part).path)]
     shown = [_shown(part, inputs) for part in present]
     there = [each for each in shown if not each.missing]
@@ -96,7 +96,7 @@ def states(records: Sequence[Record | None]) -> str:
 
 
 def _shown(part: Part, inputs: Inputs) -> Shown:
-    """Return what a part holds; what cannot be shown does not hide the other parts."""
+    """Return a part with its contents; a part that cannot be shown does not hide the others."""
     found = read(inputs.making(part).path)
     if found is not None and not found.finished:
         told = found.told[-1] if found.told else "it said nothing"
@@ -113,7 +113,7 @@ def _shown(part: Part, inputs: Inputs) -> Shown:
 
 
 def _how(part: Part, inputs: Inputs) -> str:
-    """Return the command that makes a part; "" for what was given: another one may have made it."""
+    """Return the command that makes a part; "" for a comparison that was given."""
     if inputs.folder(part) == inputs.comparison:
         return ""
     if arguments := inputs.arguments(part):

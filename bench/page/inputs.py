@@ -21,7 +21,7 @@ class Inputs:
 
     @property
     def files(self) -> dict[str, Path]:
-        """What a part may read, by the names in commands."""
+        """The files that a part may read, by their names in commands."""
         return {
             "database": self.database or self.output / "databases" / "paper.h5",
             "comparison": self.comparison or self.output / "comparison",
@@ -59,7 +59,7 @@ class Inputs:
         return shlex.join(words)
 
     def making(self, part: Part) -> Making:
-        """Return what decides whether a part stays: its record, its command and its inputs."""
+        """Return the record, command and inputs of a part, which decide whether it stays."""
         folder, named = self.folder(part), re.findall(r"\{(\w+)\}", self.template(part))
         sources = {name: path for name, path in self.files.items() if name in named}
         sources = {name: path for name, path in sources.items() if path != folder}

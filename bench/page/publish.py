@@ -81,7 +81,7 @@ def _by_folder(parts: Sequence[Part], inputs: Inputs) -> dict[Path, list[Part]]:
 
 
 def _require_apart(folders: Iterable[Path], target: Path) -> None:
-    """Refuse to publish into what is read, or into what holds it: files there would be lost."""
+    """Refuse a target that is read, or that holds a folder which is read: files would be lost."""
     goal = Path(os.path.realpath(target))
     for folder in folders:
         source = Path(os.path.realpath(folder))

@@ -42,7 +42,7 @@ class Record(documents.Document):
 
 @dataclass(frozen=True)
 class Making:
-    """Something that is made by a command of some inputs, and stays while these are as they were.
+    """A result that a command makes from inputs, and that stays while these do not change.
 
     The record (`path`) is in the folder of what is made; `sources` are the files and folders that
     the command reads, by name.
@@ -74,7 +74,7 @@ class Making:
         output.write(self.path, record.model_dump_json(indent=2, exclude_unset=True) + "\n")
 
     def _stamps(self) -> dict[str, int]:
-        """Return when each input was changed last [ns]; 0 for what is not there."""
+        """Return when each input was changed last [ns]; 0 for a missing one."""
         return {
             name: max((file.stat().st_mtime_ns for file in _inside(source)), default=0)
             for name, source in self.sources.items()
@@ -88,7 +88,7 @@ def read(path: Path) -> Record | None:
 
 
 def contents_of(path: Path) -> list[Content] | None:
-    """Return what something shows, by its record; None without it, or if a file is missing."""
+    """Return the contents that a record lists; None without a record, or if a file is missing."""
     found = read(path)
     if found is None:
         return None

@@ -135,7 +135,7 @@ def _call(
 
 
 def _listen(process: "subprocess.Popen[str]", told: list[str]) -> None:
-    """Pass on and collect what a command tells."""
+    """Pass on and collect the lines that a command prints to standard error."""
     for line in process.stderr or ():
         if line.strip():
             told.append(line.rstrip())
@@ -143,7 +143,7 @@ def _listen(process: "subprocess.Popen[str]", told: list[str]) -> None:
 
 
 def _wait(process: "subprocess.Popen[str]", interruption: Interruption) -> int:
-    """Wait for the end; pass a signal on, and kill what does not heed it."""
+    """Wait for the end; pass a signal on, and kill a process that ignores it."""
     while not interruption.requested():
         with suppress(subprocess.TimeoutExpired):
             return process.wait(timeout=0.2)
@@ -155,7 +155,7 @@ def _wait(process: "subprocess.Popen[str]", interruption: Interruption) -> int:
 
 
 def run(inputs: Inputs, only: Sequence[str] = ()) -> tuple[Path, Outcome]:
-    """Make the parts that are missing, of those named only, and the page of all that are there."""
+    """Make the missing parts, or those of them that are named, then the page of all parts."""
     parts = _chosen(only, inputs)
     check_folder(inputs.output, PAGE)
     make_folder(inputs.output)
@@ -174,7 +174,7 @@ def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
 
 
 def page(inputs: Inputs) -> Path:
-    """Write the page of what a folder holds, and make nothing."""
+    """Write the page of a folder's reports, and make no report."""
     folder = inputs.output
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; `python -m bench run -o {folder}` makes one")

@@ -17,7 +17,7 @@ UNITS |= {"MPa": "MPa", "K": "K"}
 
 
 class Cell(NamedTuple):
-    """A title or a value as it is shown, and whether it is a number or that of numbers."""
+    """A title or a value as it is shown, and whether it is a number or the title of numbers."""
 
     text: str
     number: bool
@@ -32,7 +32,7 @@ class Tabulated(NamedTuple):
 
 
 def tabulated(table: Table) -> Tabulated:
-    """Read a table and make it readable."""
+    """Read a table, and format it for readers."""
     header, lines = read_table(table.data)
     columns = table.columns or tuple(header)
     if missing := {*columns, table.verdict} - {"", *header}:

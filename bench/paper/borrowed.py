@@ -1,4 +1,4 @@
-"""Pictures that other commands draw, with what to see in them beside the paper."""
+"""Pictures that other commands draw, with captions that compare them with the paper."""
 
 from pathlib import Path
 

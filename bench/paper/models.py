@@ -140,7 +140,7 @@ def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float
 
 
 def _why(theirs: Scores, unexplained: float, here: float) -> str:
-    """Say what is known about the distance of a row from the paper's."""
+    """Explain the distance of a row from the paper's, as far as it is known."""
     reasons = [] if unexplained <= ALIKE else ["worse R2: not explained"]
     if abs(paper.spread_of(theirs) / paper.SPREAD - 1) > BELONG:
         reasons.append(why("two-spreads"))

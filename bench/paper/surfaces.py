@@ -97,7 +97,7 @@ def profile(folder: Path) -> list[Content]:
 def _draw_profile(
     axis: Any, x: Heights, line: Heights, peaks: NDArray[np.bool_], asperities: NDArray[np.bool_]
 ) -> None:
-    """Draw a profile, its peaks and what is said of them."""
+    """Draw a profile, its peaks and their statistics."""
     heights = line[peaks]
     mean, rms, top = (float(each) for each in (heights.mean(), heights.std(), heights.max()))
     circles = {"ms": 8, "mfc": "none", "color": COLOURS[1]}

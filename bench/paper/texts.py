@@ -22,7 +22,7 @@ def why(name: str, **values: Any) -> str:
 
 
 def caption(name: str, **values: Any) -> str:
-    """Say what to see in a picture or a table."""
+    """Return the caption of a picture or a table."""
     return TEXTS["captions"][name].format(**values)
 
 

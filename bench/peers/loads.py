@@ -27,7 +27,7 @@ THEIRS = "ContactMechanics"
 
 
 def up_to_full_contact(nodes: int) -> Iterator[Row]:
-    """Press a surface of so many nodes a side by rising loads, up to 99 % of the hardness.
+    """Press a surface by rising loads, up to 99 % of the hardness.
 
     Yields
     ------

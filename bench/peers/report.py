@@ -116,7 +116,7 @@ grids are set up in each solve.
 
 
 def tables(rows: Sequence[Row], layout: Layout) -> str:
-    """Return a table for each title, solvers down and settings across, and what has no numbers."""
+    """Return a table for each title, solvers down and settings across, and remarks on gaps."""
     texts = []
     for title, part in layout.parts(rows):
         cells: dict[str, Row] = {row["solver"]: {} for row in part}

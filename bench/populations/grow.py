@@ -1,4 +1,4 @@
-"""What `learn grow` promises, against the truth: growths to a mark, judged on rows nobody has seen.
+"""The promise of `learn grow` against the truth: growths to an error, judged on fresh rows.
 
 Two populations, each with several seeds: the surfaces of the scene `quick`, and windows of a folder
 of made maps, whose scene is drafted as the command does, with windows of 64 nodes a side. Fresh
@@ -230,7 +230,7 @@ def report(trials: Sequence[Trial]) -> Report:
 
 
 def _in_words(trial: Trial) -> str:
-    """Say what a growth has taken, and how its promise compares with the truth."""
+    """Return the time of a growth, and its promise beside the truth, as a line."""
     last = trial.grown.last
     assert last is not None
     ended = "met" if last.met else f"not met ({trial.grown.ending})"

@@ -33,7 +33,7 @@ BLUR = 4
 
 @dataclass(frozen=True)
 class Faults:
-    """What an instrument adds to a map.
+    """The tilt, noise and faults that an instrument adds to a map.
 
     Attributes
     ----------

@@ -71,7 +71,7 @@ range = {{ log_uniform = [0.003, 0.08] }}
 """Windows of prepared maps, mirrored, under pressures that give areas of about 0.5 to 40 %."""
 
 PARTS = {"unseen tiles": "tile", "maps left out": "map"}
-"""What is left out of the training, and what it is told by."""
+"""The rows that are left out of the training, and the column that tells them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +191,7 @@ def report(found: Sequence[Judged]) -> Report:
 
 
 def _database(folder: Path, rows: int, nodes: int) -> Path:
-    """Generate the windows of a size, or what is missing of them."""
+    """Generate the windows of a size, as far as they are missing."""
     scene, path = folder / f"windows-{nodes}.toml", folder / f"windows-{nodes}.h5"
     make_folder(folder)
     write(scene, SCENE.format(rows=rows, nodes=nodes))

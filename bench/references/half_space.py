@@ -1,4 +1,4 @@
-"""The elastic half-space once more, written apart from `bem`: what its results are held against.
+"""The elastic half-space, written independently of `bem`, whose results are checked against it.
 
 Lengths are in units of a cell's first side and E* = 1. Love's closed form serves at every
 distance, SciPy convolves and solves.

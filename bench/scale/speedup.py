@@ -1,4 +1,4 @@
-"""Real speed-up: the same rows alone, with one worker and with two, and what the machine allows.
+"""Real speed-up: the same rows alone, with one worker and with two, beside the machine's limit.
 
 Two processors that share a clock, a cache or a memory bus are not twice as fast as one. So every
 round also runs two copies side by side that know nothing of each other: together they do twice the
@@ -72,7 +72,7 @@ def summary(turns: list[Turn]) -> str:
 
 
 def report(turns: list[Turn]) -> Report:
-    """Make a report of the rounds: times of each run [s], and what they gain."""
+    """Make a report of the rounds: times of each run [s], and their speed-ups."""
     names = {name: f"{name.replace(' ', '_')}_s" for name in turns[0]}
     rows = [
         {"round": number, **{names[name]: seconds for name, seconds in turn.items()}}

@@ -1,4 +1,4 @@
-"""What a solver has to offer to be compared, whoever wrote it."""
+"""The interface of all solvers that are compared."""
 
 import math
 import time

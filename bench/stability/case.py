@@ -1,4 +1,4 @@
-"""A case of a table as data, what its checks say, and how it is run."""
+"""A case of a table as data, its verdict, and how it is run."""
 
 import math
 import warnings
@@ -116,7 +116,7 @@ def run_case(case: Case) -> Answer:
 
 
 def attempt(call: Callable[[], object]) -> tuple[object, list[str]]:
-    """Return what a call has returned or raised, and what it has warned of."""
+    """Return the result or the exception of a call, and its warnings."""
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         try:

@@ -125,6 +125,6 @@ def judge(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
 
 
 def stated(asked: Setup, contact: bem.Contact) -> list[Finding]:
-    """Judge what a contact says of its pressure, the residual first and by a tighter bound."""
+    """Judge the numbers of a contact by its pressure, the residual first and by a tighter bound."""
     residual, *others = honesty(replace(asked, delta=contact.approach), contact)
     return [residual._replace(allowed=ROUNDING), *others]

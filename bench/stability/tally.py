@@ -1,4 +1,4 @@
-"""Many random contacts as one case: the largest of each deviation, and what was raised."""
+"""Many random contacts as one case: the largest of each deviation, and the exceptions."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -38,7 +38,7 @@ def surface_and_aspect(
 
 @dataclass
 class Tally:
-    """What came of many solves of at most `seconds` each: more counts as a loop.
+    """The outcome of many solves of at most `seconds` each; a longer one counts as an endless loop.
 
     `iterations` are of every solve that has an answer, `astray` the errors that were raised and
     where, `largest` the worst finding of each name.

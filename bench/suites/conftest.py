@@ -1,4 +1,4 @@
-"""What all benchmarks record: where and with what they were run."""
+"""Entries that all benchmarks record: machine, code and versions."""
 
 import os
 from typing import Any

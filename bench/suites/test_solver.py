@@ -83,7 +83,7 @@ def record_time_over(benchmark: BenchmarkFixture, name: str, work: Work, other: 
 
 
 def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> None:
-    """What a solve took: convolutions, residual and, where it was timed, seconds.
+    """The cost of a solve: convolutions, residual and, where it was timed, seconds.
 
     The cost in bare convolutions is that of the fastest round, which other work on the machine
     disturbs least.

@@ -1,1 +1,1 @@
-"""What surrogates are worth: where they hold, what they cost in all, how fast they answer."""
+"""Studies of surrogates: where they hold, their costs, and the times of their answers."""

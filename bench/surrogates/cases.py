@@ -1,4 +1,4 @@
-"""What surrogates of the paper preset are tested on: more of the same, and what they never saw."""
+"""Tests of surrogates of the paper preset: on surfaces of the preset, and of other kinds."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

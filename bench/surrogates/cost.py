@@ -207,7 +207,7 @@ def report(costs: Costs) -> Report:
 
 
 def _advice(costs: Costs) -> str:
-    """Say what was measured, when to use a surrogate, and when not."""
+    """Describe the measurement, and say when to use a surrogate and when not."""
     new, loose = _new(costs, OURS), costs.solver.loose
     evens = [break_even(_build(each), loose, each["query"]) for each in new]
     goals = {goal: [p for p in costs.points if p["nmae"] <= goal] for goal in GOALS}
@@ -225,7 +225,7 @@ def _advice(costs: Costs) -> str:
 
 
 def _new(costs: Costs, solver: str) -> list[Row]:
-    """Return what new surfaces cost, beside a solver."""
+    """Return the costs of new surfaces, beside a solver."""
     return [each for each in costs.questions if (each["asked"], each["solver"]) == (NEW, solver)]
 
 

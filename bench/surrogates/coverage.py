@@ -124,7 +124,7 @@ def _judged(case: Case, rows: Dataset, most: int, seed: int) -> list[Row]:
 
 
 def _parts(case: Case, rows: Dataset, most: int, seed: int) -> Parts:
-    """Split the rows of a case, at most so many of them, and add those that all train.
+    """Split the rows of a case, up to a largest number, and add the rows that train in every split.
 
     Rows of several databases all train, and calibrate by their groups.
     """

@@ -1,4 +1,4 @@
-"""What the study of coverage trains on and tests on: the paper preset and the broad scenes."""
+"""The training and test rows of the study of coverage: the paper preset and the broad scenes."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -76,7 +76,7 @@ class Case:
 
 
 def databases(folder: Path, rows: int) -> dict[str, Path]:
-    """Generate the databases, or what is missing of them, by the names of their scenes."""
+    """Generate the databases as far as they are missing, by the names of their scenes."""
     texts = {PAPER: "", **OTHERS}
     texts |= {name: _preset(name) for name in (YIELDING, *BROAD)}
     return {

@@ -1,4 +1,4 @@
-"""What each feature set is worth: errors, small areas and intervals, on several seeds of the split.
+"""The worth of each feature set: errors, small areas and intervals, on several seeds of the split.
 
 Kernel ridge on the paper preset, fitted as `learn fit` does; its settings are chosen on the first
 seed. The nMSE carries the target's unit: it
@@ -154,7 +154,7 @@ def _keep(path: Path, known: str, judged: Sequence[Judged]) -> None:
 
 
 def _kept(path: Path, variant: Variant, known: str) -> list[Judged]:
-    """Return what a file has of one variant on the same rows and seeds; nothing if it has not."""
+    """Return the results of one variant on the same rows and seeds that a file has, if any."""
     if not path.exists():
         return []
     kept = kept_arrays(path, "known", "numbers")
@@ -289,7 +289,7 @@ def summary(rows: Sequence[Row]) -> list[Row]:
 
 
 def marks(rows: Sequence[Row], quarters: Sequence[Row]) -> list[tuple[str, bool]]:
-    """Return what hybrid features have to reach, in words with the figure, and whether they do."""
+    """Return the marks of hybrid features, in words with the figure, and whether they are met."""
     means = {row["features"]: row for row in summary(rows)}
     found = []
     for name, most in ((HYBRID, NMSE), (FINER, FINER_NMSE)):
@@ -309,7 +309,7 @@ def marks(rows: Sequence[Row], quarters: Sequence[Row]) -> list[tuple[str, bool]
 
 
 def _said(rows: Sequence[Row], quarters: Sequence[Row]) -> str:
-    """Say what was measured, what the nMSE is, and which marks are met."""
+    """Describe the measurement, explain the nMSE, and list the marks that are met."""
     said: Row = {"means": summary(rows), "marks": marks(rows, quarters)}
     said["seeds"] = len({row["seed"] for row in rows})
     said |= {"ratio": float(np.mean([row["ratio"] for row in rows])), "paper_ratio": SPREAD}

@@ -33,7 +33,7 @@ class Parts:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fitted(Fit):
-    """A fitted model of the contact area, with what tells rows of another kind.
+    """A fitted model of the contact area, with the flags for rows of another kind.
 
     Attributes
     ----------

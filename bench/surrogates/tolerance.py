@@ -1,4 +1,4 @@
-"""What the solver's tolerance does to the end product: a surrogate learnt from its areas.
+"""The effect of the solver's tolerance on a surrogate that learns from its areas.
 
 The same rows of the paper preset are solved at several tolerances, in turn. Inputs do not depend on
 the tolerance, areas do: kernel ridge is fitted to each tolerance's areas with settings chosen once,
@@ -148,7 +148,7 @@ def report(rows: Sequence[Row]) -> Report:
 
 
 def advice(rows: Sequence[Row]) -> str:
-    """Say what was measured, and what to choose."""
+    """Describe the measurement, and advise a tolerance."""
     names = list(dict.fromkeys(row["features"] for row in rows))
     found = {
         name: (_at(rows, name, TIGHT), _at(rows, name, DEFAULT), choice(rows, name))

@@ -33,7 +33,7 @@ CURVES = {
     "peers": "{solver}",
     "hardness": "{solver}, {hardness:g}",
 }
-"""What tells a curve from the others of its study."""
+"""The column that tells the curves of a study apart."""
 
 ERRORS = {
     "force_error": "relative error of the force [1]",

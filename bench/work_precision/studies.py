@@ -1,4 +1,4 @@
-"""What is varied: tolerance, grid, kernel, precision, solver."""
+"""The studies: each varies the tolerance, the grid, the precision, the solver or the hardness."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -90,7 +90,7 @@ static inline double NAME_slope(const double *x, const double *y, const double *
 
 
 def write(path: Path, law: Law) -> None:
-    """Write the header, whole or not at all, without what is outside a surrogate's training.
+    """Write the header whole or not at all, without the points outside a surrogate's training.
 
     Raises
     ------

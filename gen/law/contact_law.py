@@ -189,7 +189,7 @@ def solved_law(
 def law_of(
     order: Order, subjects: Subjects, bodies: Bodies, tables: Tables, said: tuple[str, str]
 ) -> Law:
-    """Put tables and what is to be said about them into a law.
+    """Make a law of tables and the remarks on them.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ MOST = 0.5
 """Share of surfaces outside the training above which a row tells nothing about an interface."""
 
 UNITS = {"delta_um": "um", "pressure_MPa": "MPa"}
-"""Unit of what a table is against."""
+"""Unit of a table's arguments."""
 
 APART = 1e-9
 """Relative distance within which two numbers are one: rounding lies between them."""

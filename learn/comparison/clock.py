@@ -58,7 +58,7 @@ class Clock:
     def search(
         self, target: str, model: str, stopping: Callable[[], bool]
     ) -> Iterator[Share | None]:
-        """Give a search its share of the time, and write down what it takes.
+        """Give a search its share of the time, and record the time that it takes.
 
         Parameters
         ----------

@@ -50,8 +50,9 @@ SCALED_HARDNESS = "log(hardness.L/(E*.h))"
 """The hardness as a feature of sets without units."""
 
 PLASTIC = "sqrt(coarse_force/(hardness.L2))"
-"""The share of the patch that bears the coarse solve's force at the hardness, as its square root:
-no contact that yields is smaller, and it is 0 for elastic bodies."""
+"""Square root of the share of the patch that carries the coarse solve's force at the hardness. No
+contact of bodies that yield has a smaller area; it is 0 for elastic bodies.
+"""
 
 NODES = "log2(nodes)"
 """The nodes along a side as a feature, where grids differ; the geometric mean of both axes."""

@@ -1,4 +1,4 @@
-"""The learning curve of a growing database, and the rows that it asks for.
+"""The learning curve of a growing database, and the number of rows that it advises.
 
 The rows of a scene are independent draws, so that a part of a database is a smaller database.
 Models fitted to parts, judged on all rows that are kept apart, give points of the curve a + b n^-c,

@@ -71,7 +71,7 @@ class Plan:
         return from_others(inputs, self.others[0].inputs, self.groups.labels)
 
     def remark(self) -> str:
-        """Say by what groups the training rows calibrate; "" if they do not."""
+        """Name the groups by which the training rows calibrate; "" if they do not."""
         if self.groups is None or self.others is not None:
             return ""
         groups = self.groups

@@ -35,8 +35,9 @@ from learn.surrogate.error_scale import ErrorScale
 from learn.surrogate.quantiles import quantile, quantile_over_groups
 
 Scheme = Literal["ranges", "each", "others"]
-"""What scores are kept by, and what intervals hold for: ranges of the prediction; each of the known
-groups; other groups too."""
+"""The classes that scores are stored by, which intervals hold for: ranges of the prediction; each
+of the known groups; other groups too.
+"""
 
 RANGES = 5
 """Largest number of ranges of the prediction."""

@@ -83,6 +83,6 @@ def fit_scale(inputs: Values, errors: Values, groups: Indices) -> ErrorScale:
 
 
 def floored_logarithm(errors: Values) -> Values:
-    """Return the logarithms of absolute errors, none of which counts for less than `SMALLEST`."""
+    """Return the logarithms of absolute errors, each of them `SMALLEST` at least."""
     least = max(SMALLEST * float(np.median(errors)), np.finfo(float).tiny)
     return np.asarray(np.log(np.maximum(errors, least)))

@@ -26,8 +26,9 @@ MOST_UNSEEN = 0.6
 """Largest share of the rows that a model may lack that predicts a part of them."""
 
 SMALLEST = 20
-"""Smallest number of rows of a group of its own where intervals hold for each: smaller groups are
-joined, as they would leave intervals of 95 % without an end."""
+"""Smallest number of rows of a group where intervals hold for each group. Smaller groups are
+joined, since their intervals of 95 % would have no end.
+"""
 
 
 class Groups(NamedTuple):

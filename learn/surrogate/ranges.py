@@ -11,7 +11,7 @@ from learn.features import FeatureSet
 from learn.surrogate.prediction import Rows
 
 ROUNDING = 1e-6
-"""Relative distance from the training's hardness within which a hardness is taken for it."""
+"""Relative distance from the training's hardness within which a hardness counts as equal."""
 
 
 def reasons(columns: tuple[str, ...], low: Values, high: Values, rows: Rows) -> tuple[str, ...]:

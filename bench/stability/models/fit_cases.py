@@ -1,4 +1,4 @@
-"""Cases about fits: what the training rows may be like, each with all nine models."""
+"""Cases about fits: training rows of every kind, each with all nine models."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field

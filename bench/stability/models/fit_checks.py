@@ -1,4 +1,4 @@
-"""What a fit and its predictions have to be, whatever the rows were like.
+"""Conditions that a fit and its predictions meet on rows of every kind.
 
 `optimal` asks whether a fit is what its method defines, by the estimator's own numbers, in extended
 precision.

@@ -76,7 +76,7 @@ class Asked:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What the product says about the rows and the fit."""
+        """The warnings of the product about the rows and the fit."""
         normalisation = "l2" if self.train.features == "paper" else "standard"
         return (*remarks(self.train, normalisation), *self.fit.remarks)
 

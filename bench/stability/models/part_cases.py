@@ -1,4 +1,4 @@
-"""Cases about what stands round the models: features, splits, scores, cleaning."""
+"""Cases about the steps before and after the models: features, splits, scores, cleaning."""
 
 from collections.abc import Iterator
 from dataclasses import replace

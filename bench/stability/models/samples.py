@@ -1,4 +1,4 @@
-"""Ordinary rows of the paper's kind, on a small grid, and what spoils them."""
+"""Ordinary rows of the paper's kind, on a small grid, and the changes that spoil them."""
 
 from collections.abc import Callable
 from dataclasses import replace

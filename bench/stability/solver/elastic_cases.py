@@ -1,4 +1,4 @@
-"""Elastic contacts: what is given, the surface, the model, and what has to be refused."""
+"""Elastic contacts: loads, surfaces, models, and input that has to be refused."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What a case asks of the solver, and the numbers that its checks derive from that alone."""
+"""The solver's arguments in a case, and the numbers that its checks derive from them alone."""
 
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -54,7 +54,7 @@ class Setup:
     boundary: Boundary = "free"
 
     def solve(self) -> bem.Contact:
-        """What `bem` makes of it."""
+        """The contact that `bem` computes."""
         given: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(self)}
         return bem.solve(**given | ({"delta": None} if self.pressure or self.force else {}))
 

@@ -90,7 +90,7 @@ def unchanged(
 
 
 def in_words(found: Description) -> str:
-    """What came out, in a line."""
+    """The result, in a line."""
     values = found.values
     said = f"rms {values['height_rms']:.4g} um, mean {values['height_mean']:.4g} um"
     if not math.isnan(values["asperity_density"]):

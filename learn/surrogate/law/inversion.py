@@ -22,7 +22,7 @@ FINE = 20
 """Steps into which an interval of Delta is divided to invert the cubic in it."""
 
 ROUNDING = 1e-12
-"""Relative distance beyond the last pressure within which a pressure is taken for it."""
+"""Relative distance beyond the last pressure within which a pressure counts as the last one."""
 
 
 def reached(points: Points) -> float:
