@@ -24,7 +24,7 @@ def read(path: Path) -> list[text.Matrix]:
     Returns
     -------
     list of Matrix
-        Matrices in the order of the file.
+        Matrices in the order of the file; none if it is neither .npy nor text.
 
     Raises
     ------
@@ -40,9 +40,7 @@ def read(path: Path) -> list[text.Matrix]:
     if path.suffix.lower() == ".npy" or content.startswith(np.lib.format.MAGIC_PREFIX):
         return [text.Matrix(_from_npy(content, path))]
     decoded = text.decoded(content)
-    if decoded is None:
-        raise InputError(f"{path}: is neither .npy nor text; give one of them")
-    return text.matrices(decoded, path)
+    return [] if decoded is None else text.matrices(decoded, path)
 
 
 def checked(heights: Heights, path: Path) -> Heights:

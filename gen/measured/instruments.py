@@ -88,14 +88,10 @@ def read(path: Path, wanted: str, reason: str) -> Scan:
 
 
 def _opened(path: Path, reason: str) -> tuple[Any, str]:
-    """Open a file by the first reader that finds a map in it; those of its suffix are tried first.
+    """Return the first reader that finds a map in a file, and what was mended in it, in words.
 
-    Their reasons are told if no reader does. Without any, the `reason` given is told.
-
-    Returns
-    -------
-    tuple of (reader, str)
-        The reader, and what had to be mended in the file, in words.
+    Readers of the file's suffix are tried first, and their reasons told if no reader finds a map.
+    Without any, the `reason` given is told.
     """
     from SurfaceTopography.IO import MagicMatch, open_topography, readers
 

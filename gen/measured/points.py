@@ -22,12 +22,14 @@ MOST_COLUMNS = 6
 """Columns of a list of points, at most: the three coordinates with three more numbers."""
 STRIP, SLENDER = 50, 12
 """Rows, and rows over columns, from which up to four columns are points, whatever they hold."""
-UNLIKE = 3
+UNLIKE = 8
 """Ratio of the scatter of two columns from which five or six hold more than heights."""
 CHANCE = 8
-"""Numbers that hardly ever rise or fall throughout, unless they are coordinates."""
+"""Numbers that hardly ever rise, fall or lie on a grid throughout, unless they are coordinates."""
 EVEN = 0.02
 """Largest distance of points or coordinates from an even grid [spacing]."""
+ALIKE = 0.25
+"""Share by which steps in a row of heights may differ from those in the next rows."""
 COVERED = 0.5
 """Smallest share of the nodes of a grid that points of a map lie on."""
 ADVICE = "give the heights as a grid, one row of them a line, or x, y and z of points on a grid"
@@ -74,14 +76,18 @@ def _is_list(columns: Values) -> bool:
         return False
     if points >= max(STRIP, SLENDER * width):
         with np.errstate(over="ignore", invalid="ignore"):
-            scatter = np.nanstd(columns, axis=0)
-        return width <= 4 or bool(scatter.max() > UNLIKE * scatter.min())
+            scatter = np.ma.masked_invalid(columns).std(axis=0).compressed()
+        return width <= 4 or bool((scatter > UNLIKE * scatter[:, None]).any())
     if points <= width:
         return False
     if width <= 3 and _is_axis(columns[:, 0], even=points < CHANCE):
         return True
     grids = [_grid(*columns[:, first : first + 2].T) for first in range(min(width - 2, 2))]
-    return any(each.covered >= COVERED and 10 * each.repeated <= points for each in grids if each)
+    covered = COVERED if points > CHANCE else 1.0
+    likely = width == 3 or points > CHANCE
+    return likely and any(
+        each.covered >= covered and 10 * each.repeated <= points for each in grids if each
+    )
 
 
 def _from_points(path: Path, scan: Scan, columns: Values, direction: str) -> Scan:
@@ -106,9 +112,7 @@ def _from_points(path: Path, scan: Scan, columns: Values, direction: str) -> Sca
         else:
             heights = np.full(grid.shape, np.nan)
             heights[grid.nodes] = columns[:, 2]
-            off = f", up to {100 * grid.misfit:.1g} % of a spacing off it"
-            origin = f" of {points} points on a grid{off if grid.misfit > 1e-4 else ''}"
-            return _with_spacing(scan, heights, grid.spacing, origin)
+            return _with_spacing(scan, heights, grid.spacing, f" of {points} points on a grid")
     raise InputError(
         f"{path}: holds {points} x {width} numbers in {direction}: looks like {looks}, not a map of"
         f" heights; {ADVICE}"
@@ -116,7 +120,7 @@ def _from_points(path: Path, scan: Scan, columns: Values, direction: str) -> Sca
 
 
 def _with_spacing(scan: Scan, heights: Heights, spacing: tuple[float, float], said: str) -> Scan:
-    """Return a scan with these heights, the widths of all pixels, and more words on its origin."""
+    """Return a scan with these heights, their spacing, and more words on its origin."""
     widths = spacing[0] * heights.shape[0], spacing[1] * heights.shape[1]
     return replace(scan, heights=heights, widths=widths, origin=scan.origin + said)
 
@@ -124,7 +128,7 @@ def _with_spacing(scan: Scan, heights: Heights, spacing: tuple[float, float], sa
 def _between_coordinates(path: Path, scan: Scan) -> Scan:
     """Take coordinates off the first row, x, and column, y; refuse one without the other."""
     numbers, kinds = scan.heights, ("", "")
-    if min(numbers.shape) >= 4:
+    if min(numbers.shape) > CHANCE / 2:
         kinds = _first_row(numbers), _first_row(numbers.T)
     x, y = numbers[0, 1:], numbers[1:, 0]
     if kinds == ("even", "even"):
@@ -149,12 +153,12 @@ def _between_coordinates(path: Path, scan: Scan) -> Scan:
 
 def _first_row(numbers: Values) -> str:
     """Tell whether the first row, unlike the second, holds coordinates: "even", "uneven" or ""."""
-    first, second = numbers[0, 1:], numbers[1, 1:]
+    first, second, third = numbers[:3, 1:]
     if _is_axis(first, even=True):
-        # Rows of planes and twisted planes are even, too, but continue those below them.
-        steps = [np.diff(row).mean() for row in numbers[:3, 1:]]
-        smooth = np.isclose(steps[0], 2 * steps[1] - steps[2], rtol=0.1, atol=0)
-        return "" if smooth and _is_axis(second, even=True) else "even"
+        # Rows of tilted maps are even, too, but continue those below them.
+        steps = np.diff(first)
+        off = np.abs(steps - np.diff(2 * second - third)) / np.abs(steps)
+        return "" if np.count_nonzero(off <= ALIKE) > first.size / 2 else "even"
     rising = first.size >= 2 * CHANCE and _is_axis(first, even=False)
     return "uneven" if rising and not _is_axis(second, even=False) else ""
 
@@ -168,15 +172,11 @@ def _is_axis(values: Values, *, even: bool) -> bool:
 
 
 class _Grid(NamedTuple):
-    """A grid that points lie on: the points' nodes and the grid's along x and y, and its spacing.
-
-    The misfit is the largest distance of a point from its node [spacing].
-    """
+    """A grid that points lie on: the points' nodes, and its own, along x and y; its spacing."""
 
     nodes: tuple[NDArray[np.intp], NDArray[np.intp]]
     shape: tuple[int, int]
     spacing: tuple[float, float]
-    misfit: float
     repeated: int
     covered: float
 
@@ -186,22 +186,20 @@ def _grid(x: Values, y: Values) -> _Grid | None:
     along_x, along_y = _nodes(x), _nodes(y)
     if along_x is None or along_y is None:
         return None
-    (i, dx, off_x), (j, dy, off_y) = along_x, along_y
+    (i, dx), (j, dy) = along_x, along_y
     nx, ny = int(i.max()) + 1, int(j.max()) + 1
     covered = int(np.unique(i * ny + j).size)
-    repeated, misfit = i.size - covered, max(off_x, off_y)
-    return _Grid((i, j), (nx, ny), (dx, dy), misfit, repeated, covered / (nx * ny))
+    return _Grid((i, j), (nx, ny), (dx, dy), i.size - covered, covered / (nx * ny))
 
 
-def _nodes(values: Values) -> tuple[NDArray[np.intp], float, float] | None:
-    """Return the even places of coordinates, their spacing, and the misfit; None if uneven."""
+def _nodes(values: Values) -> tuple[NDArray[np.intp], float] | None:
+    """Return the even places of coordinates and their spacing; None if they are uneven."""
     places = np.unique(values)
     with np.errstate(over="ignore", invalid="ignore"):
         gaps = np.diff(places)
         if not gaps.size or not np.isfinite(gaps).all():
             return None
-        # Coordinates of one place differ by rounding, by much less than the largest gap, of some
-        # places.
+        # Coordinates of one place differ by rounding, much less than by the gap at missing places.
         places = places[np.append(True, gaps > EVEN / 10 * gaps.max())]
         gaps = np.diff(places)
         numbers = np.append(0, np.cumsum(np.rint(gaps / np.median(gaps))))
@@ -209,5 +207,5 @@ def _nodes(values: Values) -> tuple[NDArray[np.intp], float, float] | None:
             return None
         spacing = float((places[-1] - places[0]) / numbers[-1])
         node = numbers[np.searchsorted(places, values, side="right") - 1].astype(np.intp)
-        misfit = float(np.abs((values - places[0]) / spacing - node).max())
-    return (node, spacing, misfit) if misfit <= EVEN else None
+        even = bool((np.abs((values - places[0]) / spacing - node) <= EVEN).all())
+    return (node, spacing) if even else None

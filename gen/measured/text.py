@@ -123,7 +123,7 @@ def decoded(content: bytes) -> str | None:
     Parameters
     ----------
     content : bytes
-        Content of a file, or its beginning.
+        Content of a file.
 
     Returns
     -------
@@ -133,12 +133,14 @@ def decoded(content: bytes) -> str | None:
     encoding = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
-    elif content[1:2] == b"\0" != content[:1]:
-        encoding = "utf-16-le"
-    elif content[:1] == b"\0" != content[1:2]:
-        encoding = "utf-16-be"
-    decoded = content.decode(encoding, errors="replace")
-    return None if CONTROL_CHARACTERS.search(decoded) else decoded
+    elif b"\0" in content[:2]:
+        encoding = "utf-16-be" if content[:1] == b"\0" else "utf-16-le"
+    # The first letters are enough to tell the binary files of instruments, which may be large.
+    for part in (content[:4096], content):
+        decoded = part.decode(encoding, errors="replace")
+        if CONTROL_CHARACTERS.search(decoded):
+            return None
+    return decoded
 
 
 def matrices(content: str, path: Path) -> list[Matrix]:

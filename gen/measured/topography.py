@@ -19,7 +19,6 @@ from gen.measured import grid_file, instruments, text
 from gen.measured.channel import Channel, Scan, choice_in_words, choose_channel
 from gen.measured.points import arranged
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
 from gen.runtime.numbers import magnitude
 
 if TYPE_CHECKING:  # surfaces are described without the solver
@@ -280,26 +279,22 @@ def _agreed_sides(
             raise InputError(f"{path}: holds no lengths; give --side, the scan length in um{hint}")
         return _sides_of(path, scan.heights.shape, side, boundary)
     length_unit = scan.length_unit or unit or "um"
-    if side and overruled is not None and _unit(length_unit) not in UNITS:
-        given = _sides_of(path, scan.heights.shape, side, boundary)
-        overruled.append(f"lengths in {length_unit}, taken as {given[0]:g} x {given[1]:g} um")
-        return given
-    factor = _factor(length_unit, f"{path}: unit of lengths")
-    (nx, ny), (width, length) = scan.heights.shape, scan.widths
-    width, length = width * intervals(nx, boundary) / nx, length * intervals(ny, boundary) / ny
-    own = width * factor, length * factor
-    if not side:
-        return own
-    given = sides_from(side)
-    if np.allclose(given, own, rtol=1e-3):
-        return own
+    said = f"lengths in {length_unit}"
+    if not side or overruled is None or _unit(length_unit) in UNITS:
+        factor = _factor(length_unit, f"{path}: unit of lengths")
+        (nx, ny), (width, length) = scan.heights.shape, scan.widths
+        width, length = width * intervals(nx, boundary) / nx, length * intervals(ny, boundary) / ny
+        own = width * factor, length * factor
+        if not side or np.allclose(sides_from(side), own, rtol=1e-3):
+            return own
+        said = f"{own[0]:.6g} x {own[1]:.6g} um"
     if overruled is None:
         raise InputError(
-            f"{path}: is {own[0]:.6g} x {own[1]:.6g} um, --side says {side}; leave that out, or"
-            " overrule the file by --override-scale"
+            f"{path}: is {said}, --side says {side}; leave that out, or overrule the file by"
+            " --override-scale"
         )
     given = _sides_of(path, scan.heights.shape, side, boundary)
-    overruled.append(f"{own[0]:.6g} x {own[1]:.6g} um, taken as {given[0]:g} x {given[1]:g} um")
+    overruled.append(f"{said}, taken as {given[0]:g} x {given[1]:g} um")
     return given
 
 
@@ -319,24 +314,19 @@ def _sides_of(path: Path, shape: tuple[int, ...], side: str, boundary: Boundary)
 def _matrices(path: Path) -> tuple[list[text.Matrix], str]:
     """Read the matrices of a .npy or text file, whatever its suffix; or none, and the reason.
 
-    Files of instruments may begin like text, or be text that only SurfaceTopography understands.
+    Files of instruments may be text, too, that only SurfaceTopography understands.
     """
     own = path.suffix.lower() in OWN_SUFFIXES
     try:
-        with require_file(path).open("rb") as file:
-            start = file.read(1024)
-    except (OSError, ValueError):
-        return (grid_file.read(path) if own else []), ""  # which says why it cannot be read
-    binary = text.decoded(start) is None and not start.startswith(np.lib.format.MAGIC_PREFIX)
-    if own and not (binary and path.suffix.lower() == ".dat"):
-        return grid_file.read(path), ""
-    if binary or not start:
-        return [], ""
-    try:
         matrices = grid_file.read(path)
-        grid_file.checked(matrices[0].numbers, path)
+        if matrices and not own:
+            grid_file.checked(matrices[0].numbers, path)
     except InputError as error:
+        if own:
+            raise
         return [], str(error)
+    if own and not matrices and path.suffix.lower() != ".dat":
+        raise InputError(f"{path}: is neither .npy nor text; give one of them")
     return matrices, ""
 
 

@@ -19,7 +19,10 @@ from gen.surface import generate
 
 def load(path: Path) -> np.ndarray:
     """Return the first matrix of a file."""
-    return grid_file.checked(grid_file.read(path)[0].numbers, path)
+    matrices = grid_file.read(path)
+    if not matrices:
+        raise InputError(f"{path}: neither .npy nor text; give one")
+    return grid_file.checked(matrices[0].numbers, path)
 
 
 MIRCO = Path(__file__).parents[4] / "shared" / "mirco"
@@ -138,9 +141,9 @@ FAULTS = {
     "empty text": ("a.txt", "", "holds no heights; give 2-D heights"),
     "comments alone": ("a.txt", "# nothing\n\n", "holds no heights; give 2-D heights"),
     "one line": ("a.txt", "1 2 3\n", "holds 1 x 3; give 2-D heights"),
-    "image": ("a.png", b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", r"is neither \.npy nor text"),
-    "HDF5": ("a.h5", b"\x89HDF\r\n\x1a\n\x00\x00", r"is neither \.npy nor text"),
-    "utf-32": ("a.txt", "1 2\n3 4\n".encode("utf-32"), r"is neither \.npy nor text"),
+    "image": ("a.png", b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", r"neither \.npy nor text"),
+    "HDF5": ("a.h5", b"\x89HDF\r\n\x1a\n\x00\x00", r"neither \.npy nor text"),
+    "utf-32": ("a.txt", "1 2\n3 4\n".encode("utf-32"), r"neither \.npy nor text"),
     "latin-1": ("a.txt", b"1 2\n3 \xb5\n", "line 2: '\ufffd' is not a number"),
 }
 

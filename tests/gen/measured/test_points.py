@@ -262,5 +262,8 @@ def test_rough_maps_are_not_taken_for_coordinates(
 
 def test_smooth_maps_are_maps() -> None:
     x, y = np.mgrid[-10:11.0, -10:11.0]
-    for heights in (x, y, x + y, 2 * x - y, x * x + y * y, x * y, np.abs(x), 0 * x, np.sin(x)):
+    noisy = x + 2 * y + RANDOM.normal(scale=0.01, size=x.shape)
+    levels = RANDOM.integers(0, 4, size=(8, 5)).astype(float)
+    smooth = (x, y, x + y, 2 * x - y, x * x + y * y, x * y, np.abs(x), 0 * x, np.sin(x))
+    for heights in (*smooth, noisy, noisy[::-1].T, np.maximum(x, y), levels, levels.T):
         assert arranged(Path("map.npy"), Scan(heights)).heights is heights
