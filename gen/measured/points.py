@@ -128,10 +128,10 @@ def _with_spacing(scan: Scan, heights: Heights, spacing: tuple[float, float], sa
 def _between_coordinates(path: Path, scan: Scan) -> Scan:
     """Take coordinates off the first row, x, and column, y; refuse one without the other."""
     numbers, kinds = scan.heights, ("", "")
-    if min(numbers.shape) > CHANCE / 2:
+    if min(numbers.shape) >= 4:
         kinds = _first_row(numbers), _first_row(numbers.T)
     x, y = numbers[0, 1:], numbers[1:, 0]
-    if kinds == ("even", "even"):
+    if kinds == ("even", "even") and min(numbers.shape) > CHANCE / 2:
         (dx, dy), heights = (float(np.diff(axis).mean()) for axis in (x, y)), numbers[1:, 1:].T
         heights = np.ascontiguousarray(heights[:: 1 if dx > 0 else -1, :: 1 if dy > 0 else -1])
         inside = "its first row and column, x along its lines"

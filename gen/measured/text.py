@@ -50,6 +50,8 @@ NAME = re.compile(r"\W*(?P<name>[^\W\d_]+)[^\[(/]*?(?:(?:[\[(/]|\bin )\s*(?P<uni
 """Name of a column with its unit: `x`, `X [mm]`, `Z_(microns)`, `y/um`, `x in nm`."""
 HEIGHT = {"z", "h", "height", "heights"}
 """Names of columns of heights."""
+BEGINS = re.compile(r"\W*(\d|(nan|inf)\b)", re.IGNORECASE)
+"""Beginning of a field that is a number, or meant to be one."""
 CONTROL_CHARACTERS = re.compile("[\0-\x08\x0e-\x1f]")
 """Control characters, none of which stands in a text file."""
 WITH_COMMA = re.compile(r"[-+]?\d+(,\d+)?([eE][-+]?\d+)?")
@@ -222,7 +224,7 @@ def _lines(content: str, path: Path) -> Iterator[tuple[int, str, list[str]]]:
         if bare and not all(map(_is_number, fields)):
             comment, fields = line, []
         elif fields and not (
-            begun or ENTRY.fullmatch(text.strip()) or any(map(_is_number, fields))
+            begun or ENTRY.fullmatch(text.strip()) or any(map(BEGINS.match, fields))
         ):
             _columns(text, f"{path}, line {number}")
             comment, fields, titles = text, [], titles or number

@@ -141,6 +141,11 @@ FILES = {
     "numbers of rows and columns": Strange(rows(NUMBERED, ","), HEIGHTS, SIDE, ".csv"),
     "numbers alone": Strange(rows(NUMBERED, ","), "no lengths; give --side", {}, ".csv"),
     "coordinates in one column": Strange(rows(AXES[1:]), "first row holds no coordinates", SIDE),
+    "numbers of narrow rows": Strange(
+        ",a,b,c\n" + rows(np.column_stack([np.arange(20), RANDOM.normal(size=(20, 3))]), ","),
+        "first column evenly spaced coordinates",
+        SIDE,
+    ),
     "coordinates in one row": Strange(rows(AXES[:, 1:]), "column no coordinates", SIDE),
     # Encodings, decimal commas, ends of lines.
     "byte order mark": Strange(("\ufeff" + header() + rows(MATRIX)).encode(), HEIGHTS),
@@ -157,6 +162,8 @@ FILES = {
     "decimal commas and blanks": Strange(header() + comma(rows(MATRIX)), HEIGHTS),
     "decimal commas and tabs": Strange(header() + comma(rows(MATRIX, "\t")), HEIGHTS),
     "decimal commas of points": Strange(comma(rows(MEASURED, ";")), GAPS, UM, ".csv"),
+    "points and commas": Strange("1.234,5;2,5\n3,5;4,5\n", "'1.234,5' is not a number", SIDE),
+    "quoted numbers": Strange('"1","2"\n"3","4"\n', "is not a number", SIDE),
     "CR": Strange((header() + rows(MATRIX)).replace("\n", "\r").encode(), HEIGHTS),
     "CR LF": Strange((header() + rows(MATRIX)).replace("\n", "\r\n").encode(), HEIGHTS),
     "a scale in words": Strange("pixel size=3e-7 m\n" + rows(MATRIX), "'pixel' is not a n", SIDE),
