@@ -214,9 +214,7 @@ Threads = Annotated[
 ]
 Depth = Annotated[
     float | None,
-    typer.Option(
-        metavar="UM", help="Give the material ratio at this depth below the highest node."
-    ),
+    typer.Option(metavar="UM", min=0, help="Add the material ratio so far below the highest node."),
 ]
 SpectrumTable = Annotated[
     Path | None,

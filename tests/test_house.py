@@ -81,7 +81,7 @@ ROOMS = {
     "gen.commands": {
         *("gen.database", "gen.display", "gen.draft", "gen.export", "gen.generation", "gen.law"),
         *("gen.material", "gen.measured", "gen.option_groups", "gen.options", "gen.picture"),
-        *("gen.runtime", "gen.scans", "gen.scene", "gen.schema"),
+        *("gen.runtime", "gen.scans", "gen.scene", "gen.schema", "gen.statistics"),
     },
     "learn.features": {"learn.arrays", "learn.executor"},
     "learn.comparison.search": {

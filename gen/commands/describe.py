@@ -22,9 +22,10 @@ def describe(
     picture: options.SurfacePicture = None,
 ) -> None:
     """Print the 22 roughness statistics, the parameters of ISO 25178 and the self-affine law."""
+    from gen import statistics
     from gen.display import surfaces
     from gen.measured import single
-    from gen.measured.areal import areal_parameters, require_depth
+    from gen.measured.areal import areal_parameters
     from gen.measured.preparation import surface_warnings
     from gen.measured.self_affine import fit_self_affine, radial_spectrum
     from gen.measured.source import Source, surface_of
@@ -32,13 +33,12 @@ def describe(
 
     outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
     check_outputs([*outputs, Output(picture, "--plot", "picture")], facing.with_first(surface))
-    require_depth(depth)
     figure = empty_figure(picture, 10.5, 8.6)
     source = Source.of_options(surface, reading._asdict())
     topography = surface_of(source, second_body(source, facing), boundary)
     warnings = surface_warnings(topography)
     surfaces.print_preparation(topography, warnings)
-    description = single.describe(topography)
+    description = statistics.describe(topography.heights, topography.spacing)
     surfaces.print_statistics(topography, description)
     areal = areal_parameters(topography, depth)
     surfaces.print_areal(areal)

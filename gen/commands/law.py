@@ -43,23 +43,22 @@ def law(
     from gen.law import Order, by_solver
     from gen.law.table import show
     from gen.law.writers import write
-    from gen.material import combined_modulus, require_hardness
+    from gen.material import Bodies
     from gen.measured.outcome import require_conductivities
     from gen.measured.source import Source
 
     files = files.filled(output)
     check_outputs(files.outputs, facing.with_first(*inputs))
     figure = files.empty_figure()
-    material = bool(young) or e_star is not None
-    known = material or bool(poisson)
+    bodies = Bodies.of_options(young or [], poisson or [], e_star, hardness)
     order = Order(
         inputs=tuple(inputs),
         delta=delta,
         pressure=pressure,
         surfaces=surfaces,
         level=require_share("--band", band),
-        e_star=combined_modulus(young or [], poisson or [], e_star) if known else None,
-        hardness=require_hardness(hardness, material=material),
+        e_star=bodies.e_star if bodies.known or poisson else None,
+        hardness=bodies.hardness,
         boundary=boundary,
         conductivities=require_conductivities(conductivity or []),
         stiffness=True,

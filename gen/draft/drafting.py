@@ -8,6 +8,7 @@ from pathlib import Path
 from gen.draft import files, likeness, proposal, scans
 from gen.draft.loads import Material
 from gen.draft.table import print_looks
+from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.output import Output, check_outputs
 from gen.runtime.progress import RunProgress
@@ -74,7 +75,8 @@ def draft(order: Order) -> None:
         If no map can be used, or the scene cannot be written.
     """
     order.check()
-    for doubt in order.material.doubts:
+    given = order.material
+    for doubt in Bodies(given.e_star, given.hardness, given.known).doubts:
         echo(f"warning: {doubt}", err=True)
     if order.like is not None:
         like = likeness.propose(order.like, order.reading, order.material)

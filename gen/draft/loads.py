@@ -62,11 +62,6 @@ class Material:
         """Plane-strain modulus E* [MPa]."""
         return plane_strain_modulus(self.young, self.poisson)
 
-    @property
-    def doubts(self) -> list[str]:
-        """What no solid has, see `gen.material.Bodies`."""
-        return Bodies(self.e_star, self.hardness, self.known).doubts
-
 
 @dataclass(frozen=True)
 class Loads:

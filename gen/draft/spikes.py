@@ -10,9 +10,8 @@ import numpy as np
 
 from gen.arrays import Heights, Values
 from gen.measured.despiking import scaled_distances
-
-MOST = 0.01
-"""Largest share of the nodes that may be spikes, as in `gen.measured.steps`."""
+from gen.measured.settings import SPIKE
+from gen.measured.steps import MANY_SPIKES
 
 GAP = 2.0
 """Ratio of the nearest spike's distance to that of the furthest other node which tells spikes from
@@ -24,9 +23,6 @@ FEW = 1e-3
 APART = 2.5
 """Distance of the furthest of such spikes over that of the furthest share `FEW` of all nodes, at
 least: on made maps without spikes the ratio is at most 2 (sharp ridges)."""
-
-LEAST = 7.0
-"""Lowest threshold, as in `gen.measured.preparation`: self-affine surfaces stay below 5."""
 
 
 class Spikes(NamedTuple):
@@ -41,7 +37,7 @@ class Spikes(NamedTuple):
     number : int
         Number of spikes.
     distances : ndarray, shape (further,)
-        The distances above `LEAST`, falling.
+        The distances above `SPIKE`, falling.
     """
 
     surface: float
@@ -65,13 +61,13 @@ def find_spikes(heights: Heights) -> Spikes:
     """
     distances = np.abs(scaled_distances(heights))
     distances = np.sort(distances[~np.isnan(distances)])[::-1]
-    high = np.maximum(distances, LEAST)
-    number = _before_gap(high, MOST, GAP)
+    high = np.maximum(distances, SPIKE)
+    number = _before_gap(high, MANY_SPIKES, GAP)
     few = int(FEW * high.size)
     if not number and high[0] > APART * high[few]:
         number = _before_gap(high, FEW, 1.0)
     nearest = float(high[number - 1]) if number else math.inf
-    return Spikes(float(high[number]), nearest, number, distances[distances > LEAST])
+    return Spikes(float(high[number]), nearest, number, distances[distances > SPIKE])
 
 
 def _before_gap(high: Values, share: float, least: float) -> int:

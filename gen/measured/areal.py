@@ -13,8 +13,6 @@ import numpy as np
 
 from gen.arrays import Heights, Values
 from gen.measured.topography import Topography
-from gen.runtime.errors import InputError
-from gen.runtime.numbers import magnitude
 from gen.statistics import LOST, Description
 
 DECAY = 0.2
@@ -97,12 +95,6 @@ def areal_parameters(topography: Topography, depth: float | None = None) -> Desc
     shape["Sal"], shape["Str"], reason = _lengths(scaled, topography.spacing, periodic=periodic)
     shape.update(_of_curve(scaled, unit, depth))
     return Description(values | shape, reason)
-
-
-def require_depth(depth: float | None) -> None:
-    """Refuse a depth that no material ratio has; raise InputError."""
-    if depth is not None and not magnitude(depth):
-        raise InputError(f"--depth {depth:g}: give a depth below the highest node in um, above 0")
 
 
 def is_lost(heights: Heights) -> bool:

@@ -81,7 +81,7 @@ def prepare(topography: Topography, settings: Preparation) -> Topography:
     if topography.missing:
         fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
         remedies = "--fill closes holes", "--crop leaves them out"
-        raise InputError(f"{topography.name}: {advised(topography, fault, *remedies)}")
+        raise InputError(f"{topography.name}: {_advised(topography, fault, *remedies)}")
     short, long = settings.cutoffs()
     if short is not None or long is not None:
         topography = steps.filtered(topography, short, long)
@@ -132,7 +132,7 @@ def surface_warnings(topography: Topography) -> list[str]:
         fault = f"the highest node ({row}, {column}) is a spike from whose tip Delta counts,"
         fault += f" {above:.4g} um above its neighbours"
         remedies = f"--despike {SPIKE:g} removes spikes", "--crop leaves this part out"
-        warnings.append(advised(topography, fault, *remedies))
+        warnings.append(_advised(topography, fault, *remedies))
     slope, step = rms_slope(topography.heights, topography.spacing), max(topography.spacing)
     scale = f"rms slope {slope:.2g} between nodes {step:.3g} um apart"
     if slope > STEEP:
@@ -142,7 +142,7 @@ def surface_warnings(topography: Topography) -> list[str]:
         )
     if 0 < slope < FLAT and step <= WIDEST:  # else their distance is wrong, which `read` says
         fault = f"{scale}: flatter than a mirror; are the heights in metres"
-        warnings.append(advised(topography, fault, "--unit m reads them so"))
+        warnings.append(_advised(topography, fault, "--unit m reads them so"))
     warnings += _border_warnings(topography)
     return warnings
 
@@ -154,7 +154,7 @@ def _border_warnings(topography: Topography) -> list[str]:
             f"the file says that its map is periodic, and it is taken as a {topography.boundary}"
         )
         solves = "--boundary periodic of gen contact and gen law takes it so"
-        return [advised(topography, f"{fault} patch", solves)]
+        return [_advised(topography, f"{fault} patch", solves)]
     if topography.boundary != "periodic" or is_tilted(topography):
         return []
     step, rms = _border_step(topography.heights), float(topography.heights.std())
@@ -162,7 +162,7 @@ def _border_warnings(topography: Topography) -> list[str]:
         return []
     said = f"opposite borders differ by {step:.4g} um (rms), more than the rms height, {rms:.4g} um"
     fault = f"{said}: the map is not periodic"
-    return [advised(topography, fault, "--boundary mirror takes it as it is")]
+    return [_advised(topography, fault, "--boundary mirror takes it as it is")]
 
 
 def _border_step(heights: Heights) -> float:
@@ -181,27 +181,12 @@ def _with_level_warning(before: Topography, after: Topography) -> Topography:
         return after
     said = f"the fit that was taken out is not periodic: opposite borders differ by {step:.4g} um"
     fault = f"{said} (rms), {was:.4g} um before"
-    warning = advised(after, fault, "--level mean keeps the map periodic")
+    warning = _advised(after, fault, "--level mean keeps the map periodic")
     return replace(after, warnings=(*after.warnings, warning))
 
 
-def advised(topography: Topography, fault: str, *remedies: str) -> str:
-    """Add remedies to a fault, but none that the command follows already.
-
-    Parameters
-    ----------
-    topography : Topography
-        The surface, which knows the options it was read and prepared by.
-    fault : str
-        What is wrong with it.
-    *remedies : str
-        Each an option and what it does: "--crop leaves this part out".
-
-    Returns
-    -------
-    str
-        One line.
-    """
+def _advised(topography: Topography, fault: str, *remedies: str) -> str:
+    """Add remedies to a fault, each an option and what it does, but none that is followed."""
     followed = {*topography.followed, f"--boundary {topography.boundary}"}
     followed |= {"--unit"} if topography.unit else set()
     left = [each for each in remedies if not each.startswith(tuple(f"{o} " for o in followed))]
@@ -228,7 +213,7 @@ def _with_tilt_warning(topography: Topography) -> Topography:
         return topography
     x, y = tilt(topography)
     fault = f"tilted by {x:.2g} along x and {y:.2g} along y, more than it is rough, so one edge"
-    warning = advised(topography, f"{fault} carries the load", "--level plane takes the tilt out")
+    warning = _advised(topography, f"{fault} carries the load", "--level plane takes the tilt out")
     return replace(topography, warnings=(*topography.warnings, warning))
 
 

@@ -226,13 +226,6 @@ def border_remark(topography: Topography, contacts: Sequence[Contact]) -> str:
     return f"{said}: if this is a piece of a larger surface, --boundary mirror leaves no edges"
 
 
-def describe(topography: Topography) -> Description:
-    """Compute the 22 roughness statistics of a surface without holes."""
-    from gen import statistics
-
-    return statistics.describe(topography.heights, topography.spacing)
-
-
 def statistics_row(
     topography: Topography, description: Description, warnings: Sequence[str]
 ) -> Row:

@@ -283,7 +283,7 @@ def test_the_law_is_in_the_table_and_what_cannot_be_is_one_line(tmp_path, monkey
     said = capsys.readouterr().out
     assert f"over {row.law_decades:.2g} decades, from {row.roll_off:.4g} to" in said
     for options, told in (
-        (["wide.npy", "--depth", "-1"], "--depth -1: give a depth"),
+        (["wide.npy", "--depth", "-1"], "--depth"),
         (["few.npy", "--spectrum", "s.csv"], "--spectrum s.csv: there is none, too few nodes"),
         (["wide.npy", "--spectrum", "wide.npy"], "is an input: not replaced"),
     ):
