@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,13 +16,16 @@ FORMULAS = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 def cell(value: object) -> object:
-    """Return a value for a cell, with an apostrophe before texts that look like formulas.
+    """Return a value for a cell: no formula, and nothing for a number that is not finite.
 
     Parameters
     ----------
     value : object
-        Number or text. The apostrophe is OWASP's advice for texts from strangers.
+        Number or text. Texts that look like formulas get an apostrophe, which is OWASP's advice for
+        texts from strangers.
     """
+    if isinstance(value, float) and not math.isfinite(value):
+        return ""
     return f"'{value}" if isinstance(value, str) and value.startswith(FORMULAS) else value
 
 

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import strict
 
+from gen import cli as gen_cli
 from gen.database import Reader
 from learn import cli
 
@@ -132,3 +134,43 @@ def test_every_command_works_on_every_population(population, tmp_path, monkeypat
     (nx, ny), (x, y) = scene.shape, scene.sides
     assert f"{nx} x {ny} nodes, " + (f"side {x:g}" if x == y else f"sides {x:g} x {y:g}") in shown
     assert " nodes, trained on" not in Path("p.csv").read_text(encoding="utf-8")
+
+
+SIDE = ["--side", "1000"]
+CONTACT = ["many/s0.npy", *SIDE, "--young", "5", "--poisson", "0.5"]
+BODIES = [*CONTACT, "--hardness", "0.5", "--spots", "--stiffness", "--conductivity", "1"]
+FULL = ["--boundary", "mirror", "--pressure", "1e-9,0.01,0.02,10,20,30"]
+WRITERS = {
+    "describe": [gen_cli, "describe", "many/s0.npy", *SIDE, "--csv", "out.csv"],
+    "contact": [gen_cli, "contact", *CONTACT, *FULL, "--csv", "out.csv"],
+    "spots": [gen_cli, "contact", *BODIES, "--delta", "1e-9,1,9,50", "--csv", "out.csv"],
+    "law": [gen_cli, "law", *CONTACT, *FULL, "-o", "out"],
+    "population": [gen_cli, "law", "many", *CONTACT[1:], *FULL, "--conductivity", "1", "-o", "out"],
+    "predict": [cli, "predict", "hybrid.surrogate", "some", *SIDE, "--delta", "0.01,9,900",
+                "-o", "out.csv"],
+    "predicted": [cli, "law", "hybrid.surrogate", "many/s0.npy", *SIDE, "--delta", "0.01,9,900",
+                  "--conductivity", "1", "-o", "out"],
+    "compare": [cli, "compare", "database.h5", "-o", "out", "--model", "decision-tree"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.long] * (name == "compare")) for name in WRITERS],
+)
+def test_a_strict_reader_takes_every_text_that_a_command_writes(work, name):
+    """Numbers are finite, JSON is JSON, rows are as long as their header."""
+    program, *words = WRITERS[name]
+    Path("some").mkdir()
+    shutil.copy("many/s0.npy", "some")
+    np.save("some/ramp.npy", np.outer(np.arange(33.0), np.ones(33)))  # has no asperities
+    assert program.main(words) == 0
+    if name == "compare":
+        for more in (["show", "out"], ["importance", "database.h5", "-o", "out", *words[-2:]]):
+            assert cli.main(more) == 0
+    readers = {".json": strict.json_of, ".csv": strict.rows_of, ".md": strict.markdown_of}
+    texts = [path for path in work.rglob("*") if path.suffix in readers]
+    written = [path for path in texts if path.relative_to(work).parts[0].startswith("out")]
+    assert written
+    for path in written:
+        readers[path.suffix](path)

@@ -195,7 +195,13 @@ def test_every_file_ends_at_full_contact_and_says_so(tmp_path, capsys, heights, 
     assert note in capsys.readouterr().out
     assert note in " ".join(json_of(tmp_path / "law.json")["notes"])
     assert note in (tmp_path / "law.h").read_text()
-    rows = rows_of(tmp_path / "law.csv")
+    assert all(note in said(path) for path in tmp_path.glob("*.inp"))
+    assert_finite_and_rising(tmp_path)
+
+
+def assert_finite_and_rising(folder):
+    """Read the files of a law as strictly as can be."""
+    rows = rows_of(folder / "law.csv")
     assert all(any(row[name] for row in rows) for name in rows[0])
     for argument in ("delta_um", "pressure_MPa"):
         part = [row for row in rows if row["against"] == argument]
@@ -204,14 +210,40 @@ def test_every_file_ends_at_full_contact_and_says_so(tmp_path, capsys, heights, 
         for name in VALUES & {name for name in part[0] if part[0][name]}:
             sign = -1 if name == "mean_gap_um" else 1
             assert (sign * np.diff([float(row[name]) for row in part]) >= 0).all()
-    for path in tmp_path.glob("*.inp"):
-        assert note in said(path)
-        blocks = [block for block in read(path).values() if block.size]
-        assert len(blocks) == 2
-        for block in blocks:
-            assert np.isfinite(block).all()
-            assert (np.diff(block[:, :2], axis=0) > 0).all()
-    assert " nan" not in (tmp_path / "law.h").read_text().partition("#include")[2].lower()
+    json_of(folder / "law.json")
+    for path in folder.glob("*.inp"):
+        pressing, conducting = (block for block in read(path).values() if block.size)
+        assert np.isfinite(pressing).all()
+        assert (np.diff(pressing, axis=0) > 0).all()
+        assert np.isfinite(conducting).all()
+        assert (np.diff(conducting[:, 1]) > 0).all()
+        assert (np.diff(conducting[:, 0]) >= 0).all()
+    assert " nan" not in (folder / "law.h").read_text().partition("#include")[2].lower()
+
+
+@pytest.mark.parametrize(
+    "seeds", [range(4), pytest.param(range(4, 128), marks=pytest.mark.long)], ids=["few", "many"]
+)
+def test_laws_up_to_full_contact_are_finite_and_rise(tmp_path, capsys, seeds):
+    """Of any grid, height, modulus, boundary and number of surfaces, with hardness and without."""
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        nodes, rough = rng.integers(4, 14, 2), 10 ** rng.uniform(-3, 0)
+        names = [f"{folder}/{number}.npy" for number in range(rng.integers(1, 4))]
+        for name in names:
+            np.save(name, rough * rng.normal(size=nodes))
+        e_star = float(f"{10 ** rng.uniform(0, 6):.3g}")
+        ends = 1e-4 * rough * e_star, 2 * rough * e_star
+        ask = ["law", *names, "--side", "8,9", "--e-star", f"{e_star}", "--conductivity", "1"]
+        ask += ["--boundary", rng.choice(["free", "mirror", "periodic"]), "-o", f"{folder}/law"]
+        if rng.random() < 0.5:
+            ask += ["--hardness", f"{2.5 * rough * e_star}"]
+        ask += ["--pressure", f"{ends[0]}:{ends[1]}:{rng.integers(3, 30)}:log"]
+        assert cli.main(ask) == 0, ask
+        assert_finite_and_rising(folder)
+        capsys.readouterr()
 
 
 def test_a_law_of_full_contact_alone_is_refused(tmp_path, capsys):
