@@ -32,7 +32,7 @@ Side = Annotated[
     ),
 ]
 Unit = Annotated[
-    str, typer.Option(metavar="UNIT", help="Unit of a file that names none: m, mm, um, nm or A.")
+    str, typer.Option(metavar="UNIT", help="Unit of a file that names none, as um, nm or inch.")
 ]
 Channel = Annotated[
     str, typer.Option(metavar="NAME", help="Name or index of a channel of the file.")

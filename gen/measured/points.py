@@ -21,15 +21,15 @@ from gen.runtime.errors import InputError
 MOST_COLUMNS = 6
 """Columns of a list of points, at most: the three coordinates with three more numbers."""
 STRIP, SLENDER = 50, 12
-"""Rows, and rows over columns, from which up to four columns are points, whatever they hold."""
+"""Rows, and rows for each column, from which a table of up to four columns is a list of points."""
 UNLIKE = 8
-"""Ratio of the scatter of two columns from which five or six hold more than heights."""
+"""Ratio of the scatter of two columns from which a table of five or six holds not only heights."""
 CHANCE = 8
 """Numbers that hardly ever rise, fall or lie on a grid throughout, unless they are coordinates."""
 EVEN = 0.02
 """Largest distance of points or coordinates from an even grid [spacing]."""
 ALIKE = 0.25
-"""Share by which steps in a row of heights may differ from those in the next rows."""
+"""Largest difference between the steps in a row of heights and those in the next rows [1]."""
 COVERED = 0.5
 """Smallest share of the nodes of a grid that points of a map lie on."""
 ADVICE = "give the heights as a grid, one row of them a line, or x, y and z of points on a grid"
@@ -172,7 +172,7 @@ def _is_axis(values: Values, *, even: bool) -> bool:
 
 
 class _Grid(NamedTuple):
-    """A grid that points lie on: the points' nodes, and its own, along x and y; its spacing."""
+    """A grid with the node of each point on it, its numbers of nodes, and how points cover them."""
 
     nodes: tuple[NDArray[np.intp], NDArray[np.intp]]
     shape: tuple[int, int]

@@ -120,7 +120,7 @@ class Matrix:
 
 
 def decoded(content: bytes) -> str | None:
-    """Decode text in UTF-8, UTF-16 or, but for its foreign letters, another encoding.
+    """Decode text in UTF-8 or UTF-16; of other encodings, foreign letters are lost.
 
     Parameters
     ----------
