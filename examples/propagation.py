@@ -14,6 +14,7 @@ import numpy as np
 
 from gen.generation.quantiles import quantiles
 from gen.generation.sample import UNSOLVED, solve_contact, surface_numbered
+from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene
 from learn import Surrogate
 
@@ -25,9 +26,11 @@ def main(arguments: list[str]) -> np.ndarray:
     parser.add_argument("--delta", type=float, help="[um]; the middle of the training if left out")
     parser.add_argument("--set", nargs=2, metavar=("NAME", "VALUE"), action="append", default=[])
     parser.add_argument("--surfaces", type=int, default=1000)
+    parser.add_argument("--trust", action="store_true", help="run the scene's own function")
     parser.add_argument("--small", action="store_true", help="20 surfaces")
     parser.add_argument("--plot", metavar="FILE", help="a histogram")
     given = parser.parse_args(arguments)
+    TRUSTED.set(given.trust)
     surrogate = Surrogate.load(given.surrogate)
     (target, about), *_ = surrogate.card["targets"].items()
     scene, unit = Scene.from_text(surrogate.card["scene"]), about["unit"]

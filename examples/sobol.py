@@ -16,6 +16,7 @@ from SALib.sample import sobol as sampling
 
 from gen.generation.quantiles import log_within, quantiles, within
 from gen.generation.sample import surface_numbered
+from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene
 from gen.scene.distribution import is_drawn
 from learn import Surrogate
@@ -26,8 +27,10 @@ def main(arguments: list[str]) -> dict[str, np.ndarray]:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("surrogate", help="made by python -m learn fit")
     parser.add_argument("--samples", type=int, default=512, help="a power of two")
+    parser.add_argument("--trust", action="store_true", help="run the scene's own function")
     parser.add_argument("--small", action="store_true", help="32 samples")
     given = parser.parse_args(arguments)
+    TRUSTED.set(given.trust)
     surrogate = Surrogate.load(given.surrogate)
     scene = Scene.from_text(surrogate.card["scene"])
     drawn = {name: each for name, each in scene.drawn_parameters.items() if is_drawn(each)}

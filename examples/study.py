@@ -13,6 +13,7 @@ import numpy as np
 
 from gen.generation.quantiles import quantiles
 from gen.generation.sample import surface_numbered
+from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene
 from gen.scene.distribution import is_drawn, limits
 from learn import Surrogate
@@ -24,10 +25,12 @@ def main(arguments: list[str]) -> np.ndarray:
     parser.add_argument("surrogate", help="made by python -m learn fit")
     parser.add_argument("--parameter", metavar="NAME", help="the first one drawn if left out")
     parser.add_argument("--surfaces", type=int, default=50, help="for each value")
+    parser.add_argument("--trust", action="store_true", help="run the scene's own function")
     parser.add_argument("--small", action="store_true", help="3 surfaces, 3 x 4 points")
     parser.add_argument("--csv", metavar="FILE", help="the table as a file")
     parser.add_argument("--plot", metavar="FILE", help="curves")
     given = parser.parse_args(arguments)
+    TRUSTED.set(given.trust)
     surrogate = Surrogate.load(given.surrogate)
     (target, about), *_ = surrogate.card["targets"].items()
     scene, label = Scene.from_text(surrogate.card["scene"]), f"mean {target} [{about['unit']}]"

@@ -13,6 +13,7 @@ import gen.cli
 import learn.cli
 from gen.database import Reader
 from gen.generation.sample import surface_numbered
+from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene
 from gen.schema import Status
 from gen.statistics import NAMES
@@ -61,7 +62,7 @@ def test_every_example_is_short_and_tested():
         "unloading",
         "windows",
     ]
-    assert all(len((FOLDER / f"{n}.py").read_text().splitlines()) < 75 for n in scripts)
+    assert all(len((FOLDER / f"{n}.py").read_text().splitlines()) < 80 for n in scripts)
 
 
 def test_propagation_finds_the_mean_area_of_the_population(surrogate, tmp_path, capsys):
@@ -101,9 +102,17 @@ def population(request, populations, tmp_path_factory):
     return request.param, str(path)
 
 
+@pytest.fixture(autouse=True)
+def trust():
+    """An example decides for its own process alone."""
+    before = TRUSTED.get()
+    yield
+    TRUSTED.set(before)
+
+
 def test_propagation_takes_any_scene(population, capsys):
     _, path = population
-    values = example("propagation")([path, "--surfaces", "3"])
+    values = example("propagation")([path, "--surfaces", "3", "--trust"])
     assert np.isfinite(values).all()
     printed = capsys.readouterr().out
     assert "um: " in printed
@@ -113,7 +122,7 @@ def test_propagation_takes_any_scene(population, capsys):
 def test_sobol_takes_any_scene(population):
     drawn = {"force": 1, "scans": 0, "yielding": 3}
     name, path = population
-    indices = example("sobol")([path, "--samples", "4"])
+    indices = example("sobol")([path, "--samples", "4", "--trust"])
     assert indices["S1"].shape == indices["ST"].shape == (drawn.get(name, 2) + 2,)
 
 
@@ -124,7 +133,7 @@ def test_the_study_takes_any_scene(population, capsys):
             example("study")([path, "--small"])
         assert "draws none" in capsys.readouterr().err
         return
-    values = example("study")([path, "--small"])
+    values = example("study")([path, "--small", "--trust"])
     assert values.shape == (3, 4)
     assert np.isfinite(values).all()
 

@@ -3,23 +3,27 @@
 from collections.abc import Sequence
 
 from bench.circumstances import RESULTS
+from bench.files import read_toml
 from bench.page.inputs import Inputs
 from bench.page.parts import Part
 from bench.page.record import read
 
 
 def seconds(part: Part, inputs: Inputs) -> float | None:
-    """Return the time that a part took [s]: here, by the same command, else as published.
+    """Return the time that a part took [s]: here, by the same command, else where it was measured.
 
-    None where no record tells. What is published is of a full run, and tells nothing of a short
-    one.
+    Full runs have records among the published results, short ones a table of their own. None where
+    neither knows the part.
     """
     making = inputs.making(part)
     here = read(making.path)
     if here is not None and here.finished and here.command == making.command:
         return here.seconds
+    if not inputs.full:
+        measured: dict[str, float] = read_toml("page/short")["seconds"]
+        return measured.get(part.name)
     folder = part.folder or part.name
-    there = read(RESULTS / folder / f"{part.name}.part.json") if inputs.full else None
+    there = read(RESULTS / folder / f"{part.name}.part.json")
     return there.seconds if there is not None and there.seconds else None
 
 

@@ -7,8 +7,10 @@ import pytest
 from page_parts import WRITE, inputs, makes, part, record
 
 from bench.__main__ import main
+from bench.files import read_toml
 from bench.page import estimate
 from bench.page.estimate import plan, seconds, told
+from bench.page.parts import PARTS
 
 
 def test_times_are_those_of_the_same_command_here_else_of_what_is_published(
@@ -43,6 +45,17 @@ def test_what_is_there_takes_no_time(tmp_path: Path) -> None:
         "2 min",
         "120 min",
     ]
+
+
+def test_the_times_of_all_parts_of_a_short_run_are_known(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    short = {part.name for part in PARTS if part.quick}
+    assert read_toml("page/short")["seconds"].keys() == short
+    assert main(["run", "-o", str(tmp_path / "report"), "--plan"]) == 0
+    said = capfd.readouterr().out
+    assert "known" not in said
+    assert f"{len(short)} parts to make: " in said
 
 
 def test_command_plans_and_makes_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
