@@ -200,10 +200,12 @@ def _description(
         f"From 0 to the first pressure, {pressures[1]:.6g} MPa, nothing was computed: there the"
         " table is a straight line."
     )
+    conducting = (
+        "" if law.order.conductivities is None else " and the conductance stays the last one"
+    )
     yield (
-        f"The law ends at {pressures[-1]:.6g} MPa. Beyond, the pressure follows the last slope, and"
-        " a conductance stays the last one: no contact was computed there. Give larger pressures"
-        " if your model gets there."
+        f"The law ends at {pressures[-1]:.6g} MPa. No contact was computed beyond: the pressure"
+        f" follows the last slope there{conducting}. Give larger ones if your model gets there."
     )
     if program == "calculix":
         yield (
