@@ -29,7 +29,7 @@ def main() -> int:
 
     if COMPLETING in os.environ:
         _complete()
-    startup.start(deaf=not name or PROGRAMS[name].deaf)
+    startup.start(default_sigint=not name or PROGRAMS[name].default_sigint)
     try:
         code = _run(name, arguments)
         farm.leave()

@@ -12,7 +12,7 @@ class Program(NamedTuple):
         Module with the program's `app` and `main`.
     packages : tuple of str
         Packages of Asperity that it imports.
-    deaf : bool
+    default_sigint : bool
         Whether Ctrl-C ends it at once until a run listens to signals, see `startup.start`.
     summary : str
         Line for the help.
@@ -20,7 +20,7 @@ class Program(NamedTuple):
 
     module: str
     packages: tuple[str, ...]
-    deaf: bool
+    default_sigint: bool
     summary: str
 
 

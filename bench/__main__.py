@@ -37,7 +37,7 @@ def main(arguments: Sequence[str], name: str = "bench") -> int:
 
 
 if __name__ == "__main__":
-    startup.start(deaf=False)
+    startup.start(default_sigint=False)
     code = main(sys.argv[1:])
     processes.leave()
     sys.exit(code)

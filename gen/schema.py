@@ -345,7 +345,7 @@ COLUMNS: tuple[Column, ...] = (
 """Every column that a database can have, in the order of the file."""
 
 
-ENDLESS = frozenset(("stiffness", "interface_stiffness"))
+INFINITE_AT_FULL_CONTACT = frozenset(("stiffness", "interface_stiffness"))
 """Columns that full contact makes infinite."""
 
 

@@ -7,7 +7,7 @@ from gen.runtime import startup
 
 def main() -> int:
     """Get ready, join the other ranks if there are any, and run the command."""
-    startup.start(deaf=True)
+    startup.start(default_sigint=True)
     from gen.runtime import farm
     from learn import cli
 

@@ -1,4 +1,4 @@
-"""Look at databases with h5py alone, as any reader of the file could."""
+"""MapSurvey at databases with h5py alone, as any reader of the file could."""
 
 from pathlib import Path
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from bench.circumstances import circumstances
 from bench.files import content_of
-from bench.page.asked import lines
 from bench.page.content import Absent, Content, Figure, Table, tables_of
+from bench.page.goals import lines
 from bench.page.inputs import Inputs, typed
 from bench.page.parts import Part
 from bench.page.record import Record, read

@@ -2,7 +2,7 @@
 
 Two populations, each with several seeds: the surfaces of the scene `quick`, and windows of a folder
 of made maps, whose scene is drafted as the command does, with windows of 64 nodes a side. Fresh
-rows are later rows of the same scene, one a surface; of maps those in tiles that are kept apart.
+rows are later rows of the same scene, one a surface; of maps those in tiles that are held out.
 """
 
 import time
@@ -27,7 +27,7 @@ from gen.schema import Reason, Status
 from learn.executor import Executor
 from learn.grow import picture, rounds
 from learn.grow.accuracy import Accuracy, accuracy
-from learn.grow.apart import drawn
+from learn.grow.holdout import drawn
 from learn.grow.pace import Pace
 from learn.grow.population import Population, scene_of
 from learn.grow.rounds import Grown, Order
@@ -197,7 +197,7 @@ def judged_on_fresh(surrogate: Surrogate, scene: Scene, count: int) -> dict[str,
 
 
 def _fresh_rows(scene: Scene) -> Iterator[int]:
-    """Yield the first row of each later surface, of maps those in tiles that are kept apart."""
+    """Yield the first row of each later surface, of maps those in tiles that are held out."""
     from gen.populations.scans import tile_groups
 
     surface = FIRST

@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import mean
 
 from bench.benchmarks import in_short
-from bench.page.asked import lines as answers
+from bench.page.goals import lines as answers
 from bench.page.inputs import Inputs
 from bench.page.parts import PARTS
 from gen.schema import markdown_table

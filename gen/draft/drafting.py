@@ -62,7 +62,7 @@ class Order:
 
 
 def draft(order: Order) -> None:
-    """Look at maps, print what was found, and write the scene.
+    """MapSurvey at maps, print what was found, and write the scene.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from gen.arrays import Heights
 from gen.draft.loads import Loads, Material, choose_loads
 from gen.draft.proposal import choose_preparation, known_texture, require_used
 from gen.draft.scans import contact_keys, load_keys
-from gen.draft.survey import Look, measured, survey, with_texture
+from gen.draft.survey import MapSurvey, measured, survey, with_texture
 from gen.draft.writing import Key, number, quoted, rounded, span
 from gen.measured.areal import areal_parameters
 from gen.measured.preparation import prepare
@@ -60,7 +60,7 @@ class Likeness:
 
     Attributes
     ----------
-    look : Look
+    look : MapSurvey
         The map.
     preparation : Preparation
         Steps of its preparation.
@@ -82,7 +82,7 @@ class Likeness:
         Elastic constants and hardness.
     """
 
-    look: Look
+    look: MapSurvey
     preparation: Preparation
     fit: SelfAffineFit
     spectrum: SelfAffineSpectrum

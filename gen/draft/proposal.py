@@ -10,7 +10,7 @@ from pathlib import Path
 
 from gen.draft.loads import Loads, Material, choose_loads
 from gen.draft.spikes import common_threshold
-from gen.draft.survey import FORM, Look, Texture, survey, with_texture
+from gen.draft.survey import FORM, MapSurvey, Texture, survey, with_texture
 from gen.draft.windows import SIZES, common_spacing, window_nodes
 from gen.measured.settings import Preparation
 from gen.runtime.errors import InputError
@@ -33,7 +33,7 @@ class Proposal:
 
     Attributes
     ----------
-    looks : tuple of Look
+    looks : tuple of MapSurvey
         All files; those without a fault are used.
     reading : Reading
         How files are read.
@@ -51,7 +51,7 @@ class Proposal:
         Elastic constants and hardness.
     """
 
-    looks: tuple[Look, ...]
+    looks: tuple[MapSurvey, ...]
     reading: Reading
     preparation: Preparation
     spacing: float | None
@@ -61,7 +61,7 @@ class Proposal:
     material: Material
 
     @property
-    def used(self) -> list[Look]:
+    def used(self) -> list[MapSurvey]:
         """The maps that are used."""
         return [look for look in self.looks if not look.fault]
 
@@ -82,7 +82,7 @@ class Proposal:
         return Tiling(shapes, (self.nodes, self.nodes))
 
 
-def known_texture(look: Look) -> Texture:
+def known_texture(look: MapSurvey) -> Texture:
     """Return the texture of a map that is used."""
     assert look.texture is not None  # maps without one have a fault
     return look.texture
@@ -94,7 +94,7 @@ def propose(
     material: Material,
     looked: Callable[[], None] = lambda: None,
 ) -> Proposal:
-    """Look at maps twice, raw and prepared, and choose windows and loads.
+    """MapSurvey at maps twice, raw and prepared, and choose windows and loads.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def propose(
     return Proposal(tuple(looks), reading, preparation, spacing, nodes, windows, loads, material)
 
 
-def require_used(looks: Sequence[Look]) -> list[Look]:
+def require_used(looks: Sequence[MapSurvey]) -> list[MapSurvey]:
     """Return the maps that can be used; refuse files of which none can."""
     used = [look for look in looks if not look.fault]
     if not used:
@@ -151,7 +151,7 @@ def require_used(looks: Sequence[Look]) -> list[Look]:
     return used
 
 
-def choose_preparation(looks: Sequence[Look]) -> Preparation:
+def choose_preparation(looks: Sequence[MapSurvey]) -> Preparation:
     """Choose the steps of the preparation by the spikes, form and holes found in the maps."""
     spikes = [look.spikes for look in looks if look.spikes is not None]
     return Preparation(
@@ -161,7 +161,7 @@ def choose_preparation(looks: Sequence[Look]) -> Preparation:
     )
 
 
-def _without_coarse(look: Look, spacing: float | None) -> Look:
+def _without_coarse(look: MapSurvey, spacing: float | None) -> MapSurvey:
     """Leave out a map that is coarser than the spacing of all."""
     if look.fault or spacing is None or max(look.spacing) <= 1.001 * spacing:
         return look
@@ -169,7 +169,7 @@ def _without_coarse(look: Look, spacing: float | None) -> Look:
     return replace(look, fault=fault)
 
 
-def _without_small(look: Look, nodes: int) -> Look:
+def _without_small(look: MapSurvey, nodes: int) -> MapSurvey:
     """Leave out a map that holds no window."""
     if look.fault or min(known_texture(look).shape) >= nodes:
         return look

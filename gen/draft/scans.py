@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gen.draft.loads import FEWEST_NODES, KAPPA, Loads, Material
 from gen.draft.proposal import LOADS_PER_WINDOW, OVERLAP, WINDOWS, Proposal, known_texture
-from gen.draft.survey import FORM, Look, remarks
+from gen.draft.survey import FORM, MapSurvey, remarks
 from gen.draft.windows import WIDE
 from gen.draft.writing import Key, number, quoted, span
 from gen.runtime.invocation import to_type
@@ -110,7 +110,7 @@ def _files(proposal: Proposal, inputs: list[str], home: Path) -> Iterator[Key]:
     )
 
 
-def _words(look: Look) -> str:
+def _words(look: MapSurvey) -> str:
     """Describe a map that is used."""
     texture = known_texture(look)
     nodes = f"{look.shape[0]} x {look.shape[1]} nodes"
@@ -221,7 +221,7 @@ def _preparation(proposal: Proposal) -> Iterator[Key]:
     )
 
 
-def _despike(used: list[Look], threshold: float) -> Iterator[Key]:
+def _despike(used: list[MapSurvey], threshold: float) -> Iterator[Key]:
     """Yield the threshold of spikes, and the number of nodes that it takes out."""
     spiky = [look for look in used if look.spikes is not None and look.spikes.number]
     surface = max(look.spikes.surface for look in used if look.spikes is not None)
@@ -313,7 +313,7 @@ def contact_keys(material: Material, boundary: str) -> Iterator[Key]:
         )
 
 
-def _spacing(look: Look) -> str:
+def _spacing(look: MapSurvey) -> str:
     """Write the spacing of a map, once if it is the same along both axes."""
     x, y = (f"{step:.6g}" for step in look.spacing)
     return x if x == y else f"{x} x {y}"

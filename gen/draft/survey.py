@@ -28,7 +28,7 @@ long wave of the roughness."""
 
 
 @dataclass(frozen=True)
-class Look:
+class MapSurvey:
     """The content of a file before any preparation.
 
     Attributes
@@ -96,8 +96,8 @@ class Texture:
 
 def survey(
     paths: Sequence[Path], reading: Reading, looked: Callable[[], None] = lambda: None
-) -> list[Look]:
-    """Look at files one by one.
+) -> list[MapSurvey]:
+    """MapSurvey at files one by one.
 
     Parameters
     ----------
@@ -110,10 +110,10 @@ def survey(
 
     Returns
     -------
-    list of Look
+    list of MapSurvey
         What they hold; of several files with the same content, the first can be used.
     """
-    found: list[Look] = []
+    found: list[MapSurvey] = []
     contents: dict[str, Path] = {}
     for path in paths:
         found.append(_look(path, reading, contents))
@@ -121,18 +121,18 @@ def survey(
     return found
 
 
-def _look(path: Path, reading: Reading, contents: dict[str, Path]) -> Look:
-    """Look at a file and note its content."""
+def _look(path: Path, reading: Reading, contents: dict[str, Path]) -> MapSurvey:
+    """MapSurvey at a file and note its content."""
     try:
         sha256 = digest(path)
         if sha256 in contents:
-            return Look(path, f"the same map as {contents[sha256].name}")
+            return MapSurvey(path, f"the same map as {contents[sha256].name}")
         topography = measured(path, reading)
         contents[sha256] = path
     except InputError as error:
-        return Look(path, fault=_without_name(str(error), path))
+        return MapSurvey(path, fault=_without_name(str(error), path))
     heights = topography.heights
-    look = Look(
+    look = MapSurvey(
         path=path,
         fault=_fault(topography),
         shape=(heights.shape[0], heights.shape[1]),
@@ -179,13 +179,13 @@ def _form(heights: Heights) -> float:
 
 
 def with_texture(
-    look: Look, reading: Reading, preparation: Preparation, spacing: Sides | None
-) -> Look:
+    look: MapSurvey, reading: Reading, preparation: Preparation, spacing: Sides | None
+) -> MapSurvey:
     """Prepare a map as the scene will, and measure its roughness.
 
     Parameters
     ----------
-    look : Look
+    look : MapSurvey
         A map that can be used.
     reading : Reading
         How it is read.
@@ -196,7 +196,7 @@ def with_texture(
 
     Returns
     -------
-    Look
+    MapSurvey
         The map with its texture, or with the reason why it cannot be used.
     """
     try:
@@ -218,7 +218,7 @@ def with_texture(
     return replace(look, texture=texture, fault=fault)
 
 
-def remarks(look: Look) -> list[str]:
+def remarks(look: MapSurvey) -> list[str]:
     """List the remarks on a map that is used."""
     said = []
     if look.texture is not None and look.texture.rms_slope > STEEP:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from gen.draft.survey import Look, remarks
+from gen.draft.survey import MapSurvey, remarks
 from gen.runtime.console import wide_console
 
 WIDTH = 132
@@ -19,7 +19,7 @@ TITLES = (
 )
 
 
-def print_looks(looks: Sequence[Look]) -> None:
+def print_looks(looks: Sequence[MapSurvey]) -> None:
     """Print a line for each file: its content, and whether it is used or why not."""
     table = Table(box=None, pad_edge=False)
     for title in TITLES:
@@ -30,7 +30,7 @@ def print_looks(looks: Sequence[Look]) -> None:
     wide_console(WIDTH).print(table)
 
 
-def _cells(look: Look) -> list[str]:
+def _cells(look: MapSurvey) -> list[str]:
     """Write the known facts of a file, and a dash for each unknown one."""
     use = f"no: {look.fault}" if look.fault else "; ".join(["yes", *remarks(look)])
     if not look.shape[0]:

@@ -13,7 +13,15 @@ from gen.generation.plan import parameters, planned_columns
 from gen.generation.sample import compute_rows
 from gen.populations import make_ready
 from gen.scene import Scene
-from gen.schema import DONE_REASONS, ENDLESS, REASONS, STATUS, Reason, Status, statistics_columns
+from gen.schema import (
+    DONE_REASONS,
+    INFINITE_AT_FULL_CONTACT,
+    REASONS,
+    STATUS,
+    Reason,
+    Status,
+    statistics_columns,
+)
 
 CHUNK_ROWS = 65_536
 """Rows that are read and checked together."""
@@ -115,7 +123,7 @@ def _finite_faults(
     for name, values in rows.items():
         excused = undefined & np.isnan(values) if name in statistics else np.zeros_like(undefined)
         missing |= excused
-        if name in ENDLESS:
+        if name in INFINITE_AT_FULL_CONTACT:
             excused |= values == np.inf
         unknown = ~np.isfinite(values) & ~excused
         yield from _row_faults(done & unknown, start, f"{name} is not finite")

@@ -23,10 +23,10 @@ COLUMNS = {
 }
 """Quantities of a table by what they are tabulated against; the last two only where asked for."""
 
-ENDLESS = {STIFFNESS, CONDUCTANCE}
+INFINITE_AT_FULL_CONTACT = {STIFFNESS, CONDUCTANCE}
 """Quantities that full contact makes infinite."""
 
-DERIVED = {"closure_um", *ENDLESS}
+DERIVED = {"closure_um", *INFINITE_AT_FULL_CONTACT}
 """Quantities that follow from the predicted ones, so that they miss by more than those: outside the
 training they are not given at all."""
 
@@ -186,7 +186,7 @@ def tabulated(
     known = [name for name in COLUMNS[against] if all(name in part.values for part in parts)]
     for name in known:
         value, low, high = _band(name, parts, level)
-        if name not in ENDLESS and not np.isfinite(value).all():
+        if name not in INFINITE_AT_FULL_CONTACT and not np.isfinite(value).all():
             raise InputError(f"{name} of the law has values that are not finite: no law holds here")
         slope = slopes(at, value, gap_at_rest if name == "mean_gap_um" else 0.0)
         low, high = np.minimum(low, value), np.maximum(high, value)

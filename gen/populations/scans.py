@@ -24,7 +24,7 @@ _OPEN: dict[ScanSurface, library.Library] = {}
 
 
 def resolved(scene: Scene, home: Path | None) -> Scene:
-    """Look for the maps of a scene, and prepare them unless that has been done.
+    """MapSurvey for the maps of a scene, and prepare them unless that has been done.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def opposite(scene: Scene) -> Scene:
 
 
 def _looked_for(scene: Scene, home: Path | None) -> Found:
-    """Look for the maps of one body, and prepare them unless that has been done."""
+    """MapSurvey for the maps of one body, and prepare them unless that has been done."""
     from gen.scans.files import digests, map_files
 
     settings = _settings(scene)

@@ -10,19 +10,19 @@ OUTPUT = "standard output"
 """Name of standard output in place of a file's name in errors."""
 
 
-def start(*, deaf: bool) -> None:
+def start(*, default_sigint: bool) -> None:
     """Prepare this process for a command; to be called before NumPy is imported.
 
     Parameters
     ----------
-    deaf : bool
+    default_sigint : bool
         Let Ctrl-C end the process until a run listens to signals; a KeyboardInterrupt on one rank
         alone would leave the other ranks waiting.
     """
     # More threads would compete for the cores, and sums could depend on their number.
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):
         os.environ[f"{library}_NUM_THREADS"] = "1"
-    if deaf:
+    if default_sigint:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     _open_closed_descriptors()
     sys.stdout = _text(_Output(1, "w", closefd=False), sys.stdout, "replace")

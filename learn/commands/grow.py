@@ -122,7 +122,7 @@ def grow(
 ) -> int:
     """Generate rows of a scene and fit to them until a surrogate is as accurate as asked for.
 
-    A fifth of the surfaces (of maps: of their tiles) is kept apart for tests. Each round says how
+    A fifth of the surfaces (of maps: of their tiles) is held out for tests. Each round says how
     many rows the learning curve asks for. Interrupted or killed, the same command goes on. Started
     as `mpiexec -n 9 python -m mpi4py -m learn grow ...`, the workers compute the rows. Beside the
     surrogate stand an ordinary database (.h5) and a picture of the learning curve, the predictions

@@ -10,7 +10,7 @@ from learn.arrays import Values
 from learn.dataset import Dataset
 from learn.executor import Executor
 from learn.grow.accuracy import Accuracy, accuracy
-from learn.grow.apart import parted
+from learn.grow.holdout import parted
 from learn.grow.sizes import risk
 from learn.request import Request
 from learn.split import Split

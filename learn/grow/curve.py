@@ -1,9 +1,9 @@
 """The learning curve of a growing database, and the number of rows that it advises.
 
 The rows of a scene are independent draws, so that a part of a database is a smaller database.
-Models fitted to parts, judged on all rows that are kept apart, give points of the curve a + b n^-c,
-which is fitted to their logarithms. Drawing the surfaces kept apart, and the parts, again and again
-with replacement shows how uncertain the curve is.
+Models fitted to parts, judged on all rows of the holdout, give points of the curve a + b n^-c,
+which is fitted to their logarithms. Drawing the surfaces of the holdout and the parts again and
+again, with replacement, shows how uncertain the curve is.
 """
 
 import math

@@ -86,7 +86,7 @@ def _draw_parity(axis: Any, found: Appraisal) -> None:
             axis, judged.truth[chosen], judged.prediction[chosen], label=label, color=colour, **look
         )
     axis.set(xlabel=f"solved {_quantity(found)}", ylabel="predicted")
-    axis.set_title(f"{judged.truth.size} rows kept apart")
+    axis.set_title(f"{judged.truth.size} rows held out for tests")
     axis.legend(fontsize=8, loc="upper left")
 
 

@@ -49,7 +49,7 @@ def show(request: Request, grown: Grown, found: Appraisal, most: int) -> None:
     about = (
         f"{request.output}: {card['title']}, {card['features']} features; {found.rows} rows of"
         f" {request.database}: {rows['train']} train, {rows['calibration']} calibrate,"
-        f" {rows['test']} kept apart by {by}, {sum(rows['left_out'].values())} left out"
+        f" {rows['test']} held out by {by}, {sum(rows['left_out'].values())} left out"
     )
     for line in (about, *_verdict(grown, found, most)):
         console.print(printable(line), highlight=False, markup=False, soft_wrap=True)

@@ -22,7 +22,7 @@ NO_PARENT = 2**31 - 1
 """XGBoost's number for the missing parent of a tree's root."""
 
 
-def taken_apart(estimator: Any) -> dict[str, Any]:
+def to_arrays(estimator: Any) -> dict[str, Any]:
     """Return trees and base score of a fitted XGBRegressor.
 
     Raises
@@ -60,13 +60,13 @@ def _tree(tree: dict[str, Any]) -> Tree:
     )
 
 
-def put_together(part: Part, width: int) -> Any:
+def from_arrays(part: Part, width: int) -> Any:
     """Return a fitted XGBRegressor.
 
     Parameters
     ----------
     part : mapping
-        Part of a file: from `taken_apart`, or forged.
+        Part of a file: from `to_arrays`, or forged.
     width : int
         Number of features.
 

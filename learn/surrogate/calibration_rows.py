@@ -26,7 +26,7 @@ class Plan:
     ----------
     train : ndarray of int
         Positions of the rows that train.
-    held : ndarray of int
+    holdout : ndarray of int
         Positions of the rows that calibrate: the training rows themselves, by their groups, if the
         two are the same; none if another database calibrates.
     groups : Groups or None
@@ -36,20 +36,20 @@ class Plan:
     """
 
     train: Indices
-    held: Indices
+    holdout: Indices
     groups: Groups | None
     others: list[Dataset] | None = None
 
     @property
     def size(self) -> int:
         """Number of rows that calibrate."""
-        return self.held.size if self.others is None else self.others[0].size
+        return self.holdout.size if self.others is None else self.others[0].size
 
     def rows(self, rows: Dataset, target: int) -> Dataset | None:
         """Return the rows that calibrate a target; None for the training rows by their groups."""
         if self.others is not None:
             return self.others[target]
-        return None if self.groups is not None else rows.at(self.held)
+        return None if self.groups is not None else rows.at(self.holdout)
 
     def entry(self) -> dict[str, object] | None:
         """Return the card's entry; None for held-out rows of one group."""

@@ -199,8 +199,8 @@ def lines(surrogate: "Surrogate") -> Iterator[str]:
         settings = ", ".join(f"{key}={value}" for key, value in target["settings"].items())
         yield f"{name:9} {settings} ({target['settings_from']})"
         if "left_out" in target:
-            apart = target["left_out"]
-            yield f"          left out in turn: R2 {apart['r2']:.3f} %, nMAE {apart['nmae']:.2f} %"
+            r2, nmae = target["left_out"]["r2"], target["left_out"]["nmae"]
+            yield f"          left out in turn: R2 {r2:.3f} %, nMAE {nmae:.2f} %"
         for remark in target["remarks"]:
             yield f"          warning: {remark}"
     if said := calibration_text.line(card):

@@ -58,8 +58,8 @@ class Distance:
         nearest = np.full(len(inputs), np.inf)
         with np.errstate(over="ignore", invalid="ignore"):
             for centre, whitening in zip(self.centres, self.whitenings, strict=True):
-                apart = (inputs - centre) @ whitening
-                nearest = np.minimum(nearest, np.sqrt(np.mean(apart**2, axis=1)))
+                scaled = (inputs - centre) @ whitening
+                nearest = np.minimum(nearest, np.sqrt(np.mean(scaled**2, axis=1)))
         return nearest
 
     def noted(self, inputs: Values, notes: tuple[str, ...]) -> tuple[str, ...]:

@@ -96,9 +96,9 @@ def fit_growth(distance: Distance, squares: Values, errors: Values, kinds: Indic
     logarithms, place = floored_logarithm(errors)[inside], kinds[inside]
     if np.unique(place).size == place.size:  # none is of the same kind as another
         return Growth(distance, 0.0)
-    apart, grown = _centred(squares[inside], place), _centred(logarithms, place)
+    offset, grown = _centred(squares[inside], place), _centred(logarithms, place)
     penalty = float(np.var(logarithms)) * (distance.limit**2 / SPREAD) ** 2
-    rate = float(apart @ grown) / max(float(apart @ apart) + penalty, np.finfo(float).tiny)
+    rate = float(offset @ grown) / max(float(offset @ offset) + penalty, np.finfo(float).tiny)
     return Growth(distance, max(rate, 0.0))
 
 

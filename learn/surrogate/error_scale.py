@@ -69,10 +69,10 @@ def fit_scale(inputs: Values, errors: Values, groups: Indices) -> ErrorScale:
     weights = 1.0 / (sizes[place] * sizes.size)
     logarithms = floored_logarithm(errors)
     centre, mean = weights @ inputs, float(weights @ logarithms)
-    apart = inputs - centre
-    deviation = np.sqrt(weights @ apart**2)
+    offset = inputs - centre
+    deviation = np.sqrt(weights @ offset**2)
     varying = deviation > CONSTANT * np.abs(inputs).max(axis=0)
-    unit = apart[:, varying] / deviation[varying]
+    unit = offset[:, varying] / deviation[varying]
     weighted = unit * weights[:, None]
     matrix = weighted.T @ unit + SHRINKAGE * np.eye(unit.shape[1])
     found = np.linalg.solve(matrix, weighted.T @ (logarithms - mean))

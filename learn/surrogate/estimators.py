@@ -36,7 +36,7 @@ HIGHEST_DEGREE = 100
 """Of a polynomial kernel; the paper's grid ends at 7."""
 
 
-def taken_apart(model: str, fitted: Any) -> dict[str, Any]:
+def to_arrays(model: str, fitted: Any) -> dict[str, Any]:
     """Return the numbers of a fitted pipeline.
 
     Parameters
@@ -52,10 +52,10 @@ def taken_apart(model: str, fitted: Any) -> dict[str, Any]:
         If it has settings that `learn fit` never gives.
     """
     scaling, estimator = fitted.steps[0][1], fitted.named_steps[STEP]
-    return {"scaling": _scaling_apart(scaling), "model": KINDS[model].apart(estimator)}
+    return {"scaling": _scaling_to_arrays(scaling), "model": KINDS[model].to_arrays(estimator)}
 
 
-def put_together(model: str, normalisation: str, part: Part, width: int) -> Any:
+def from_arrays(model: str, normalisation: str, part: Part, width: int) -> Any:
     """Return a fitted pipeline.
 
     Parameters
@@ -63,7 +63,7 @@ def put_together(model: str, normalisation: str, part: Part, width: int) -> Any:
     model, normalisation : str
         Names of the model and of the scaling.
     part : mapping
-        Part of a file: from `taken_apart`, or forged.
+        Part of a file: from `to_arrays`, or forged.
     width : int
         Number of features.
 
@@ -94,7 +94,7 @@ def _with(estimator: Any, width: int, **fitted: Any) -> Any:
     return estimator
 
 
-def _scaling_apart(scaling: Any) -> dict[str, Any]:
+def _scaling_to_arrays(scaling: Any) -> dict[str, Any]:
     if hasattr(scaling, "min_"):
         return {"offset": scaling.min_, "scale": scaling.scale_}
     return {"offset": scaling.mean_, "scale": scaling.scale_} if hasattr(scaling, "mean_") else {}
@@ -120,12 +120,12 @@ def _scaling_together(scaling: Any, part: Part, width: int) -> Any:
     return scaling
 
 
-def _trees_apart(estimators: Iterable[Any]) -> dict[str, Any]:
+def _trees_to_arrays(estimators: Iterable[Any]) -> dict[str, Any]:
     """Return the trees of an ensemble of scikit-learn."""
-    return forest.packed((_tree_apart(each.tree_) for each in estimators), DOUBLE)
+    return forest.packed((_tree_to_arrays(each.tree_) for each in estimators), DOUBLE)
 
 
-def _tree_apart(tree: Any) -> Tree:
+def _tree_to_arrays(tree: Any) -> Tree:
     leaf = tree.children_left == LEAF
     feature = np.where(leaf, 0, tree.feature)
     number = np.where(leaf, tree.value[:, 0, 0], tree.threshold)
@@ -174,9 +174,9 @@ def _renamed(model: Any, trees: list[Any], **fitted: Any) -> Any:
     return model
 
 
-def _ada_boost_apart(model: Any) -> dict[str, Any]:
+def _ada_boost_to_arrays(model: Any) -> dict[str, Any]:
     weights = np.asarray(model.estimator_weights_[: len(model.estimators_)], dtype=np.float64)
-    return {"trees": _trees_apart(model.estimators_), "weights": weights}
+    return {"trees": _trees_to_arrays(model.estimators_), "weights": weights}
 
 
 def _ada_boost(part: Part, width: int) -> Any:
@@ -191,9 +191,9 @@ def _ada_boost(part: Part, width: int) -> Any:
     )
 
 
-def _gradient_boost_apart(model: Any) -> dict[str, Any]:
+def _gradient_boost_to_arrays(model: Any) -> dict[str, Any]:
     return {
-        "trees": _trees_apart(model.estimators_[:, 0]),
+        "trees": _trees_to_arrays(model.estimators_[:, 0]),
         "start": float(np.ravel(model.init_.constant_)[0]),
         "learning_rate": float(model.learning_rate),
     }
@@ -214,7 +214,7 @@ def _gradient_boost(part: Part, width: int) -> Any:
     )
 
 
-def _vectors_apart(model: Any) -> dict[str, Any]:
+def _vectors_to_arrays(model: Any) -> dict[str, Any]:
     return {
         "kernel": model.kernel,
         "degree": int(model.degree),
@@ -254,7 +254,7 @@ def _vectors(part: Part, width: int) -> Any:
     )
 
 
-def _kernel_apart(kernel: Any) -> dict[str, Any]:
+def _kernel_to_arrays(kernel: Any) -> dict[str, Any]:
     """Return the lengths of a radial basis function, its amplitude and its noise if it has them.
 
     Raises
@@ -290,9 +290,9 @@ def _kernel_together(part: Part, width: int) -> Any:
     return kernel
 
 
-def _process_apart(model: Any) -> dict[str, Any]:
+def _process_to_arrays(model: Any) -> dict[str, Any]:
     return {
-        **_kernel_apart(model.kernel_),
+        **_kernel_to_arrays(model.kernel_),
         "noise": float(model.alpha),
         "rows": model.X_train_,
         "weights": np.ravel(model.alpha_),
@@ -314,7 +314,7 @@ def _process(part: Part, width: int) -> Any:
     )
 
 
-def _ridge_apart(model: Any) -> dict[str, Any]:
+def _ridge_to_arrays(model: Any) -> dict[str, Any]:
     return {
         "kernel": model.kernel,
         "gamma": None if model.gamma is None else float(model.gamma),
@@ -335,7 +335,7 @@ def _ridge(part: Part, width: int) -> Any:
     )
 
 
-def _perceptron_apart(model: Any) -> dict[str, Any]:
+def _perceptron_to_arrays(model: Any) -> dict[str, Any]:
     return {
         "activation": model.activation,
         "weights": list(model.coefs_),
@@ -367,25 +367,27 @@ class Kind:
 
     Attributes
     ----------
-    apart : callable
+    to_arrays : callable
         Converts a fitted estimator to a part of the file.
     together : callable
         Converts a part and the number of features to a fitted estimator.
     """
 
-    apart: Callable[[Any], dict[str, Any]]
+    to_arrays: Callable[[Any], dict[str, Any]]
     together: Callable[[Part, int], Any]
 
 
 KINDS: dict[str, Kind] = {
-    "decision-tree": Kind(lambda model: {"trees": _trees_apart([model])}, _tree),
-    "random-forest": Kind(lambda model: {"trees": _trees_apart(model.estimators_)}, _random_forest),
-    "adaboost": Kind(_ada_boost_apart, _ada_boost),
-    "xgboost": Kind(boosters.taken_apart, boosters.put_together),
-    "gradient-boost": Kind(_gradient_boost_apart, _gradient_boost),
-    "svm": Kind(_vectors_apart, _vectors),
-    "gaussian-process": Kind(_process_apart, _process),
-    "kernel-ridge": Kind(_ridge_apart, _ridge),
-    "mlp": Kind(_perceptron_apart, _perceptron),
+    "decision-tree": Kind(lambda model: {"trees": _trees_to_arrays([model])}, _tree),
+    "random-forest": Kind(
+        lambda model: {"trees": _trees_to_arrays(model.estimators_)}, _random_forest
+    ),
+    "adaboost": Kind(_ada_boost_to_arrays, _ada_boost),
+    "xgboost": Kind(boosters.to_arrays, boosters.from_arrays),
+    "gradient-boost": Kind(_gradient_boost_to_arrays, _gradient_boost),
+    "svm": Kind(_vectors_to_arrays, _vectors),
+    "gaussian-process": Kind(_process_to_arrays, _process),
+    "kernel-ridge": Kind(_ridge_to_arrays, _ridge),
+    "mlp": Kind(_perceptron_to_arrays, _perceptron),
 }
 """By the name of the model in `learn.models.MODELS`."""

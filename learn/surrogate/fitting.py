@@ -25,16 +25,16 @@ from learn.surrogate.conformal import RANGES, Calibration, calibrate, ranges_of
 from learn.surrogate.distance import Distance
 from learn.surrogate.error_growth import Growth, clusters_of, fit_growth
 from learn.surrogate.groups import (
-    apart,
     calibrate_by_groups,
     groups_of,
+    holdout_squares,
+    holdouts,
     left_out,
     near,
     near_labels,
-    squares_apart,
 )
 from learn.surrogate.learnt import Learnt
-from learn.surrogate.moments import Held, held
+from learn.surrogate.moments import Clipped, clipped
 from learn.surrogate.settings import Settings, choose
 from learn.target import scaling_of
 
@@ -111,7 +111,7 @@ def fit_target(
     fitted, remarks = _fitted(request, settings, train.inputs, target)
     done = process_time()
     unit = results(Scene.from_text(train.source["scene"]))[train.target_name].unit
-    learnt = Learnt(train.target_name, unit, fitted, scaling, NOT_CALIBRATED, _held(train))
+    learnt = Learnt(train.target_name, unit, fitted, scaling, NOT_CALIBRATED, _clipped(train))
     crossed = None
     if calibration is None:
         crossed = _crossed(request, settings, train, target, learnt)
@@ -130,7 +130,7 @@ def _crossed(
     groups = groups_of(train)
     if groups is None:
         raise ValueError("rows of one map or database cannot be calibrated by groups")
-    parts = list(apart(train, left_out(train, groups)))
+    parts = list(holdouts(train, left_out(train, groups)))
     found = _ridge_left_out(learnt, target, parts)
     if found is not None:
         return found
@@ -138,7 +138,7 @@ def _crossed(
     for mine, unseen in parts:
         others = np.setdiff1d(np.arange(train.size), unseen)
         fitted, _ = _fitted(request, settings, train.inputs[others], target[others])
-        apart_from = replace(learnt, pipeline=fitted, held=_held(train.at(others)))
+        apart_from = replace(learnt, pipeline=fitted, clipped=_clipped(train.at(others)))
         found[mine] = apart_from.raw(train.inputs[mine])
     return found
 
@@ -155,7 +155,7 @@ def _ridge_left_out(
     target : ndarray, shape (n,)
         Target of the training rows, as the model learnt it.
     parts : sequence of pairs of ndarray of int
-        From `apart`.
+        From `holdouts`.
     """
     found, ridge = np.empty(target.size), learnt.pipeline.named_steps[STEP]
     if isinstance(ridge, KernelRidge):
@@ -191,7 +191,7 @@ def _calibrated(
     if crossed is None or parts is None:
         squares = np.square(distance.of(rows.inputs))
     else:
-        squares = squares_apart(train, list(apart(train, parts)))
+        squares = holdout_squares(train, list(holdouts(train, parts)))
     growth = _growth(learnt, distance, train, target) or fit_growth(
         distance, squares, *_errors(raw, rows, root=root)
     )
@@ -211,11 +211,11 @@ def _growth(learnt: Learnt, distance: Distance, train: Dataset, target: Values) 
     clusters = clusters_of(train)
     if clusters is None:
         return None
-    parts = list(apart(train, clusters))
+    parts = list(holdouts(train, clusters))
     raw = _ridge_left_out(learnt, target, parts)
     if raw is None:
         return None
-    squares = squares_apart(train, parts)
+    squares = holdout_squares(train, parts)
     return fit_growth(distance, squares, *_errors(raw, train, root=learnt.root))
 
 
@@ -226,11 +226,11 @@ def _errors(raw: Values, rows: Dataset, *, root: bool) -> tuple[Values, Indices]
     return errors, near_labels(rows) * RANGES + ranges_of(raw)
 
 
-def _held(train: Dataset) -> Held | None:
+def _clipped(train: Dataset) -> Clipped | None:
     """Hold moments inside their training ranges; None for features with units."""
     if not chosen(train.features).scaled:
         return None
-    return held(train.names, train.inputs.min(axis=0), train.inputs.max(axis=0))
+    return clipped(train.names, train.inputs.min(axis=0), train.inputs.max(axis=0))
 
 
 def _fitted(

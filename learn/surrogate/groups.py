@@ -70,7 +70,7 @@ def groups_of(rows: Dataset) -> Groups | None:
     schemes: tuple[Scheme, ...] = ("others", "each") if used.size >= FEWEST else ("each",)
     for scheme in schemes:
         groups = Groups(labels, used.size, kind, scheme)
-        unseen = [each.size for _, each in apart(rows, left_out(rows, groups))]
+        unseen = [each.size for _, each in holdouts(rows, left_out(rows, groups))]
         if max(unseen) <= MOST_UNSEEN * rows.size:
             return groups
     return None
@@ -111,7 +111,7 @@ def _dealt(labels: Indices, parts: int) -> Indices:
     return np.asarray(np.random.default_rng(0).permutation(values.size)[place] % parts)
 
 
-def apart(rows: Dataset, parts: Indices) -> Iterator[tuple[Indices, Indices]]:
+def holdouts(rows: Dataset, parts: Indices) -> Iterator[tuple[Indices, Indices]]:
     """Yield the rows of each part, and the rows that a model must not see that predicts them.
 
     The latter are those of the part, and those that share a surface or tile with one of them.
@@ -128,7 +128,7 @@ def apart(rows: Dataset, parts: Indices) -> Iterator[tuple[Indices, Indices]]:
         yield mine, np.flatnonzero(np.isin(rows.groups, rows.groups[mine]))
 
 
-def squares_apart(rows: Dataset, parts: Sequence[tuple[Indices, Indices]]) -> Values:
+def holdout_squares(rows: Dataset, parts: Sequence[tuple[Indices, Indices]]) -> Values:
     """Return the squared distance of each training row from those that its model has seen, (n,).
 
     Parameters
@@ -136,7 +136,7 @@ def squares_apart(rows: Dataset, parts: Sequence[tuple[Indices, Indices]]) -> Va
     rows : Dataset
         n training rows.
     parts : sequence of pairs of ndarray of int
-        From `apart`.
+        From `holdouts`.
     """
     labels, found = near_labels(rows), np.empty(rows.size)
     for mine, unseen in parts:

@@ -12,7 +12,7 @@ from learn import memory
 from learn.arrays import Values
 from learn.models import STEP
 from learn.surrogate.conformal import Calibration
-from learn.surrogate.moments import Held
+from learn.surrogate.moments import Clipped
 from learn.target import Scaling
 
 PART = 2000
@@ -35,7 +35,7 @@ class Learnt:
         Scaling of the target over its scale.
     calibration : Calibration
         Intervals of the target over its scale.
-    held : Held, optional
+    clipped : Clipped, optional
         Ranges that the model's inputs do not leave; None for features with units.
     """
 
@@ -44,7 +44,7 @@ class Learnt:
     pipeline: Any
     scaling: Scaling
     calibration: Calibration
-    held: Held | None = None
+    clipped: Clipped | None = None
 
     @property
     def root(self) -> bool:
@@ -53,8 +53,8 @@ class Learnt:
 
     def raw(self, inputs: Values) -> Values:
         """Predict the target over its scale."""
-        if self.held is not None:
-            inputs = self.held.of(inputs)
+        if self.clipped is not None:
+            inputs = self.clipped.of(inputs)
         with np.errstate(over="ignore", invalid="ignore"):  # said by `predict_rows`, row by row
             predicted = [self._predict(part) for part in _parts(inputs)]
             return self.scaling.restored(np.concatenate(predicted))

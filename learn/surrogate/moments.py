@@ -7,7 +7,7 @@ squared error of all rows (`bench scans`). How large a moment is beyond those of
 decides little about the contact, so that the end of its range is a better input. The other features
 are left as they are: areas and forces of the coarse solve tell most where they are extrapolated.
 
-Rows are flagged by their own moments all the same, and predictions for other rows do not change.
+Flags see the moments as they are, and predictions for other rows do not change.
 """
 
 from collections.abc import Sequence
@@ -19,17 +19,17 @@ from learn.arrays import Values
 from learn.features.sets import PURE
 
 MOMENTS = frozenset(name for name in PURE if "skewness" in name or "kurtosis" in name)
-"""The features that are held inside their training ranges."""
+"""The features that are clipped to their training ranges."""
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
-    """Ranges inside which features are held.
+class Clipped:
+    """Ranges that features are clipped to.
 
     Attributes
     ----------
     low, high : ndarray, shape (d,)
-        Ends of the ranges, infinite for features that are not held.
+        Ends of the ranges, infinite for features that are not clipped.
     """
 
     low: Values
@@ -40,8 +40,8 @@ class Held:
         return np.clip(inputs, self.low, self.high)
 
 
-def held(columns: Sequence[str], low: Values, high: Values) -> Held:
-    """Hold the moments among some features.
+def clipped(columns: Sequence[str], low: Values, high: Values) -> Clipped:
+    """Clip the moments among some features to their training ranges.
 
     Parameters
     ----------
@@ -51,4 +51,4 @@ def held(columns: Sequence[str], low: Values, high: Values) -> Held:
         Training ranges of the features.
     """
     moment = np.array([name in MOMENTS for name in columns])
-    return Held(np.where(moment, low, -np.inf), np.where(moment, high, np.inf))
+    return Clipped(np.where(moment, low, -np.inf), np.where(moment, high, np.inf))

@@ -13,9 +13,9 @@ from learn.surrogate.conformal import Calibration, Scheme
 from learn.surrogate.distance import Distance
 from learn.surrogate.error_growth import Growth
 from learn.surrogate.error_scale import ErrorScale
-from learn.surrogate.estimators import put_together, taken_apart
+from learn.surrogate.estimators import from_arrays, to_arrays
 from learn.surrogate.learnt import Learnt
-from learn.surrogate.moments import Held, held
+from learn.surrogate.moments import Clipped, clipped
 from learn.surrogate.parts import (
     Part,
     count,
@@ -52,11 +52,11 @@ def packed(
         **({} if distance is None else {"distance": vars(distance)}),
         "targets": {
             name: {
-                **taken_apart(card["model"], each.pipeline),
+                **to_arrays(card["model"], each.pipeline),
                 "mean": each.scaling.mean,
                 "deviation": each.scaling.deviation,
                 "root": int(each.root),
-                "held": int(each.held is not None),
+                "held": int(each.clipped is not None),
                 "borders": each.calibration.borders,
                 "scores": list(each.calibration.scores),
                 **_usual(each.calibration),
@@ -106,7 +106,7 @@ def unpacked(
     }
     agreement.check_models(card, learnt, low, high)
     for name, each in learnt.items():
-        learnt[name] = replace(each, held=_held(features, targets[name], low, high))
+        learnt[name] = replace(each, clipped=_clipped(features, targets[name], low, high))
     return learnt, low, high, distance
 
 
@@ -136,13 +136,13 @@ def _rate(part: Part, distance: Distance | None) -> Growth | None:
     return Growth(distance, number(part, "growth", 0.0, most))
 
 
-def _held(features: FeatureSet, part: Part, low: Values, high: Values) -> Held | None:
+def _clipped(features: FeatureSet, part: Part, low: Values, high: Values) -> Clipped | None:
     """Return the ranges that moments do not leave; files of formats up to 5 have none."""
     if not count({"held": 0, **part}, "held", 0, 1):
         return None
     if not features.scaled:
         raise ValueError("features with units are not held inside their ranges")
-    return held(features.columns, low, high)
+    return clipped(features.columns, low, high)
 
 
 def _scale(part: Part, width: int) -> tuple[Scheme, ErrorScale | None]:
@@ -178,7 +178,7 @@ def _learnt(
     return Learnt(
         column=about["column"],
         unit=about["unit"],
-        pipeline=put_together(card["model"], card["normalisation"], part, width),
+        pipeline=from_arrays(card["model"], card["normalisation"], part, width),
         scaling=Scaling(number(part, "mean"), positive(part, "deviation"), root),
         calibration=Calibration(borders, tuple(scores), root, scheme, usual, growth),
     )

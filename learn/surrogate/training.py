@@ -219,8 +219,8 @@ def _fit_target(
         f" {scores['nmae']:.2f} %, fit {fit.fitting:.3g} s"
     )
     if "left_out" in judged:
-        apart = judged["left_out"]
-        say(f"  left out in turn: R2 {apart['r2']:.3f} %, nMAE {apart['nmae']:.2f} %")
+        left_out = judged["left_out"]
+        say(f"  left out in turn: R2 {left_out['r2']:.3f} %, nMAE {left_out['nmae']:.2f} %")
     for remark in fit.remarks:
         say(f"  warning: {remark}")
     return fit.learnt, judged

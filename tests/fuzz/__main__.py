@@ -67,7 +67,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    startup.start(deaf=False)
+    startup.start(default_sigint=False)
     code = main(sys.argv[1:])
     farm.leave()
     sys.exit(code)

@@ -100,7 +100,7 @@ def test_the_truth_on_fresh_rows_is_below_the_bound(whole):
     assert nmae <= grown.last.bound("area") <= MARK
 
 
-def test_the_rows_kept_apart_never_train(whole):
+def test_the_holdout_never_train(whole):
     _, grown, _ = whole
     found = grown.last
     apart = set(found.sets[0].rows[found.parts.test])

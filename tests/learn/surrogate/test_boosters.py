@@ -6,7 +6,7 @@ from learn.executor import Executor
 from learn.models import MODELS, pipeline
 from learn.request import Request
 from learn.surrogate import training
-from learn.surrogate.estimators import put_together, taken_apart
+from learn.surrogate.estimators import from_arrays, to_arrays
 
 
 def say(line):
@@ -25,6 +25,6 @@ def test_pruned_deep_trees_of_xgboost_come_back(tmp_path):
     target = inputs[:, 0] ** 2 + inputs[:, 1]
     settings = {"n_estimators": 20, "max_depth": 12, "gamma": 1.0}
     fitted = pipeline(MODELS["xgboost"], settings).fit(inputs, target)
-    again = put_together("xgboost", "l2", taken_apart("xgboost", fitted), 5)
+    again = from_arrays("xgboost", "l2", to_arrays("xgboost", fitted), 5)
     asked = np.random.default_rng(1).normal(size=(2000, 5))
     np.testing.assert_array_equal(again.predict(asked), fitted.predict(asked))

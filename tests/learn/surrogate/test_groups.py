@@ -111,7 +111,7 @@ def test_no_row_is_predicted_by_a_model_that_has_seen_its_map(rows, solved, mode
     folds = np.zeros(train.size, dtype=np.int8)
     fit = fit_target(request_of(solved, model), train, None, folds, settings=given)
     groups = by_groups.groups_of(train)
-    part, unseen = next(by_groups.apart(train, by_groups.left_out(train, groups)))
+    part, unseen = next(by_groups.holdouts(train, by_groups.left_out(train, groups)))
     if number == 10:
         assert np.unique(groups.labels[part]).size == 1
     # Other targets in the part change nothing about its own predictions, but for the scaling.

@@ -114,7 +114,9 @@ def test_a_surface_costs_its_features_once_and_batches_are_the_single_calls(ridg
 
 @pytest.mark.parametrize("features", ["paper", "dimensionless"])
 def test_kernel_ridge_is_scikit_learns(solved, features):
-    learnt = replace(fitted(solved, features=features, targets=("area",)).learnt["area"], held=None)
+    learnt = replace(
+        fitted(solved, features=features, targets=("area",)).learnt["area"], clipped=None
+    )
     ridge = learnt.pipeline.named_steps["model"]
     inputs = learnt.pipeline.steps[0][1].transform(
         np.abs(np.random.default_rng(0).normal(size=(5000, 23)))

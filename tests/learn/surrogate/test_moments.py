@@ -65,18 +65,18 @@ def test_a_file_holds_the_same_moments(surrogate, middle, tmp_path):
     asked = rows_of(surrogate, np.array([middle, surrogate.high + 3.0]))
     np.testing.assert_array_equal(read.predict_rows(asked).area, surrogate.predict_rows(asked).area)
     for one, other in zip(
-        vars(read.learnt["area"].held).values(),
-        vars(surrogate.learnt["area"].held).values(),
+        vars(read.learnt["area"].clipped).values(),
+        vars(surrogate.learnt["area"].clipped).values(),
         strict=True,
     ):
         np.testing.assert_array_equal(one, other)
-    assert np.isfinite(read.learnt["area"].held.low).sum() == 8
+    assert np.isfinite(read.learnt["area"].clipped.low).sum() == 8
 
 
 def test_files_of_before_hold_no_moments():
     old = Surrogate.load(Path(__file__).with_name("rooted.surrogate"))
-    assert old.learnt["area"].held is None
+    assert old.learnt["area"].clipped is None
 
 
 def test_the_paper_s_features_are_as_they_were(solved):
-    assert fitted(solved, "paper").learnt["area"].held is None
+    assert fitted(solved, "paper").learnt["area"].clipped is None

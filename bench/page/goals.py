@@ -225,6 +225,6 @@ ANSWERS: dict[str, Callable[[list[Row]], str]] = {
 }
 ASKED = tuple(
     Asked(**{**entry, "answer": ANSWERS[entry["answer"]]})
-    for entry in read_toml("page/asked")["asked"]
+    for entry in read_toml("page/goals")["asked"]
 )
-"""The questions of `asked.toml`, in the order of the page's chapters."""
+"""The questions of `goals.toml`, in the order of the page's chapters."""

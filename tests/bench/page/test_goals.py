@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from bench.page.asked import hertz, lines, models, peers
+from bench.page.goals import hertz, lines, models, peers
 from bench.page.inputs import Inputs
 from bench.page.parts import PARTS
 from bench.page.record import read

@@ -1,7 +1,7 @@
 """The holdout of a growth: a fixed random fifth of the surfaces, or of the maps' tiles.
 
-Of every five successive surfaces one is drawn, and its rows never train: whether a row is kept
-apart depends on the scene and its number alone, not on the size of the database. Surfaces that
+Of every five successive surfaces one is drawn, and its rows never train. Whether a row is in the
+holdout depends on the scene and its number alone, not on the size of the database. Surfaces that
 repeat an earlier one follow that one.
 """
 
@@ -57,7 +57,7 @@ def _random(seed: int, block: int) -> np.random.Generator:
     )
 
 
-def kept_apart(rows: Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def split_holdout(rows: Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Tell which rows test, and which may train.
 
     Parameters
@@ -113,7 +113,7 @@ def parted(sets: list[Dataset], seed: int) -> Split:
     Returns
     -------
     Split
-        Training rows in random order, groups together, and the rows that are kept apart.
+        Training rows in random order, groups together, and the rows of the holdout.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def parted(sets: list[Dataset], seed: int) -> Split:
         If there are too few rows in a part, or a target does not vary there.
     """
     rows = sets[0]
-    test, train = (np.flatnonzero(each) for each in kept_apart(rows))
+    test, train = (np.flatnonzero(each) for each in split_holdout(rows))
     for each in sets:
         for name, part in (("training", train), ("test", test)):
             if part.size < 2 or np.ptp(each.target[part]) == 0:
