@@ -1,22 +1,14 @@
-"""Memory: the need of a fit, the supply of this machine, and shares for fits that run side by side.
+"""Memory: the need of a fit, and the supply of this machine.
 
 The needs were measured (`python -m bench memory`): bytes per pair of rows for the kernel methods,
 per row for the others, on top of a process with its libraries and data.
 """
 
-import fcntl
-import os
-import tempfile
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from pathlib import Path
-
 from gen.runtime.errors import InputError
-from gen.runtime.memory import MIB, allowed
+from gen.runtime.memory import MIB, allowed, free
 
 USABLE = 0.85
-"""Share of the machine's memory that fits may take; the rest is the system's."""
+"""Share of the free memory that a fit may take; the rest is the system's."""
 
 PROCESS = 350 * MIB
 """Bytes of a process with its libraries, before any fit."""
@@ -60,8 +52,8 @@ def needed(model: str, rows: int, *, baseline: bool = False) -> int:
 
 
 def available() -> int:
-    """Return the memory that fits may take on this machine [bytes]."""
-    return int(USABLE * allowed())
+    """Return the memory that a fit may take on this machine now [bytes]."""
+    return int(USABLE * min(allowed(), free()))
 
 
 def check(model: str, rows: int, *, baseline: bool = False) -> None:
@@ -91,33 +83,3 @@ def check(model: str, rows: int, *, baseline: bool = False) -> None:
             f" {limit / 2**30:.1f} to give: --train-rows {fit} would fit, or leave it out with"
             " --model"
         )
-
-
-@contextmanager
-def reserved(size: int) -> Iterator[None]:
-    """Hold memory of this machine for one fit; wait while other fits hold it.
-
-    A fit locks a range of a file that all processes of a user on this machine share: one byte for
-    each MiB that it needs. The system drops the locks of a process that dies.
-
-    Parameters
-    ----------
-    size : int
-        Bytes; more than `available()` is held as all of it.
-    """
-    limit = max(1, available() // MIB)
-    length = max(1, min(-(-size // MIB), limit))
-    path = Path(tempfile.gettempdir()) / f"asperity-memory-{os.getuid()}"
-    with path.open("ab") as file:
-        while not _lock_somewhere(file.fileno(), length, limit):
-            time.sleep(0.05)
-        yield  # closing the file gives the range back
-
-
-def _lock_somewhere(descriptor: int, length: int, limit: int) -> bool:
-    """Lock the first free range of a length below the limit, if there is one."""
-    for start in range(0, limit - length + 1, max(1, min(length, limit // 64))):
-        with suppress(BlockingIOError, PermissionError):
-            fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB, length, start)
-            return True
-    return False

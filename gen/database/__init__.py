@@ -7,8 +7,8 @@ processes, not for a machine that loses power.) A part has the same columns for 
 scene, and two attributes that say which rows.
 
 HDF5's own file locks are not used: they fail on network file systems and would shut out readers.
-`lock` keeps writers apart by name, `HeldFile` by device and inode. A run writes only into the file
-that it has opened: if that is replaced, moved or overwritten meanwhile, the run ends.
+`lock` keeps writers apart by name. A run writes only into the file that it has opened (`HeldFile`):
+if that is replaced, moved or overwritten meanwhile, the run ends.
 
 Two writers keep the same contract. `Writer` is one process, `ParallelWriter` all processes of an
 MPI run together, if h5py is built with MPI. They write the same file, and either continues the work

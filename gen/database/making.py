@@ -52,10 +52,8 @@ def new_file(
         If the folder cannot be written, there is no room, or an existing file may not be replaced:
         it is not `replaced`, or this user cannot pass on its owner and group.
     """
-    if not path.resolve().parent.is_dir():
-        raise InputError(f"{path}: the folder {path.parent} does not exist; create it first")
     real = place_of(path)
-    if replaced is None and os.path.lexists(path):
+    if replaced is None and real.exists():
         raise InputError(f"{path} exists; give another name")
     unfinished = real.with_name(f"{real.name}.{secrets.token_hex(8)}.part")
     try:

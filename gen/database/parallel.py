@@ -47,11 +47,11 @@ class ParallelWriter(Writer):
         super().__init__(path, scene, force=force)
 
     def _hold(self, path: Path) -> HeldFile:
-        """Lock the file on the master; if one process refuses it, all do."""
+        """Hold the file; if one process refuses it, all do."""
         _require_one_file(path, self._communicator)
         held, refusal = None, ""
         try:
-            held = HeldFile(path, locking=self._communicator.rank == 0)
+            held = HeldFile(path)
         except InputError as error:
             refusal = str(error)
         refusals = list(filter(None, self._communicator.allgather(refusal)))

@@ -49,8 +49,7 @@ class Writer(OpenDatabase):
     Raises
     ------
     InputError
-        If the file cannot be opened or written, another process writes it under another name, or
-        it is not of this scene, layout and physics.
+        If the file cannot be opened or written, or is not of this scene, layout and physics.
     """
 
     def __init__(self, path: Path, scene: Scene, *, force: bool = False) -> None:
@@ -86,7 +85,7 @@ class Writer(OpenDatabase):
         self._held.check()
 
     def _hold(self, path: Path) -> HeldFile:
-        """Lock the file by device and inode."""
+        """Hold the file by device and inode."""
         return HeldFile(path)
 
     def _open(self, path: Path) -> h5py.File:

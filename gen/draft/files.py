@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -33,7 +32,7 @@ def require_new(path: Path) -> None:
         raise InputError(
             f"--output {path}: give a name that ends in {SUFFIX}, as {example}{SUFFIX}"
         )
-    if os.path.lexists(path):
+    if path.exists():
         raise InputError(
             f"--output {path}: is there already, and may hold changes of yours: give another name,"
             " or move it away"

@@ -155,7 +155,7 @@ def require_own_folder(folder: Path, reader: Reader) -> None:
     """
     if not folder.is_dir():
         return
-    names = {path.name for path in folder.iterdir() if not path.name.startswith(".asperity-")}
+    names = {path.name for path in folder.iterdir() if not path.name.startswith(".asperity")}
     if not names:
         return
     origin = origin_of(folder / ROWS)

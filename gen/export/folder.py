@@ -7,6 +7,7 @@ from gen.database import Reader
 from gen.export import card, croissant, files, tables
 from gen.export.about import About
 from gen.runtime.errors import InputError
+from gen.runtime.lock import lock_folder
 from gen.runtime.output import check_folder, make_folder, write
 from gen.runtime.progress import RunProgress
 
@@ -55,12 +56,17 @@ def export(reader: Reader, folder: Path, about: About) -> Exported:
         If the database has no done rows, the folder holds something else, or the disk is full.
     """
     check_folder(folder)
+    with lock_folder(folder):
+        return _exported(reader, folder, about)
+
+
+def _exported(reader: Reader, folder: Path, about: About) -> Exported:
+    """Write the files of an export into a folder that this process has locked."""
     files.require_own_folder(folder, reader)
     done = tables.done_rows(reader)
     if not done.any():
         raise InputError(f"{reader.path} has no done rows to export")
     pieces = files.pieces(reader)
-    make_folder(folder)
     if tables.fields(reader):
         make_folder(folder / files.FIELDS)
     with RunProgress(sum(len(piece.rows) for piece in pieces), "rows") as progress:
@@ -71,5 +77,5 @@ def export(reader: Reader, folder: Path, about: About) -> Exported:
     write(folder / card.NAME, card.card(reader, about, rows))
     description = croissant.describe(reader, about, card.words(reader), folder, pieces)
     write(folder / croissant.NAME, description)
-    size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    size = sum(path.stat().st_size for path in folder.rglob("[!.]*") if path.is_file())
     return Exported(rows, len(done) - rows, size)

@@ -1,4 +1,4 @@
-"""Locks by name, so that only one run at a time writes a database."""
+"""Locks by name, so that only one process at a time writes a database, or into a folder."""
 
 import fcntl
 import os
@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from gen.runtime.errors import InputError
-from gen.runtime.output import place_of
+from gen.runtime.output import make_folder, place_of
 
 OURS = re.compile(rb"host .+, process [0-9]+(, job .+)?, since .+\n?")
 """Content of our lock files: their holder in one line."""
@@ -39,7 +39,41 @@ def lock(path: Path) -> Iterator[None]:
         If another process writes the database, the folder cannot be written, its file system has
         no locks, or a file of the user's has the lock's name.
     """
-    lock_path = beside(path, ".lock")
+    with _held(path, beside(path, ".lock")):
+        yield
+
+
+@contextmanager
+def lock_folder(folder: Path) -> Iterator[None]:
+    """Make a folder if there is none, and hold its lock while the block reads and writes it.
+
+    The lock is the file `.asperity.lock` in the folder, see `lock`. A folder that has been made for
+    the block and is empty behind it is removed.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder, which need not exist yet.
+
+    Raises
+    ------
+    InputError
+        As `lock`, or if the folder cannot be made.
+    """
+    made = [each for each in (folder, *folder.parents) if not each.exists()]
+    make_folder(folder)
+    try:
+        with _held(folder, folder / ".asperity.lock"):
+            yield
+    finally:
+        with suppress(OSError):  # something is in it
+            for each in made:
+                each.resolve().rmdir()
+
+
+@contextmanager
+def _held(path: Path, lock_path: Path) -> Iterator[None]:
+    """Hold the lock of a path, which is that of a file."""
     descriptor, ours = _locked(path, lock_path)
     try:
         if ours:

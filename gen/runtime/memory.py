@@ -35,6 +35,14 @@ def allowed() -> int:
     return max(min(limits), 0)
 
 
+def free() -> int:
+    """Return the memory that the system could give now [bytes]; all that is allowed if unknown."""
+    with suppress(OSError, ValueError, IndexError):
+        told = Path("/proc/meminfo").read_text(encoding="ascii").partition("MemAvailable:")[2]
+        return int(told.split()[0]) * 1024
+    return allowed()
+
+
 def require_for_contacts(loads: int, shape: tuple[int, ...]) -> None:
     """Refuse several contacts of one surface that do not fit into memory together.
 

@@ -135,25 +135,27 @@ def check_folder(folder: Path, *names: str) -> None:
         for name in names:
             _try(folder / name, "picture" if name.endswith(".png") else "text")
         return
-    if os.path.lexists(folder):
+    real = _followed(folder)
+    if real.exists():
         raise InputError(f"{folder} is a file: give a folder")
     with _in_words(folder, "cannot be written to"):
-        existing = next(above for above in folder.absolute().parents if os.path.lexists(above))
+        existing = next(above for above in real.parents if above.exists())
         _try_beside(existing / "any")
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder and those above it, unless they exist.
+    """Make a folder, or the one that a link leads to, and those above it, unless they exist.
 
     Raises
     ------
     InputError
         If the folder cannot be made.
     """
-    if os.path.lexists(folder) and not folder.is_dir():
+    real = _followed(folder)
+    if real.exists() and not real.is_dir():
         raise InputError(f"{folder} is a file: give a folder")
     with _in_words(folder, "cannot be written to"):
-        folder.mkdir(parents=True, exist_ok=True)
+        real.mkdir(parents=True, exist_ok=True)
 
 
 def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
@@ -253,14 +255,22 @@ def place_of(path: Path) -> Path:
     InputError
         If the path cannot be a file's: a loop of links, a folder, the root.
     """
-    try:
-        real = path.resolve()
+    real = _followed(path)
+    with _in_words(path, "cannot be written"):
         if not real.name or real.is_dir():
             raise InputError(f"{path}: is a folder; give a file in a folder that exists")
         if not real.parent.is_dir():
+            missing = real.parent if path.is_symlink() else path.parent
             raise InputError(
-                f"{path}: there is no folder {path.parent}; give a file in a folder that exists"
+                f"{path}: there is no folder {missing}; give a file in a folder that exists"
             )
+    return real
+
+
+def _followed(path: Path) -> Path:
+    """Follow all links to the place of a file or a folder, which need not exist yet."""
+    try:
+        real = path.resolve()
         if real.is_symlink():
             raise InputError(f"{path}: its links lead nowhere")
     except (OSError, RuntimeError) as error:  # RuntimeError: a loop of links

@@ -9,6 +9,7 @@ import typer
 
 from gen.runtime import farm
 from gen.runtime.invocation import to_type
+from gen.runtime.lock import lock_folder
 from gen.runtime.option_groups import grouped
 from gen.runtime.terminal import echo
 from learn.commands.options import (
@@ -46,7 +47,8 @@ def compare(
 
     def job(executor: Executor) -> int:
         request = requested(file, output, model, target, selection, again=again)
-        return _show(request, jobs.compare(request, executor))
+        with lock_folder(request.output):
+            return _show(request, jobs.compare(request, executor))
 
     return lead(job, farm.this_world())
 
@@ -85,7 +87,8 @@ def tune(
     def job(executor: Executor) -> int:
         limit = seconds(budget) if budget else None
         request = requested(file, output, model, target, selection, again=again, limit=limit)
-        return _show(request, jobs.tune(request, executor))
+        with lock_folder(request.output):
+            return _show(request, jobs.tune(request, executor))
 
     return lead(job, farm.this_world())
 
@@ -114,7 +117,8 @@ def estimate(
     def job(executor: Executor) -> int:
         limit = seconds(budget)
         request = requested(file, output, model, target, selection, limit=limit)
-        return _show(request, jobs.estimate(request, executor))
+        with lock_folder(request.output):
+            return _show(request, jobs.estimate(request, executor))
 
     return lead(job, farm.this_world())
 
@@ -129,7 +133,11 @@ def show(
     its figures 8 and 10, scores.png and times.png are like its figure 9. Scores have 90 % intervals
     by a bootstrap of 1,000 resamples of the test rows' surfaces.
     """
-    _write_and_print(folder, pictures=pictures)
+    from learn.comparison.folder import targets
+
+    targets(folder)  # refuses a folder that is none of ours, before anything is written into it
+    with lock_folder(folder):
+        _write_and_print(folder, pictures=pictures)
 
 
 def _show(request: Request, signal: int) -> int:

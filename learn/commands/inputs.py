@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from gen.runtime.lock import lock_folder
 from gen.runtime.option_groups import grouped
 from gen.runtime.terminal import echo
 from learn.commands.options import Database, Output, Selection, Target, requested
@@ -26,8 +27,9 @@ def importance(
     request = requested(file, output, [model], target, selection)
     from learn.comparison.importance import write_report
 
-    for path in write_report(request, echo):
-        echo(f"wrote {path}")
+    with lock_folder(request.output):
+        for path in write_report(request, echo):
+            echo(f"wrote {path}")
 
 
 @grouped
@@ -44,5 +46,6 @@ def appendix(
     request = requested(file, output, None, "area", selection)
     from learn.comparison.appendix import write_report
 
-    for path in write_report(request, echo):
-        echo(f"wrote {path}")
+    with lock_folder(request.output):
+        for path in write_report(request, echo):
+            echo(f"wrote {path}")

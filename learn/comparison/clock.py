@@ -63,7 +63,7 @@ class Clock:
         Parameters
         ----------
         target, model : str
-            Names of the search's target and model. Its file of trials is locked.
+            Names of the search's target and model.
         stopping : callable
             Asked at the end; True if the search was interrupted.
 

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from learn import memory
 from learn.arrays import Values
 from learn.comparison.search.pruning import Settings
 from learn.comparison.training_data import Training
@@ -132,8 +131,7 @@ def fit_and_time(training: Training, task: TimedFit) -> FitResult:
         seed=training.seed,
         tuned=task.of_grid,
     )
-    need = memory.needed(model.name, training.rows, baseline=not task.of_grid)
-    with memory.reserved(need), warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
             result = _scored_and_timed(training, unfitted)

@@ -159,10 +159,7 @@ def _ridge_left_out(
     """
     found, ridge = np.empty(target.size), learnt.pipeline.named_steps[STEP]
     if isinstance(ridge, KernelRidge):
-        with (
-            memory.reserved(memory.needed("kernel-ridge", target.size)),
-            suppress(np.linalg.LinAlgError),  # a singular matrix: further fits deal with it
-        ):
+        with suppress(np.linalg.LinAlgError):  # a singular matrix: further fits deal with it
             errors = left_out_errors(ridge, [unseen for _, unseen in parts])
             for (mine, unseen), error in zip(parts, errors, strict=True):
                 found[mine] = target[mine] - error[np.isin(unseen, mine)]
@@ -245,8 +242,7 @@ def _fitted(
         seed=request.seed,
         tuned=settings.tuned,
     )
-    need = memory.needed(name, len(inputs))
-    with memory.reserved(need), warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         fitted = unfitted.fit(inputs, target)
     said = [" ".join(str(each.message).split())[:300] for each in caught]

@@ -1,11 +1,11 @@
-"""Fits that are too large for the machine, or for what other fits leave of it."""
+"""Fits that are too large for the machine, or for what others leave of it."""
 
-import subprocess
-import sys
+import os
+import tempfile
 
-import numpy as np
 from comparisons import run
 
+from gen.runtime.memory import free
 from learn import memory
 
 
@@ -18,29 +18,16 @@ def test_too_little_memory_is_refused_with_the_numbers(solved, tmp_path, capsys,
     assert "--train-rows" in said
 
 
-def test_two_fits_that_do_not_fit_together_wait_for_each_other(tmp_path):
-    code = (
-        "import sys, time\n"
-        "from learn import memory\n"
-        "memory.available = lambda: 1000 * memory.MIB\n"
-        "memory.tempfile.gettempdir = lambda: sys.argv[1]\n"
-        "with memory.reserved(int(sys.argv[2]) * memory.MIB):\n"
-        "    print(time.time(), flush=True); time.sleep(1.0); print(time.time(), flush=True)\n"
-    )
-
-    def spans(sizes):
-        each = [
-            subprocess.Popen(
-                [sys.executable, "-c", code, str(tmp_path), str(size)],
-                stdout=subprocess.PIPE,
-                text=True,
-            )
-            for size in sizes
-        ]
-        return [[float(line) for line in one.communicate(timeout=60)[0].split()] for one in each]
-
-    (begin_a, end_a), (begin_b, end_b) = spans([600, 600])
-    assert begin_b >= end_a - 0.01 or begin_a >= end_b - 0.01
-    together = spans([300, 300, 300])
-    assert max(begin for begin, _ in together) < min(end for _, end in together) + 5
-    assert np.isfinite(together).all()
+def test_a_fit_asks_the_system_and_no_file_that_others_could_make(
+    solved, tmp_path, monkeypatch, capsys
+):
+    """A FIFO of the name that fits once shared has held them up for ever."""
+    os.mkfifo(tmp_path / f"asperity-memory-{os.getuid()}")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    line = ["compare", solved, "-o", tmp_path / "out", "--model", "decision-tree"]
+    monkeypatch.setattr(memory, "free", lambda: 10 * memory.MIB)
+    assert run(*line) == 2
+    assert "this machine has 0.0 to give" in capsys.readouterr().err
+    monkeypatch.undo()
+    assert run(*line) == 0
+    assert 0 < free() <= os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")

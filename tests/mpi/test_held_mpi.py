@@ -1,4 +1,4 @@
-"""A file that becomes another under a run on ranks, and one that is held by its other name."""
+"""A file that becomes another under a run on ranks, and one that is written already."""
 
 import json
 
@@ -18,7 +18,6 @@ import json, os, shutil, sys
 from pathlib import Path
 from gen import cli, database
 from gen.generation import delivery, run
-from gen.database.held import HeldFile
 from gen.scene import load
 from mpi4py import MPI
 world, master = MPI.COMM_WORLD, MPI.COMM_WORLD.rank == 0
@@ -46,8 +45,9 @@ for fate in sys.argv[1:]:
     held = None
     if fate == "linked" and master:
         database.create(Path("linked.h5"), load("scene.toml"))
-        os.link("linked.h5", "other-name.h5")
-        held = HeldFile(Path("other-name.h5"))
+        os.symlink("linked.h5", "other-name.h5")
+        held = database.lock(Path("other-name.h5"))
+        held.__enter__()
     world.Barrier()
     codes = world.gather(cli.main(["run", "scene.toml", "-o", fate + ".h5"]))
     if master:

@@ -69,7 +69,7 @@ def fit(training: Training, task: Task) -> list[Trial]:
     need = memory.needed(task.model, inside.size)
     if need > memory.available():
         return []
-    with memory.reserved(need), warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         began = perf_counter()
         fitted = _predictions(training, task, data)

@@ -156,7 +156,8 @@ class GridSearch:
             def keep(task: Task, trials: list[Trial]) -> None:
                 if not trials:
                     raise InputError(
-                        f"{task.model}: a machine lacks the memory for a fit: see --train-rows"
+                        f"{task.model}: too little memory is free for a fit: give fewer workers, or"
+                        " --train-rows"
                     )
                 self.trials.add(trials)
                 failed = all(trial.r2 is None for trial in trials)

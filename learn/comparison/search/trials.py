@@ -7,7 +7,6 @@ again.
 
 import json
 from collections.abc import Mapping
-from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
@@ -15,7 +14,6 @@ from typing import IO, Self
 
 from gen.runtime import documents
 from gen.runtime.errors import InputError
-from gen.runtime.lock import lock
 from learn.comparison import records
 
 AT_BOUND = "close to the specified lower bound"
@@ -73,7 +71,7 @@ Finished = Mapping[tuple[str, int, int], Trial]
 
 
 class Trials:
-    """The finished trials of one model and target; a context manager that holds the lock.
+    """The finished trials of one model and target; a context manager that holds the file open.
 
     Parameters
     ----------
@@ -91,20 +89,17 @@ class Trials:
     Raises
     ------
     InputError
-        If another process writes the file, or it holds other conditions or cannot be written.
+        If the file holds other conditions or cannot be written.
     """
 
     def __init__(self, path: Path, conditions: dict[str, object]) -> None:
         self.path = path
         self.finished: dict[tuple[str, int, int], Trial] = {}
-        with ExitStack() as stack:
-            try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise InputError(f"{path.parent} cannot be made: {error.strerror}") from None
-            stack.enter_context(lock(path))
-            self._file = stack.enter_context(self._opened(conditions))
-            self._stack = stack.pop_all()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{path.parent} cannot be made: {error.strerror}") from None
+        self._file = self._opened(conditions)
 
     def __enter__(self) -> Self:
         """Return the open trials."""
@@ -116,8 +111,8 @@ class Trials:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close the file and give the lock back."""
-        self._stack.close()
+        """Close the file."""
+        self._file.close()
 
     def add(self, trials: list[Trial]) -> None:
         """Write the trials of one fit to the disk.

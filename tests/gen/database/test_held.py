@@ -93,28 +93,9 @@ def test_an_extension_does_not_replace_what_has_come_meanwhile(path, folder, mon
     assert {each.name for each in folder.glob("some*")} == {"some.h5"}
 
 
-def test_a_hard_link_does_not_defeat_the_lock(path, folder, capsys):
-    link = folder / "link.h5"
-    link.hardlink_to(path)
-    with lock(path), Writer(path, SMALL):
-        for command in (["run", "scene.toml"], ["run", "larger.toml"]):
-            assert cli.main([*command, "-o", "link.h5"]) == 2
-            assert "is being written by another process" in capsys.readouterr().err
-    assert cli.main(["run", "scene.toml", "-o", "link.h5"]) == 0
-
-
 def test_others_read_what_is_held(path):
     with HeldFile(path), h5py.File(path, locking=True) as file:  # HDF5's own lock, of all of it
         assert len(file["status"]) == 12
-
-
-def test_without_locks_of_files_several_names_are_refused(path, monkeypatch):
-    monkeypatch.setattr("gen.database.held.coherent", lambda path: False)
-    with HeldFile(path):
-        pass
-    path.with_name("link.h5").hardlink_to(path)
-    with pytest.raises(InputError, match="has 2 names"):
-        HeldFile(path)
 
 
 def make_link(path):

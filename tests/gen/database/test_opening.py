@@ -78,7 +78,7 @@ def test_missing_file(path):
 
 def test_missing_folder(tmp_path):
     path = tmp_path / "nowhere" / "some.h5"
-    with pytest.raises(InputError, match="does not exist"):
+    with pytest.raises(InputError, match="there is no folder"):
         create(path, small())
 
 

@@ -15,6 +15,7 @@ from gen import cli, schema
 from gen.database import Reader, Writer
 from gen.export import card, files, tables
 from gen.export.about import About
+from gen.runtime.lock import lock_folder
 from gen.scene import Scene
 from gen.schema import Status
 
@@ -219,3 +220,13 @@ def test_identifiers_that_are_none_are_refused(folder, tmp_path, capsys, doi):
     line = ["export", str(folder / "a.h5"), "-o", str(tmp_path / "out"), "--doi", doi]
     assert cli.main(line) == 2
     assert "10.5281/zenodo.1234567" in capsys.readouterr().err
+
+
+def test_two_databases_are_not_exported_into_one_folder_at_once(folder, tmp_path, capsys):
+    new = tmp_path / "new"
+    with lock_folder(new):
+        assert cli.main(["export", str(folder / "a.h5"), "-o", str(new)]) == 2
+    assert "is being written by host" in capsys.readouterr().err
+    assert not new.exists()
+    assert cli.main(["export", str(folder / "a.h5"), "-o", str(new)]) == 0
+    assert not list(new.glob(".*"))

@@ -7,7 +7,7 @@ import textwrap
 import pytest
 
 from gen.runtime.errors import InputError
-from gen.runtime.lock import lock
+from gen.runtime.lock import lock, lock_folder
 
 HELD_ELSEWHERE = """
     import sys
@@ -82,3 +82,22 @@ def test_file_system_without_locks(path, monkeypatch):
 def test_missing_folder(tmp_path):
     with pytest.raises(InputError, match="nowhere"), lock(tmp_path / "nowhere" / "some.h5"):
         pass
+
+
+@pytest.mark.parametrize(
+    "kind", ["new", "of several levels", "of the user's", "a link to a new one"]
+)
+def test_a_folder_is_made_held_and_removed_again_unless_it_was_there_or_is_used(tmp_path, kind):
+    folder = tmp_path / "a" / "b" if kind == "of several levels" else tmp_path / "a"
+    if kind == "of the user's":
+        folder.mkdir()
+    if kind == "a link to a new one":
+        folder.symlink_to("place")
+    again = pytest.raises(InputError, match="is being written by host")
+    with lock_folder(folder), again, lock_folder(folder):
+        pass
+    left = {each.name for each in tmp_path.iterdir() if not each.is_symlink()}
+    assert left == ({"a"} if kind == "of the user's" else set())
+    with lock_folder(folder):
+        (folder / "result").write_text("1")
+    assert [each.name for each in folder.iterdir()] == ["result"]

@@ -2,6 +2,7 @@
 
 import os
 import resource
+import shutil
 import signal
 import stat
 
@@ -14,6 +15,7 @@ from gen.runtime import output
 from gen.runtime.errors import InputError
 from gen.runtime.figure import new_figure, save
 from gen.runtime.output import Output, check_outputs
+from gen.surface import generate
 from learn import cli as learn
 
 CONTACT = ["contact", "h.npy", "--side", "9", "--delta", "1"]
@@ -211,3 +213,84 @@ def test_an_empty_file_and_the_same_kind_are_replaced(folder):
     check_outputs([Output(folder / "kept.npy", "-o", "heights")])
     with pytest.raises(InputError, match="holds an array, not text"):
         check_outputs([Output(folder / "kept.npy", "-o")])
+
+
+SURFACE = ["h.npy", "--side", "9"]
+WRITERS = {
+    "run": (cli, ["run", "small.toml", "-o", "link.h5"]),
+    "merge": (cli, ["merge", "small.h5", "-o", "link.h5"]),
+    "plot": (cli, ["plot", "small.h5", "-o", "link.png"]),
+    "export": (cli, ["export", "small.h5", "-o", "link"]),
+    "scene": (cli, ["scene", "--like", "map.npy", "--side", "9", "-o", "link.toml"]),
+    "table": (cli, ["describe", *SURFACE, "--csv", "link.csv"]),
+    "picture": (cli, ["describe", *SURFACE, "--plot", "link.png"]),
+    "heights": (
+        cli,
+        [
+            "contact",
+            *SURFACE,
+            "--pressure",
+            "1",
+            "--hardness",
+            "9",
+            "--young",
+            "100",
+            "--flattened",
+            "link.npy",
+        ],
+    ),
+    "law": (cli, ["law", *SURFACE, "--pressure", "1", "--json", "link.json"]),
+    "fit": (learn, ["fit", "small.h5", "--features", "paper", "-o", "link.surrogate"]),
+    "compare": (learn, ["compare", "small.h5", "--model", "kernel-ridge", "-o", "link"]),
+}
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """A scene, its database of 30 rows and a surface."""
+    folder = tmp_path_factory.mktemp("small")
+    (folder / "small.toml").write_text("samples = 30\n[surface]\nnodes = 9\n")
+    assert cli.main(["run", str(folder / "small.toml"), "-o", str(folder / "small.h5")]) == 0
+    np.save(folder / "map.npy", generate("midpoint", 129, 0.8, 1.0, np.random.default_rng(0)))
+    np.save(folder / "h.npy", np.arange(81.0).reshape(9, 9))
+    return folder
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_link_to_what_does_not_exist_yet_is_followed(small, tmp_path, monkeypatch, name):
+    """As on clusters, where results stand on a scratch disk."""
+    program, line = WRITERS[name]
+    work, scratch = tmp_path / "work", tmp_path / "scratch"
+    shutil.copytree(small, work)
+    scratch.mkdir()
+    link = work / line[-1]
+    link.symlink_to(scratch / "new")
+    monkeypatch.chdir(work)
+    assert program.main(line) == 0
+    assert link.is_symlink()
+    assert [each.name for each in scratch.iterdir()] == ["new"]
+    assert link.is_dir() or (scratch / "new").stat().st_size > 0
+
+
+@pytest.mark.parametrize("name", ["run", "merge", "scene", "table", "export", "compare"])
+def test_a_link_onto_an_input_or_itself_is_refused(small, tmp_path, monkeypatch, capsys, name):
+    program, line = WRITERS[name]
+    shutil.copytree(small, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    link = tmp_path / line[-1]
+    onto = {"merge": "small.h5", "scene": "map.npy", "table": "h.npy", "run": "small.toml"}
+    for target in (onto.get(name, "small.h5"), link.name):
+        link.symlink_to(target)
+        content = (tmp_path / onto.get(name, "small.h5")).read_bytes()
+        assert program.main(line) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+        assert (tmp_path / onto.get(name, "small.h5")).read_bytes() == content
+        link.unlink()
+
+
+def test_two_links_to_one_new_file_are_one_output(folder, capsys):
+    for name in ("one.csv", "two.png"):
+        (folder / name).symlink_to("new")
+    assert cli.main(["describe", *SURFACE, "--csv", "one.csv", "--plot", "two.png"]) == 2
+    assert "is what --csv writes too" in capsys.readouterr().err
+    assert not (folder / "new").exists()

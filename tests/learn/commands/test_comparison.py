@@ -6,6 +6,7 @@ import sys
 import pytest
 from launch import launch, mpiexec
 
+from gen.runtime.lock import lock_folder
 from learn import cli
 
 
@@ -47,6 +48,32 @@ def test_wrong_input_is_one_line_and_code_2(work, capsys, arguments, word):
     assert said.count("\n") == 1, said
     assert word in said
     assert sorted(work.iterdir()) == before, "nothing was written"
+
+
+@pytest.mark.parametrize("command", ["compare", "tune", "estimate", "importance", "show"])
+def test_one_process_at_a_time_writes_a_folder(work, capsys, command):
+    line = (
+        [command, "x"] if command == "show" else [command, "database.h5", "-o", "x", "--seed", "1"]
+    )
+    (work / "x" / "area").mkdir(parents=True)
+    (work / "x" / "area" / "comparison.json").write_text("{}")
+    with lock_folder(work / "x"):
+        before = sorted(work.rglob("*"))
+        assert cli.main(line) == 2
+        assert "x is being written by host" in capsys.readouterr().err
+        assert sorted(work.rglob("*")) == before
+
+
+@pytest.mark.long
+def test_of_two_comparisons_at_once_one_is_refused(work):
+    """Each with a seed of its own, into one new folder."""
+    line = [sys.executable, "-m", "learn", "compare", "database.h5", "-o", "x"]
+    both = [
+        subprocess.Popen([*line, "--model", "kernel-ridge", "--seed", seed], stderr=subprocess.PIPE)
+        for seed in "12"
+    ]
+    said = [each.communicate(timeout=120)[1].decode() for each in both]
+    assert sorted(each.returncode for each in both) == [0, 2], said
 
 
 @pytest.mark.mpi

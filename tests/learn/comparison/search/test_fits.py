@@ -48,5 +48,5 @@ def test_tiny_alphas_have_scores_and_a_warning_that_is_kept(searching):
 
 def test_a_machine_without_the_memory_for_a_fit_ends_the_search(searching, monkeypatch):
     monkeypatch.setattr(memory, "available", lambda: memory.PROCESS)
-    with pytest.raises(InputError, match="svm: a machine lacks the memory for a fit"):
+    with pytest.raises(InputError, match="svm: too little memory is free for a fit"):
         searching("svm", {"C": [1.0]}).whole()
