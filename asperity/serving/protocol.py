@@ -147,13 +147,14 @@ class Server:
         A web page that a user looks at can let its own name point to this machine ("DNS
         rebinding"), and would read our answers. An IP address in a question cannot be such a name.
         """
+        given = request.headers.get("Host", "")
         try:
-            name = urlsplit(f"//{request.host}").hostname or ""
+            name = urlsplit(f"//{given}").hostname or ""
             if self._hosts and name not in self._hosts:
                 ipaddress.ip_address(name)
         except ValueError:
             known = ", ".join(self._hosts)
-            raise Refusal("InvalidInput", f"Host {request.host!r:.100}: ask {known}") from None
+            raise Refusal("InvalidInput", f"Host {given!r:.100}: ask {known}") from None
         return await handler(request)
 
 

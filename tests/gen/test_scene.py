@@ -852,3 +852,15 @@ def test_spacings_follow_the_rule_of_the_solver(boundary: Boundary) -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
     )
     assert loaded.stdout.splitlines()[1] == "False"
+
+
+def test_parameters_nodes_and_seed_can_be_given_and_nothing_else_changes():
+    scene = Scene.parse("samples = 3\n[surface]\nhurst = [0.2, 0.9]\nnodes = 17\n", "test")
+    assert scene.with_parameters({}) == scene
+    given = scene.with_parameters({"hurst": 0.4}, nodes=33, seed=7)
+    assert given.drawn_parameters == {"hurst": 0.4, "sigma0": scene.drawn_parameters["sigma0"]}
+    assert (given.shape, given.seed) == ((33, 33), 7)
+    assert given.contact == scene.contact
+    for wrong in ({"hurst": 1.5}, {"hirst": 0.5}, {"sigma0": math.nan}):
+        with pytest.raises(InputError, match=next(iter(wrong))):
+            scene.with_parameters(wrong)
