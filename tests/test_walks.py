@@ -4,6 +4,8 @@ import csv
 import importlib
 import re
 import shlex
+import shutil
+import subprocess
 from pathlib import Path
 
 import h5py
@@ -91,7 +93,13 @@ def test_the_finite_element_engineer(folder, monkeypatch):
         ".json",
         ".png",
     }
-    assert "stiffness_MPa_per_um" in (folder / "joint.csv").read_text()
+    table = (folder / "joint.csv").read_text()
+    assert "stiffness_MPa_per_um" in table
+    if shutil.which("ccx"):
+        shutil.copy(Path(__file__).parents[1] / "bench/two-blocks.inp", folder)
+        subprocess.run(["ccx", "two-blocks"], cwd=folder, check=True, timeout=60)
+        force = -float((folder / "two-blocks.dat").read_text().split()[-1])  # N on 1 mm2
+        assert 1 < force < 100, "a pressure of the table"
 
 
 def test_the_data_person(folder, monkeypatch, capfd):

@@ -150,6 +150,7 @@ WRITERS = {
                 "-o", "out.csv"],
     "predicted": [cli, "law", "hybrid.surrogate", "many/s0.npy", *SIDE, "--delta", "0.01,9,900",
                   "--conductivity", "1", "-o", "out"],
+    "columns": [gen_cli, "columns"],
     "compare": [cli, "compare", "database.h5", "-o", "out", "--model", "decision-tree"],
 }  # fmt: skip
 
@@ -158,13 +159,15 @@ WRITERS = {
     "name",
     [pytest.param(name, marks=[pytest.mark.long] * (name == "compare")) for name in WRITERS],
 )
-def test_a_strict_reader_takes_every_text_that_a_command_writes(work, name):
+def test_a_strict_reader_takes_every_text_that_a_command_writes(work, capsys, name):
     """Numbers are finite, JSON is JSON, rows are as long as their header."""
     program, *words = WRITERS[name]
     Path("some").mkdir()
     shutil.copy("many/s0.npy", "some")
     np.save("some/ramp.npy", np.outer(np.arange(33.0), np.ones(33)))  # has no asperities
     assert program.main(words) == 0
+    if name == "columns":
+        Path("out.md").write_text(capsys.readouterr().out, encoding="utf-8")
     if name == "compare":
         for more in (["show", "out"], ["importance", "database.h5", "-o", "out", *words[-2:]]):
             assert cli.main(more) == 0
