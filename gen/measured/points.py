@@ -83,11 +83,8 @@ def _is_list(columns: Values) -> bool:
     if width <= 3 and _is_axis(columns[:, 0], even=points < CHANCE):
         return True
     grids = [_grid(*columns[:, first : first + 2].T) for first in range(min(width - 2, 2))]
-    covered = COVERED if points > CHANCE else 1.0
-    likely = width == 3 or points > CHANCE
-    return likely and any(
-        each.covered >= covered and 10 * each.repeated <= points for each in grids if each
-    )
+    least = COVERED if points > CHANCE else 1.0 if width == 3 else np.inf
+    return any(each.covered >= least and 10 * each.repeated <= points for each in grids if each)
 
 
 def _from_points(path: Path, scan: Scan, columns: Values, direction: str) -> Scan:

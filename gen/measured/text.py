@@ -81,11 +81,6 @@ class Matrix:
     remarks: tuple[str, ...] = ()
 
     @property
-    def channel(self) -> str:
-        """Name of the channel, "" if the header has none."""
-        return self.entries.get("channel", "")
-
-    @property
     def value_unit(self) -> tuple[float, str]:
         """Factor and unit of the numbers; the unit is "" if the header has none."""
         if "value unit" not in self.entries and "nm per value" in self.entries:

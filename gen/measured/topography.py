@@ -336,7 +336,7 @@ def _own_scan(path: Path, matrices: Sequence[text.Matrix], wanted: str, *, overr
     channels = [
         Channel(
             index=place,
-            name=matrix.channel or f"matrix {place}",
+            name=matrix.entries.get("channel") or f"matrix {place}",
             heights=not unit or overruled or _unit(unit) in UNITS,
             unit=unit,
         )

@@ -9,7 +9,7 @@ import stat
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from gen.measured.preparation import prepare
@@ -48,10 +48,6 @@ class Reading:
     channel: str = ""
 
 
-NOTHING = Preparation()
-AS_IT_IS = Reading()
-
-
 @dataclass(frozen=True)
 class Wanted:
     """How the files of a scene are to be read and prepared.
@@ -71,8 +67,8 @@ class Wanted:
 
     window: Shape
     spacing: Spacing | None = None
-    preparation: Preparation = NOTHING
-    reading: Reading = AS_IT_IS
+    preparation: Preparation = field(default_factory=Preparation)
+    reading: Reading = field(default_factory=Reading)
 
     def key(self, sha256s: Sequence[str]) -> str:
         """Return the name of the library that files of these contents make: a SHA-256.
