@@ -228,8 +228,8 @@ _PARAMETERS = (
     ),
     Column("roll_off", "f8", "um", "longest wavelength of the power law", optional=_SPECTRAL),
     Column("cut_off", "f8", "um", "shortest wavelength", optional=_SPECTRAL),
-    Column("drawn_rms_height", "f8", "um", "rms height of the spectrum", optional=_SPECTRAL),
-    Column("drawn_rms_slope", "f8", "1", "rms slope of the spectrum", optional=_SPECTRAL),
+    Column("drawn_rms_height", "f8", "um", "rms height drawn for the spectrum", optional=_SPECTRAL),
+    Column("drawn_rms_slope", "f8", "1", "rms slope drawn for the spectrum", optional=_SPECTRAL),
     Column("stretch", "f8", "1", "wavelengths along x over those along y", optional=_SPECTRAL),
 )
 
