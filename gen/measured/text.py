@@ -192,11 +192,9 @@ def _columns(line: str, place: str = "") -> dict[str, str]:
     stated = [(match["name"].lower(), match["unit"]) if match else ("", "") for match in matches]
     axes = ["z" if name in HEIGHT else name if name in {"x", "y"} else "" for name, _ in stated]
     if sorted(filter(None, axes)) == ["x", "y", "z"]:
-        keys = {"x": "x unit", "y": "y unit", "z": "value unit"}
-        units = zip(axes, stated, strict=True)
-        return {keys[axis]: unit for axis, (_, unit) in units if axis and unit} | {
-            "columns": ",".join(axes)
-        }
+        keys = {"x": "x unit", "y": "y unit", "z": "value unit", "": "other unit"}
+        units = {keys[axis]: unit for axis, (_, unit) in zip(axes, stated, strict=True) if unit}
+        return units | {"columns": ",".join(axes)}
     if place and "x" in axes and 2 <= len(axes) <= 3:
         raise InputError(
             f"{place}: {', '.join(words)[:40]}: looks like the columns of a profile or of a list of"

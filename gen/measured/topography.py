@@ -180,12 +180,12 @@ def _absurd(topography: Topography) -> list[str]:
     heights = topography.heights
     span = float(np.nanmax(heights) - np.nanmin(heights))
     numbers = {step: f"its nodes are {step:.3g} um apart" for step in topography.spacing}
-    numbers |= {span: f"its heights span {span:.3g} um"} if span else {}
+    numbers[span] = f"its heights span {span:.3g} um"
     return [
         f"{said}, which no instrument measures; compare with the instrument's own display, and"
         " overrule the file by --side or --unit with --override-scale"
         for number, said in numbers.items()
-        if not NEAREST <= number <= WIDEST
+        if number and not NEAREST <= number <= WIDEST
     ]
 
 
