@@ -122,6 +122,8 @@ def print_plan(plan: Plan, path: Path | None = None) -> None:
         least, most = plan.hardness
         drawn = "" if least == most else f" to {most:.4g}"
         console.print(f"  hardness  {least:.4g}{drawn} MPa")
+    for doubt in plan.doubts:
+        console.print(f"  warning: {doubt}", soft_wrap=True)
     console.print(f"  file      {size(plan.file_bytes)}")
     if path is not None:
         state = "exists" if path.exists() else "does not exist yet"

@@ -8,7 +8,6 @@ from pathlib import Path
 from gen.draft import files, likeness, proposal, scans
 from gen.draft.loads import Material
 from gen.draft.table import print_looks
-from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.output import Output, check_outputs
 from gen.runtime.progress import RunProgress
@@ -75,15 +74,13 @@ def draft(order: Order) -> None:
         If no map can be used, or the scene cannot be written.
     """
     order.check()
-    given = order.material
-    for doubt in Bodies(given.e_star, given.hardness, given.known).doubts:
-        echo(f"warning: {doubt}", err=True)
     if order.like is not None:
         like = likeness.propose(order.like, order.reading, order.material)
         print_looks([like.look])
-        files.write(order.output, likeness.keys(like, order.command, order.output))
-        if like.doubt:
-            echo(f"warning: {like.doubt}: windows of the map are safer", err=True)
+        scene = files.write(order.output, likeness.keys(like, order.command, order.output))
+        unlike = [f"{like.doubt}: windows of the map are safer"] if like.doubt else []
+        for doubt in (*scene.contact.doubts, *unlike):
+            echo(f"warning: {doubt}", err=True)
         echo(f"wrote {order.output}: self-affine surfaces like {order.like.name}")
         return
     paths = map_files(order.inputs, Path.cwd())
@@ -94,6 +91,8 @@ def draft(order: Order) -> None:
     print_looks(proposed.looks)
     keys = scans.keys(proposed, order.inputs, order.command, order.output)
     scene = files.write(order.output, keys)
+    for doubt in scene.contact.doubts:
+        echo(f"warning: {doubt}", err=True)
     used = len(proposed.used)
     echo(
         f"wrote {order.output}: {proposed.windows} windows of {proposed.nodes} x {proposed.nodes}"

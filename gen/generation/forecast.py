@@ -45,6 +45,8 @@ class Plan:
         "free", "periodic" or "mirror".
     two_rough : bool
         Whether a second rough body is pressed against each surface.
+    doubts : tuple of str
+        What no solid has.
     """
 
     samples: int
@@ -56,6 +58,7 @@ class Plan:
     hardness: tuple[float, float] | None
     boundary: str
     two_rough: bool = False
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,7 @@ def plan_of(scene: Scene) -> Plan:
         hardness=scene.contact.hardness_limits,
         boundary=scene.contact.boundary,
         two_rough=scene.surface.against is not None,
+        doubts=tuple(scene.contact.doubts),
     )
 
 

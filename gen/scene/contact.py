@@ -128,9 +128,8 @@ class Contact(Table):
 
     @property
     def doubts(self) -> list[str]:
-        """What no solid has, of a hardness in MPa; shares of E* are taken as they are."""
-        if self.hardness is None or (ends := self.hardness_limits) is None:
-            return []
+        """What no solid has; hardnesses in shares of E* are taken as they are."""
+        ends = (None,) if self.hardness is None else limits(self.hardness)
         e_star = plane_strain_modulus(self.modulus, self.poisson)
         known = "modulus" in self.model_fields_set
         return [line for end in ends for line in Bodies(e_star, end, known).doubts][:1]

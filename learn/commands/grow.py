@@ -161,6 +161,8 @@ def _grow(
     figure = new_figure(picture.WIDTH, picture.HEIGHT, dpi=110)
     with Interruption(listening=True) as interruption:
         whole = scene_of(population, _beside(output, ".toml"), note)
+        for doubt in whole.contact.doubts:
+            note(f"warning: {doubt}")
         grown = rounds.grow(order, whole, executor, pace, note, interruption.requested)
     if grown.ending == "interrupted" or grown.last is None:
         note(f"stopped; {order.request.database} is kept, the same command goes on")

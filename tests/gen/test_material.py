@@ -79,9 +79,12 @@ def test_the_likely_slip_of_steel_is_named(young: float, hardness: float | None,
 def test_scenes_are_doubted_by_the_hardness_in_megapascals_alone() -> None:
     assert not Contact().doubts
     assert not Contact(hardness_ratio=0.3).doubts
+    assert not Contact(modulus=210e3, hardness_ratio=0.3).doubts
     assert not Contact(hardness=(0.001, 0.1)).doubts
     assert not Contact(modulus=210e3, hardness=2000.0).doubts
     (line,) = Contact(modulus=210.0, hardness=(1000.0, 2000.0)).doubts
     assert "is the modulus in GPa?" in line
+    (line,) = Contact(modulus=210e9).doubts
+    assert "is the modulus in Pa?" in line
     (line,) = Contact(hardness=2000.0).doubts
     assert "is the modulus left out?" in line

@@ -270,5 +270,11 @@ def test_a_run_says_that_the_units_of_its_material_slipped(tmp_path, capsys):
         "[contact]\nmodulus = 210.0\nhardness = 2000.0\n[load]\nquantity = 'delta'\nrange = 0.1\n"
     )
     (tmp_path / "s.toml").write_text("samples = 1\nsurface.nodes = 17\n" + text)
-    assert cli.main(["run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "s.h5")]) == 0
-    assert "is the modulus in GPa?" in capsys.readouterr().err
+    for ask in (
+        ["run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "s.h5"), "--dry-run"],
+        ["estimate", str(tmp_path / "s.toml")],
+        ["run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "s.h5")],
+    ):
+        assert cli.main(ask) == 0
+        told = capsys.readouterr()
+        assert "is the modulus in GPa?" in told.out + told.err
