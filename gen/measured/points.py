@@ -131,12 +131,11 @@ def _between_coordinates(path: Path, scan: Scan) -> Scan:
     if kinds == ("even", "even") and min(numbers.shape) > CHANCE / 2:
         (dx, dy), heights = (float(np.diff(axis).mean()) for axis in (x, y)), numbers[1:, 1:].T
         heights = np.ascontiguousarray(heights[:: 1 if dx > 0 else -1, :: 1 if dy > 0 else -1])
-        inside = "its first row and column, x along its lines"
+        inside = "in its first row and column, x along its lines"
         if np.allclose((dx, dy), 1, rtol=1e-9) and {x[0], y[0]} <= {0, 1}:
-            said = f"{scan.origin} without the row and column numbers in {inside}"
+            said = f"{scan.origin} without the row and column numbers {inside}"
             return replace(scan, heights=heights, origin=said)
-        said = f" between the coordinates in {inside}"
-        return _with_spacing(scan, heights, (abs(dx), abs(dy)), said)
+        return _with_spacing(scan, heights, (abs(dx), abs(dy)), f" between coordinates {inside}")
     pairs = zip(kinds, (x, y), strict=True)
     alone = any(kind and (axis.size >= CHANCE or np.isnan(numbers[0, 0])) for kind, axis in pairs)
     if alone and (all(kinds) or "even" in kinds):

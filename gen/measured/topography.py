@@ -177,8 +177,7 @@ def read(
 
 def _absurd(topography: Topography) -> list[str]:
     """Warn of a scale that no instrument has; say which number it is."""
-    heights = topography.heights
-    span = float(np.nanmax(heights) - np.nanmin(heights))
+    span = float(np.nanmax(topography.heights)) - float(np.nanmin(topography.heights))
     numbers = {step: f"its nodes are {step:.3g} um apart" for step in topography.spacing}
     numbers[span] = f"its heights span {span:.3g} um"
     return [

@@ -199,3 +199,10 @@ def test_channels_without_heights_are_passed_over(
     del channels[3], channels[1]
     with pytest.raises(InputError, match="holds no heights; its channels are 0 'Phase'"):
         read(tmp_path / "scan.x3p")
+
+
+@pytest.mark.filterwarnings("error")
+def test_heights_at_the_end_of_numbers_are_read_with_a_warning(tmp_path: Path) -> None:
+    np.save(tmp_path / "scan.npy", np.where(HOLES, -1.5e308, 1.5e308))
+    [said] = read(tmp_path / "scan.npy", "12,2").warnings
+    assert said.startswith("its heights span inf um, which no instrument measures")
