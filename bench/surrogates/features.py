@@ -23,7 +23,7 @@ from bench.surrogates.fitting import fit, parted, read, request_for
 from bench.template import rendered
 from gen.arrays import Values
 from gen.runtime.errors import InputError
-from gen.runtime.output import make_folder, whole
+from gen.runtime.output import atomic, make_folder
 from learn.comparison.paper import SPREAD
 from learn.dataset import Dataset
 from learn.features import SETS, FeatureSet, SurfaceFeatures, chosen
@@ -149,7 +149,7 @@ def _keep(path: Path, known: str, judged: Sequence[Judged]) -> None:
         f"rows{place}": np.stack([each.truth, each.predicted, each.low, each.high])
         for place, each in enumerate(judged)
     }
-    with whole(path, "arrays") as file:
+    with atomic(path, "arrays") as file:
         np.savez(file, known=np.array(known), numbers=np.array(numbers), allow_pickle=False, **rows)
 
 

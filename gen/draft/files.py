@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gen.draft.writing import Key, document
 from gen.runtime.errors import InputError
-from gen.runtime.output import whole
+from gen.runtime.output import atomic
 from gen.scene import Scene
 
 SUFFIX = ".toml"
@@ -57,7 +57,7 @@ def write(path: Path, keys: Iterable[Key]) -> Scene:
     text = document(keys)
     scene = Scene.parse(text, str(path))
     require_new(path)
-    with whole(path, replace=False) as file:
+    with atomic(path, replace=False) as file:
         file.write(text.encode())
     if path.read_bytes() != text.encode():
         require_new(path)

@@ -12,7 +12,7 @@ from gen.database import Reader
 from gen.export import tables
 from gen.export.tables import Mask
 from gen.runtime.errors import InputError
-from gen.runtime.output import kind_of, whole
+from gen.runtime.output import atomic, kind_of
 
 KEY = b"asperity"
 """Key of a file's metadata under which its origin stands."""
@@ -100,7 +100,7 @@ def write(
         return
     schema = piece.schema.with_metadata({KEY: json.dumps(origin)})
     with (
-        whole(path, "parquet") as file,
+        atomic(path, "parquet") as file,
         parquet.ParquetWriter(file, schema, compression="zstd") as writer,
     ):
         for table in tables.tables(reader, schema, piece.rows, done):

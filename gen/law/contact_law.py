@@ -16,7 +16,7 @@ from gen.arrays import Values
 from gen.law import solved
 from gen.law.curves import Curves, with_conductance
 from gen.law.loads import deltas_from, pressures_from
-from gen.law.subjects import Subjects, read_subjects
+from gen.law.subjects import LawSurfaces, read_subjects
 from gen.material import Bodies
 from gen.measured.source import Opposite
 from gen.option_groups import Reading
@@ -165,7 +165,7 @@ def by_solver(order: Order, say: Callable[[str], None]) -> Law:
 
 
 def solved_law(
-    order: Order, subjects: Subjects, bodies: Bodies, loads: tuple[Values | None, Values | None]
+    order: Order, subjects: LawSurfaces, bodies: Bodies, loads: tuple[Values | None, Values | None]
 ) -> Law:
     """Solve the contacts of a law.
 
@@ -173,7 +173,7 @@ def solved_law(
     ----------
     order : Order
         The request.
-    subjects : Subjects
+    subjects : LawSurfaces
         Surfaces.
     bodies : Bodies
         E* and hardness.
@@ -187,7 +187,7 @@ def solved_law(
 
 
 def law_of(
-    order: Order, subjects: Subjects, bodies: Bodies, tables: Tables, said: tuple[str, str]
+    order: Order, subjects: LawSurfaces, bodies: Bodies, tables: Tables, said: tuple[str, str]
 ) -> Law:
     """Make a law of tables and the remarks on them.
 
@@ -195,7 +195,7 @@ def law_of(
     ----------
     order : Order
         The request.
-    subjects : Subjects
+    subjects : LawSurfaces
         Surfaces.
     bodies : Bodies
         E* and hardness.
@@ -259,7 +259,7 @@ def few_nodes(over_pressure: Curves, nodes: int) -> list[str]:
     return [f"up to {few[-1]:.4g} MPa fewer than {FEW} nodes touch: there the law is the grid's"]
 
 
-def usual_loads(subjects: Subjects, e_star: float) -> tuple[Values | None, Values | None]:
+def usual_loads(subjects: LawSurfaces, e_star: float) -> tuple[Values | None, Values | None]:
     """Return displacements [um] and pressures [MPa] over the scenes' range; one of both is None.
 
     Raises

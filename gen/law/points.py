@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
-from gen.law.subjects import Subject
+from gen.law.subjects import LawSurface
 from gen.material import Bodies
 from gen.measured.single import contact_warnings, solve_loads
 from gen.measured.topography import Topography
@@ -80,7 +80,7 @@ class Points:
             self.reasons + more.reasons,
         )
 
-    def from_rest(self, subject: Subject) -> Points:
+    def from_rest(self, subject: LawSurface) -> Points:
         """Put first touch at Delta = 0, where no value is uncertain, before these loads."""
         rest = {name: np.zeros(1) for name in self.values}
         rest["mean_gap_um"] = np.array([subject.gap_at_rest])
@@ -89,13 +89,18 @@ class Points:
 
 
 def solved(
-    subject: Subject, load: str, loads: Sequence[float], bodies: Bodies, *, stiffness: bool = False
+    subject: LawSurface,
+    load: str,
+    loads: Sequence[float],
+    bodies: Bodies,
+    *,
+    stiffness: bool = False,
 ) -> Points:
     """Solve the law of one surface at the given loads; there are no intervals.
 
     Parameters
     ----------
-    subject : Subject
+    subject : LawSurface
         The surface.
     load : str
         Kind of load: "delta" [um] or "pressure" [MPa].
@@ -144,7 +149,7 @@ def solved(
     return Points(values, reasons=("",) * len(rows), warnings=tuple(said), faults=tuple(faults))
 
 
-def _stiffness(contact: Contact, subject: Subject) -> float:
+def _stiffness(contact: Contact, subject: LawSurface) -> float:
     """Return the interface's stiffness per nominal area [MPa / um]."""
     try:
         return contact.interface_stiffness / subject.nominal

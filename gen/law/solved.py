@@ -7,7 +7,7 @@ import numpy as np
 from gen.arrays import Values
 from gen.law.curves import APART, Curves, held, risen, tabulated
 from gen.law.points import Points, solved
-from gen.law.subjects import Load, Subject
+from gen.law.subjects import LawSurface, Load
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.progress import RunProgress
@@ -16,7 +16,7 @@ ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}
 
 
 def tables(
-    surfaces: Sequence[Subject],
+    surfaces: Sequence[LawSurface],
     deltas: Values | None,
     pressures: Values | None,
     level: float,
@@ -32,7 +32,7 @@ def tables(
 
     Parameters
     ----------
-    surfaces : sequence of Subject
+    surfaces : sequence of LawSurface
         One surface or more.
     deltas : ndarray, shape (k,) or None
         Ascending displacements above 0, or None [um].
@@ -102,7 +102,7 @@ def _warnings(solutions: Iterable[Sequence[Points]]) -> list[str]:
 
 
 def _each(
-    surfaces: Sequence[Subject], load: Load, loads: Values, bodies: Bodies, *, stiffness: bool
+    surfaces: Sequence[LawSurface], load: Load, loads: Values, bodies: Bodies, *, stiffness: bool
 ) -> tuple[Values, list[Points], list[str]]:
     """Solve every surface under the same loads; return the loads solved on all, and the others."""
     points = []
@@ -130,7 +130,7 @@ def _means(parts: Sequence[Points], argument: str) -> Values:
 
 
 def _possible_deltas(
-    deltas: Values, surfaces: Sequence[Subject], bodies: Bodies
+    deltas: Values, surfaces: Sequence[LawSurface], bodies: Bodies
 ) -> tuple[Values, list[str]]:
     """Return the displacements that have an equilibrium on every surface [um], and the end.
 

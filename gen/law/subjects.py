@@ -26,7 +26,7 @@ Load = Literal["delta", "pressure"]
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class LawSurface:
     """A surface of a law.
 
     Attributes
@@ -113,12 +113,12 @@ class Subject:
 
 
 @dataclass(frozen=True, eq=False)
-class Subjects:
+class LawSurfaces:
     """All surfaces of a law.
 
     Attributes
     ----------
-    surfaces : sequence of Subject
+    surfaces : sequence of LawSurface
         One surface or more.
     scenes : sequence of Scene
         Scenes that surfaces were generated from.
@@ -126,7 +126,7 @@ class Subjects:
         Descriptions of the surfaces, one line for each input.
     """
 
-    surfaces: Sequence[Subject]
+    surfaces: Sequence[LawSurface]
     scenes: Sequence[Scene]
     origins: Sequence[str]
 
@@ -228,7 +228,7 @@ def read_subjects(
     *,
     only_boundary: bool = True,
     opposite: Opposite | None = None,
-) -> Subjects:
+) -> LawSurfaces:
     """Read or generate all surfaces.
 
     Parameters
@@ -254,7 +254,7 @@ def read_subjects(
     InputError
         For the first input that cannot be used.
     """
-    subjects: list[Subject] = []
+    subjects: list[LawSurface] = []
     scenes: list[Scene] = []
     origins: list[str] = []
     seconds = [] if opposite is None else _seconds(opposite, boundary)
@@ -286,7 +286,7 @@ def read_subjects(
                 doubts += doubtful
         said = f": {'; '.join(dict.fromkeys(doubts))}" if doubts else ""
         origins.append(f"{text}{facing}{said}")
-    return Subjects(subjects, scenes, origins)
+    return LawSurfaces(subjects, scenes, origins)
 
 
 def _seconds(opposite: Opposite, boundary: Boundary) -> list[Topography]:
@@ -314,14 +314,14 @@ def _read(file: Path, reading: Reading, boundary: Boundary) -> tuple[Topography,
 
 def _subject(
     topography: Topography, warnings: Sequence[str], say: Callable[[str], None]
-) -> tuple[Subject, Sequence[str]]:
+) -> tuple[LawSurface, Sequence[str]]:
     """Tell the user how a surface was read; return it with the warnings of its file."""
     name = topography.name
     say(f"{name}: {'; '.join(topography.steps)}")
     for line in warnings:
         say(f"  warning: {line}")
     heights, sides, spacing = topography.heights, topography.sides, topography.spacing
-    subject = Subject(name, heights, sides, spacing, boundary=topography.boundary)
+    subject = LawSurface(name, heights, sides, spacing, boundary=topography.boundary)
     return subject, topography.warnings
 
 
@@ -369,7 +369,7 @@ def _hardness_ratios(scene: Scene) -> Sides | None:
     return None if ends is None else (ends[0] / _modulus(scene), ends[1] / _modulus(scene))
 
 
-def _population(scene: Scene, text: str, number: int) -> Iterator[Subject]:
+def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:
     """Yield the first surfaces of a scene, with the solver's settings of the scene."""
     from gen.generation.plan import parameters
     from gen.generation.sample import surface_of
@@ -382,4 +382,6 @@ def _population(scene: Scene, text: str, number: int) -> Iterator[Subject]:
     for surface in range(number):
         heights = surface_of(scene, plan, step * surface)
         name = f"{text}, surface {surface}"
-        yield Subject(name, heights, scene.sides, scene.spacing, settings, contact.boundary, scene)
+        yield LawSurface(
+            name, heights, scene.sides, scene.spacing, settings, contact.boundary, scene
+        )

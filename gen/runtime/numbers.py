@@ -14,7 +14,7 @@ MAGNITUDES = (1e-60, 1e60)
 """Range of useful lengths [um] and moduli [MPa]; their squares, products and ratios stay finite."""
 
 
-def whole(text: str) -> int | None:
+def integer(text: str) -> int | None:
     """Parse a whole number.
 
     Parameters
@@ -53,7 +53,7 @@ def rows_from(text: str) -> tuple[int, int] | None:
     if not text:
         return None
     first, _, last = text.partition(":")
-    rows = whole(first), whole(last)
+    rows = integer(first), integer(last)
     if rows[0] is None or rows[1] is None:
         raise InputError(f"--rows {shown(text)}: give two row numbers, as 0:1000")
     return rows[0], rows[1]
@@ -137,7 +137,7 @@ def _series(text: str) -> tuple[float, float, int, bool] | None:
     log = len(parts) == 4 and parts[3].strip() == "log"
     if log:
         parts.pop()
-    count = whole(parts[2]) if len(parts) == 3 else 1
+    count = integer(parts[2]) if len(parts) == 3 else 1
     try:
         ends = [float(part) for part in parts[:2]]
     except ValueError:

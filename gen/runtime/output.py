@@ -175,12 +175,12 @@ def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
     InputError
         If the file cannot be written; an existing file is unchanged then.
     """
-    with whole(path, kind) as file:
+    with atomic(path, kind) as file:
         file.write(content.encode() if isinstance(content, str) else content)
 
 
 @contextmanager
-def whole(path: Path, kind: Kind = "text", *, replace: bool = True) -> Iterator[IO[bytes]]:
+def atomic(path: Path, kind: Kind = "text", *, replace: bool = True) -> Iterator[IO[bytes]]:
     """Open a temporary file that is renamed to its final name once the block has succeeded.
 
     A link stays a link. A replaced file passes on its mode and, if the system allows it, its owner

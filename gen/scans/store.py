@@ -19,7 +19,7 @@ from typing import IO, Any
 import numpy as np
 
 from gen.arrays import Heights
-from gen.runtime.output import MAPS, whole
+from gen.runtime.output import MAPS, atomic
 
 PAGE = 4096
 """Alignment of the maps in the file, that of pages in memory [bytes]."""
@@ -79,7 +79,7 @@ def write(
         If the file cannot be written, or is there and of another kind.
     """
     table: dict[str, Any] = {"key": key, "byteorder": sys.byteorder, "maps": []}
-    with whole(path, "maps", replace=replace) as file:
+    with atomic(path, "maps", replace=replace) as file:
         file.write(bytes(PAGE))
         for prepared, spacing in maps:
             table["spacing"] = spacing

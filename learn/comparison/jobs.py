@@ -237,7 +237,7 @@ def _left(target: _Target, models: list[Model], clock: Clock) -> Iterator[Model]
 def _tune_model(target: _Target, grid_search: GridSearch, share: Share | None) -> None:
     """Search one model's grid, and fit and time the winner, which may be the baseline."""
     folder, model = target.folder, grid_search.model
-    search = grid_search.whole() if share is None else budget.search(grid_search, share)
+    search = grid_search.exhaustive() if share is None else budget.search(grid_search, share)
     if target.stopping():
         return
     every_fit_failed = search is not None and not search.scores.scored and search.scores.failures

@@ -22,7 +22,7 @@ from gen.generation.sample import surface_of
 from gen.populations import make_ready
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.input_file import require_file
-from gen.runtime.output import whole
+from gen.runtime.output import atomic
 from gen.runtime.progress import RunProgress
 from gen.scene import Scene
 from gen.schema import PHYSICS, Status, physics_of
@@ -220,7 +220,7 @@ class _Job:
         """Write the file beside the database; return why that was not possible, or ""."""
         self.last_save = time.monotonic()
         try:
-            with whole(self.cache, "arrays") as file:
+            with atomic(self.cache, "arrays") as file:
                 np.savez(file, key=self.key, inputs=self.inputs, values=self.values)
         except InputError as error:
             return f"warning: {error}: not kept"

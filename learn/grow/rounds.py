@@ -267,7 +267,7 @@ class _Growth:
             number = max(number, self.sizes.number(int(asked)))
         wanted = min(self.sizes.rows(number), self.order.most)
         affordable = self.pace.affordable(rows, wanted - rows)
-        return min(wanted, self.sizes.whole(rows + affordable))
+        return min(wanted, self.sizes.rounded_up(rows + affordable))
 
 
 def in_words(found: Appraisal, advice: Advice | None) -> str:

@@ -44,9 +44,9 @@ class Sizes:
         """
         smallest = max(SMALLEST_ROWS, SMALLEST_SURFACES * self.samples_per_surface)
         wanted = int(float(f"{smallest * RATIO**number:.2g}"))
-        return self.whole(wanted)
+        return self.rounded_up(wanted)
 
-    def whole(self, rows: int) -> int:
+    def rounded_up(self, rows: int) -> int:
         """Round a number of rows up to whole surfaces."""
         return -(-rows // self.samples_per_surface) * self.samples_per_surface
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.arrays import Whole
-from learn.surrogate.parts import Part, array, whole
+from learn.surrogate.parts import Part, array, integers
 
 LEAF = -1
 """Left and right child of a leaf."""
@@ -84,9 +84,9 @@ def unpacked(part: Part, kind: str, width: int) -> Iterator[Tree]:
         If an array is no tree: in a tree each node but the root is the child of one node before it,
         every feature exists, and every number is finite.
     """
-    nodes = whole(part, "nodes", None)
+    nodes = integers(part, "nodes", None)
     size = int(nodes.sum(dtype=np.int64))
-    left, right, feature = (whole(part, name, size) for name in ("left", "right", "feature"))
+    left, right, feature = (integers(part, name, size) for name in ("left", "right", "feature"))
     number = array(part, "number", kind, size)
     if not nodes.size or nodes.min() < 1:
         raise ValueError("there is a tree without nodes, or none at all")

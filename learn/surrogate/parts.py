@@ -56,7 +56,7 @@ def numbers(part: Part, name: str, *shape: int | None) -> Values:
     return array(part, name, "f8", *shape)
 
 
-def whole(part: Part, name: str, *shape: int | None) -> Whole:
+def integers(part: Part, name: str, *shape: int | None) -> Whole:
     """Return an array of whole numbers; see `array`."""
     return array(part, name, "i4", *shape)
 

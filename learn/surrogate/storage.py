@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 from gen.runtime.invocation import to_type
-from gen.runtime.output import SURROGATE, whole
+from gen.runtime.output import SURROGATE, atomic
 from gen.runtime.terminal import printable
 
 FORMAT = 7
@@ -84,7 +84,7 @@ def save(path: Path, card: dict[str, Any], parts: dict[str, Any]) -> None:
     body = len(encoded).to_bytes(8, "little") + encoded
     body += b"".join(_padded(each.tobytes(), b"\0") for each in arrays)
     digest = hashlib.sha256(body).hexdigest()
-    with whole(path, "surrogate") as file:
+    with atomic(path, "surrogate") as file:
         file.write(SURROGATE + f"format {FORMAT}\nsha256 {digest}\n".encode())
         file.write(body)
 

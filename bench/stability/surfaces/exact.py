@@ -32,7 +32,7 @@ def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]
 
     Heights (n_x, n_y) are finite [um]; the spacing is that of the nodes along x and y [um].
     """
-    z, unit = whole(heights)
+    z, unit = integers(heights)
     squares = [Fraction(each) ** 2 for each in spacing]
     ratio = squares[0] / squares[1]
     along_x = 2 * z[1:-1] - z[:-2] - z[2:]
@@ -63,7 +63,7 @@ def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]
     return dict(zip(NAMES, values, strict=True))
 
 
-def whole(heights: Field) -> tuple[NDArray[Any], Fraction]:
+def integers(heights: Field) -> tuple[NDArray[Any], Fraction]:
     """Return heights above the lowest as whole numbers of a unit, all of their bits [um]."""
     pairs = [float(height).as_integer_ratio() for height in np.unique(heights)]
     unit = max(denominator for _, denominator in pairs)

@@ -172,7 +172,7 @@ class GridSearch:
         """Rank the candidates by the trials that are finished; see `scores.rank`."""
         return rank(self.grid, self.trials.finished, rows, folds, self.baseline_name)
 
-    def whole(self) -> SearchResult:
+    def exhaustive(self) -> SearchResult:
         """Search the whole grid, and judge the baseline beside it."""
         rows = self.training.rows
         tasks = self.tasks(range(len(self.grid.differing)), rows)

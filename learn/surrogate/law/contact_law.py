@@ -18,7 +18,7 @@ import numpy as np
 from bem.spacing import Boundary
 from gen.law import Law, contact_law
 from gen.law.contact_law import STEPS, law_of, solved_law, usual_loads
-from gen.law.subjects import Subjects, is_scene, read_subjects, scene_of
+from gen.law.subjects import LawSurfaces, is_scene, read_subjects, scene_of
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from learn.surrogate.law import predicted
@@ -109,7 +109,7 @@ def _boundary(surrogate: Surrogate | None, order: Order) -> Boundary:
     return scene_of(scenes[0]).contact.boundary if scenes else "mirror"
 
 
-def _bodies(surrogate: Surrogate | None, order: Order, subjects: Subjects) -> Bodies:
+def _bodies(surrogate: Surrogate | None, order: Order, subjects: LawSurfaces) -> Bodies:
     """Return E* and hardness of the options, the surrogate's training or the scenes; else 1 MPa."""
     e_star, hardness = order.e_star, order.hardness
     if e_star is None:

@@ -8,7 +8,7 @@ import numpy as np
 from bem.derived.stiffness import without_patch
 from gen.law.curves import Curves, continued, monotone, slopes, tabulated
 from gen.law.points import STIFFNESS, Points
-from gen.law.subjects import Subject
+from gen.law.subjects import LawSurface
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.progress import RunProgress
@@ -38,20 +38,20 @@ CORRECTED = 0.01
 
 
 def defined(
-    surrogate: Surrogate, surfaces: Sequence[Subject]
-) -> tuple[Sequence[Subject], list[str]]:
+    surrogate: Surrogate, surfaces: Sequence[LawSurface]
+) -> tuple[Sequence[LawSurface], list[str]]:
     """Leave out surfaces that lack statistics which the surrogate needs.
 
     Parameters
     ----------
     surrogate : Surrogate
         Surrogate of area and force.
-    surfaces : sequence of Subject
+    surfaces : sequence of LawSurface
         One surface or more.
 
     Returns
     -------
-    surfaces : sequence of Subject
+    surfaces : sequence of LawSurface
         The other surfaces.
     warnings : list of str
         One line if any were left out.
@@ -79,7 +79,7 @@ def defined(
 
 def tables(
     surrogate: Surrogate,
-    surfaces: Sequence[Subject],
+    surfaces: Sequence[LawSurface],
     deltas: Values,
     pressures: Values | None,
     level: float,
@@ -93,7 +93,7 @@ def tables(
     ----------
     surrogate : Surrogate
         Surrogate of area and force.
-    surfaces : sequence of Subject
+    surfaces : sequence of LawSurface
         One surface or more.
     deltas : ndarray, shape (k,)
         Ascending displacements above 0 [um].
@@ -147,7 +147,7 @@ def tables(
 
 
 def predicted_points(
-    on_surface: OnSurface, subject: Subject, deltas: Values, level: float, bodies: Bodies
+    on_surface: OnSurface, subject: LawSurface, deltas: Values, level: float, bodies: Bodies
 ) -> Points:
     """Predict the law of one surface.
 
@@ -155,7 +155,7 @@ def predicted_points(
     ----------
     on_surface : OnSurface
         The surrogate on the surface.
-    subject : Subject
+    subject : LawSurface
         The surface.
     deltas : ndarray, shape (k,)
         Ascending displacements above 0 [um].
@@ -212,20 +212,20 @@ def _mean_gap(on_surface: OnSurface, deltas: Values, force: Values, bodies: Bodi
     return np.asarray(np.maximum(rest - deltas + mean + yielded, 0.0))
 
 
-def _features(subject: Subject) -> SurfaceFeatures:
+def _features(subject: LawSurface) -> SurfaceFeatures:
     """Return a surface as one whose features can be computed."""
     heights, sides, spacing = subject.heights, subject.sides, subject.spacing
     return SurfaceFeatures(heights, sides, spacing, subject.name, subject.boundary)
 
 
-def _learnt_stiffness(ends: dict[str, Values], subject: Subject, bodies: Bodies) -> Values:
+def _learnt_stiffness(ends: dict[str, Values], subject: LawSurface, bodies: Bodies) -> Values:
     """Return the stiffness of the interface per nominal area from what was learnt [MPa / um]."""
     if "interface_stiffness" in ends:
         return ends["interface_stiffness"] / subject.nominal
     return _of_interface(ends["stiffness"] / subject.nominal, subject, bodies)
 
 
-def _with_stiffness(points: Points, subject: Subject, bodies: Bodies) -> Points:
+def _with_stiffness(points: Points, subject: LawSurface, bodies: Bodies) -> Points:
     """Add the stiffness of the interface, the slope of the pressure of elastic bodies.
 
     The compliance of the half-space behind a free patch is taken out of it.
@@ -235,7 +235,7 @@ def _with_stiffness(points: Points, subject: Subject, bodies: Bodies) -> Points:
     return replace(points, values={**points.values, STIFFNESS: found})
 
 
-def _of_interface(stiffness: Values, subject: Subject, bodies: Bodies) -> Values:
+def _of_interface(stiffness: Values, subject: LawSurface, bodies: Bodies) -> Values:
     """Take the patch's compliance out of stiffnesses per nominal area, (k,) [MPa / um]."""
     behind = subject.patch_compliance(bodies.e_star)
     patch = 1 / behind if behind else np.inf
@@ -243,7 +243,7 @@ def _of_interface(stiffness: Values, subject: Subject, bodies: Bodies) -> Values
 
 
 def _extended(
-    points: Points, on_surface: OnSurface, surface: Subject, level: float, bodies: Bodies
+    points: Points, on_surface: OnSurface, surface: LawSurface, level: float, bodies: Bodies
 ) -> Points:
     """Extend the law to larger displacements, where they can be predicted."""
     further = points.values["delta_um"][-1] * np.array(BEYOND)

@@ -7,7 +7,7 @@ import pytest
 from gen import cli
 from gen.runtime import memory
 from gen.runtime.errors import InputError
-from gen.runtime.numbers import DIGITS, MOST, magnitude, rows_from, shown, values_from, whole
+from gen.runtime.numbers import DIGITS, MOST, integer, magnitude, rows_from, shown, values_from
 from gen.schema import RUNTIME
 
 HUGE = "9" * 5000
@@ -16,11 +16,11 @@ ODD = ["", "x", "-1", "1.5", "1e3", "0x10", "1_0", "٣", HUGE, "9" * (DIGITS + 1
 
 @pytest.mark.parametrize("text", ODD)
 def test_what_is_no_whole_number_is_none(text):
-    assert whole(text) is None
+    assert integer(text) is None
 
 
 def test_whole_numbers_are_read():
-    assert [whole(text) for text in ("0", " 7 ", "0010")] == [0, 7, 10]
+    assert [integer(text) for text in ("0", " 7 ", "0010")] == [0, 7, 10]
 
 
 @pytest.mark.parametrize("odd", ODD)

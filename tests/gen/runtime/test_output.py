@@ -182,7 +182,7 @@ def test_an_error_midway_leaves_what_was_there(folder):
     before = contents(folder)
 
     def fail():
-        with output.whole(folder / "table.csv") as file:
+        with output.atomic(folder / "table.csv") as file:
             file.write(b"half a table")
             raise KeyError
 

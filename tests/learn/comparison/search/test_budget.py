@@ -43,7 +43,7 @@ def test_a_budget_that_is_large_enough_gets_the_whole_grid(searching, trees, tri
     monkeypatch.setattr(budget, "LEAST_ROWS", 20)
     _, result = halved(searching, trees, 1e6)
     assert result.how == "whole grid"
-    exact = searching("decision-tree", trees).whole().scores
+    exact = searching("decision-tree", trees).exhaustive().scores
     np.testing.assert_array_equal(result.scores.folds, exact.folds)
     assert result.seconds >= exact.seconds
 
@@ -163,7 +163,7 @@ def test_the_baseline_is_judged_on_every_rung_and_wins_where_no_candidate_is_bet
     assert result.scores.baseline_wins
     assert result.scores.baseline.mean() > result.scores.means[result.scores.winner]
     assert "candidate and the baseline on 720 rows, 5 folds" in result.how
-    whole = replace(search, grid=searching("decision-tree", SHALLOW).grid).whole().scores
+    whole = replace(search, grid=searching("decision-tree", SHALLOW).grid).exhaustive().scores
     assert whole.baseline_fits == 5
     assert whole.fits == 5 * len(whole.means)
     assert whole.seconds > sum(t.seconds for t in trials.finished.values() if t.rows == 720) - 1e-9

@@ -84,7 +84,7 @@ def test_scores_and_winner_are_those_of_scikit_learns_grid_search(
     model, space, training, searching
 ):
     search = searching(model, space)
-    grid, scores = search.grid, search.whole().scores
+    grid, scores = search.grid, search.exhaustive().scores
     theirs = pipeline(MODELS[model], tuned=True)
     if model == "kernel-ridge":
         theirs.set_params(**{STEP: KernelRidge()})
@@ -111,14 +111,14 @@ def test_scores_and_winner_are_those_of_scikit_learns_grid_search(
 def test_adaboost_that_ends_early_has_the_same_model_for_all_larger_numbers(searching):
     # A tree that fits perfectly ends the boosting.
     space = {"estimator__max_depth": [18], "n_estimators": [1, 2, 50], "learning_rate": [2.0]}
-    scores = searching("adaboost", space).whole().scores
+    scores = searching("adaboost", space).exhaustive().scores
     assert np.isfinite(scores.means).all()
 
 
 def test_finished_fits_are_not_done_again(searching, trees, tmp_path):
     path = tmp_path / "cut.jsonl"
     with Trials(path, {"seed": 0}) as opened:
-        first = searching("decision-tree", trees, opened).whole().scores
+        first = searching("decision-tree", trees, opened).exhaustive().scores
     whole = path.read_bytes()
     # A kill in the midst of a line.
     path.write_bytes(whole[: int(0.6 * len(whole))])
@@ -128,7 +128,7 @@ def test_finished_fits_are_not_done_again(searching, trees, tmp_path):
         search = searching("decision-tree", trees, opened)
         tasks = search.tasks(range(len(search.grid.differing)), 80)
         assert sum(len(task.candidates) for task in tasks) == first.folds.size - left
-        again = search.whole().scores
+        again = search.exhaustive().scores
     np.testing.assert_array_equal(first.folds, again.folds)
     for line in path.read_text().splitlines():
         json.loads(line)
