@@ -118,10 +118,8 @@ def _opened(path: Path, reason: str) -> tuple[Any, str]:
             reasons.append(f"SurfaceTopography cannot read it as {kind.name()}: {fault}")
     if scans:
         raise InputError(f"{path}: it holds line scans only; give a map of heights")
-    if reason and not reasons:
-        raise InputError(reason)
-    unknown = "no reader of SurfaceTopography knows its format; export the map in another one"
-    raise InputError(f"{path}: {'; '.join(reasons) or unknown}")
+    unknown = f"{path}: no reader of SurfaceTopography knows its format; export it in another one"
+    raise InputError(f"{path}: {'; '.join(reasons)}" if reasons else reason or unknown)
 
 
 def _contents(path: Path, kind: str) -> Iterator[tuple[str | BytesIO, str]]:
