@@ -16,7 +16,7 @@ Units = Literal["mm", "si"]
 
 def sides_of(path: Path) -> list[Path]:
     """Return the names of the files of a band's soft and stiff side, beside the law's own file."""
-    return [path.with_stem(f"{path.stem}-{side}") for side in ("soft", "stiff")]
+    return [path.parent / f"{path.stem}-{side}{path.suffix}" for side in ("soft", "stiff")]
 
 
 class Reading(NamedTuple):

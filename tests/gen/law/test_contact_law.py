@@ -213,6 +213,7 @@ def test_a_map_of_an_input_folder_is_not_replaced(surfaces, run, capsys):
         (["many/s0.npy", "--pressure", "1", "--conductivity", "0"], "--conductivity 0"),
         (["many/s0.npy", "--pressure", "1", "--plot", "law.txt"], "law.txt: give the name of a"),
         (["many/s0.npy", "--pressure", "1", "--csv", "many/s0.npy"], "many/s0.npy"),
+        (["many/s0.npy", "--pressure", "1", "--calculix", "."], ".: is a folder"),
         (["many/s0.npy", "--pressure", "1", "--units", "inch"], "'inch' is not one of"),
         (["many/s0.npy", "--pressure", "1", "-o", ""], "give what the names of the files begin"),
     ],
