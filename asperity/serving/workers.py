@@ -3,6 +3,7 @@
 import asyncio
 import multiprocessing
 import os
+import resource
 import signal
 import threading
 from collections.abc import Iterator, Sequence
@@ -78,10 +79,16 @@ class Workers:
 
     def __init__(self, sources: Sequence[str], number: int) -> None:
         self._sources, self._waiting, self._closed = tuple(sources), 0, False
-        self._pools = {self._new_pool() for _ in range(number)}
-        self._free: asyncio.LifoQueue[ProcessPoolExecutor] = asyncio.LifoQueue()  # those that run
-        for pool in self._pools:
-            self._free.put_nowait(pool)
+        self._pools: set[ProcessPoolExecutor] = set()
+        # Those that run come first; None stands for one that nobody has needed yet.
+        self._free: asyncio.LifoQueue[ProcessPoolExecutor | None] = asyncio.LifoQueue()
+        for _ in range(number):
+            self._free.put_nowait(None)
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        if soft != resource.RLIM_INFINITY:  # a pool has six open files, a client one
+            wanted = max(soft, 8 * number + WAITING)
+            most = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+            resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
 
     async def ask(self, call: Call) -> Vectors:
         """Answer a question on a free process.
@@ -99,7 +106,7 @@ class Workers:
             raise Refusal("Busy", f"{WAITING} questions wait already: ask again later")
         self._waiting += 1
         try:
-            pool = await self._free.get()
+            pool = await self._free.get() or self._new_pool()
         finally:
             self._waiting -= 1
         answer = asyncio.create_task(self._answered(pool, call))
@@ -146,13 +153,14 @@ class Workers:
         _end(pool)
         pool.shutdown(wait=False)
         self._pools.remove(pool)
-        self._pools.add(new := self._new_pool())
-        return new
+        return self._new_pool()
 
     def _new_pool(self) -> ProcessPoolExecutor:
         """Prepare a process; not by forking, since this one has threads."""
         context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(1, context, _begin, (self._sources, TRUSTED.get()))
+        pool = ProcessPoolExecutor(1, context, _begin, (self._sources, TRUSTED.get()))
+        self._pools.add(pool)
+        return pool
 
 
 def _end(pool: ProcessPoolExecutor) -> None:

@@ -1,6 +1,8 @@
 """The processes of the server: what becomes of clients that leave, and of too many questions."""
 
 import asyncio
+import resource
+from pathlib import Path
 
 import pytest
 
@@ -75,6 +77,19 @@ def test_questions_of_clients_that_left_are_not_computed(folder, monkeypatch):
 
     assert len(asyncio.run(leave())) == 3
     assert asked(folder) == [FOREVER, AT_ONCE]
+
+
+def test_processes_that_nobody_needs_open_no_files(folder):
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    try:
+        pool = Workers(["scene.toml"], 1024)
+        assert len(list(Path("/proc/self/fd").iterdir())) <= before + 1
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        assert soft >= min(hard, 8 * 1024)
+        pool.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
 
 
 def test_a_question_that_ends_soon_after_its_client_left_keeps_the_process(folder):
