@@ -5,6 +5,9 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
 from scipy import stats
 
 from gen import cli
@@ -298,3 +301,24 @@ def test_a_flat_surface_is_printed_as_undefined(tmp_path, monkeypatch, capsys):
     text = capsys.readouterr().out
     assert "nan: flat surface\n" in text
     assert next(line for line in text.splitlines() if line.startswith("Ssk")).split()[1] == "nan"
+
+
+SMALL = arrays(
+    float,
+    array_shapes(min_dims=2, max_dims=2, min_side=2, max_side=9),
+    elements=st.integers(-5, 5).map(float),
+)
+
+
+@settings(max_examples=25, deadline=None)
+@given(SMALL, st.sampled_from([0.0, 1.0, 1e9]))
+def test_the_core_is_within_the_heights_whatever_they_are(heights, depth):
+    """Ties, plateaus and two heights included: shares are ordered and no height is negative."""
+    found = areal_parameters(Topography("made", heights, (1.0, 1.0)), depth).values
+    if heights.min() == heights.max():
+        assert math.isnan(found["Sk"])
+        return
+    assert min(found["Sk"], found["Spk"], found["Svk"]) >= -1e-9
+    assert -1e-9 <= found["Smr1"] <= found["Smr2"] + 1e-9 <= 100 + 2e-9
+    assert 0 <= found["Smr"] <= 100
+    assert depth < 1e9 or found["Smr"] == 100
