@@ -76,9 +76,10 @@ class Bodies(NamedTuple):
 
     @property
     def stated(self) -> str:
-        """E*, and the options that state it where nobody has."""
+        """E*, and the options that state it where nobody has: neither the user nor a scene."""
         said = f"E* is {self.e_star:.4g} MPa"
-        return said if self.known else f"{said}, as no modulus is given (--young or --e-star)"
+        stated = self.known or self.e_star != 1.0
+        return said if stated else f"{said}, as no modulus is given (--young or --e-star)"
 
     @property
     def text(self) -> str:

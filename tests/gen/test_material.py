@@ -76,6 +76,12 @@ def test_the_likely_slip_of_steel_is_named(young: float, hardness: float | None,
     assert "in MPa" in line
 
 
+def test_only_a_modulus_that_nobody_states_is_asked_for() -> None:
+    assert Bodies(1.0).stated == "E* is 1 MPa, as no modulus is given (--young or --e-star)"
+    assert Bodies(1.0, known=True).stated == "E* is 1 MPa"
+    assert Bodies(100.0).stated == "E* is 100 MPa", "of a scene"
+
+
 def test_scenes_are_doubted_by_the_hardness_in_megapascals_alone() -> None:
     assert not Contact().doubts
     assert not Contact(hardness_ratio=0.3).doubts
