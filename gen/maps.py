@@ -24,6 +24,9 @@ COLOURS = 20
 FINE_SIDE, FINE_HEIGHT = 5.0, 1.0
 """Spans of positions and of heights below which axes are in nm [um]."""
 
+DECADES = 99.0
+"""Ratio of the largest to the smallest load from which on axes of loads are logarithmic."""
+
 COARSE = 2000.0
 """Span from which on axes are in mm [um]."""
 
@@ -88,6 +91,20 @@ def metric(value: float, unit: str) -> str:
     power = 0 if value == 0 else min(max(math.floor(math.log10(abs(value)) / 3), -4), 4)
     prefix = ("p", "n", "µ", "m", "", "k", "M", "G", "T")[power + 4]
     return f"{value / 1000.0**power:.4g} {prefix}{unit}"
+
+
+def load_text(contact: Contact, quantity: str) -> str:
+    """Return the load of a contact: Delta, the force, or for other quantities the mean pressure."""
+    if quantity.startswith("delta"):
+        return f"Δ = {metric(1e-6 * contact.delta, 'm')}"
+    if quantity == "force":
+        return metric(1e-6 * contact.force, "N")
+    return f"{metric(1e6 * contact.force / nominal_area(contact), 'Pa')} mean pressure"
+
+
+def nominal_area(contact: Contact) -> float:
+    """Return the area of the cells of all nodes, over which a mean pressure is taken [um2]."""
+    return contact.pressure.size * math.prod(contact.problem.spacing)
 
 
 def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tuple[Map, Map]:

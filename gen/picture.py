@@ -10,18 +10,15 @@ from numpy.typing import NDArray
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import load_of, solve_contact, surface_of
-from gen.maps import contact_maps, draw_map, metric
+from gen.maps import DECADES, contact_maps, draw_map, load_text, metric
 from gen.runtime.errors import InputError
 from gen.runtime.figure import log_axis, new_figure, require_picture_name, save
 from gen.runtime.terminal import shortened
 from gen.scene import Scene
-from gen.schema import Status, columns_for
+from gen.schema import Status, columns_for, parameter_columns
 
 WIDTH = 11.0
 """Width of the picture [inches]."""
-
-DECADES = 99.0
-"""Ratio of the largest to the smallest load from which on their axis is logarithmic."""
 
 LETTERS = 50
 """Letters in a line above a map that fills its half of the picture."""
@@ -78,15 +75,17 @@ def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
     boundary = scene.contact.boundary
     load = load_of(scene, heights, float(plan.load[0]))
     contact = solve_contact(scene, heights, hardness=hardness, **load)
+    columns = parameter_columns(scene)
     units = {column.name: column.unit.replace("um", "µm") for column in columns_for(scene)}
     drawn = ", ".join(
-        f"{name} = {value:.3g}{'' if units[name] == '1' else f' {units[name]}'}"
+        f"{name} = {value:.3g}{'' if unit == '1' else f' {unit}'}"
         for name, value in plan.parameters_of(0).items()
+        for unit in [units[columns[name]]]
     )
     surface = f"surface of row {row}{': ' if drawn else ''}{drawn}"
     bound = "" if hardness is None else f", hardness {metric(1e6 * hardness, 'Pa')}"
     pressure = (
-        f"contact at {_load(scene, contact.delta, contact.force)},"
+        f"contact at {load_text(contact, scene.quantity)},"
         f" E* = {metric(1e6 * contact.problem.modulus, 'Pa')}{bound}"
         f"{'' if boundary == 'free' else f', {boundary} boundary'}:"
         f" {contact.area_percent:.3g} % of {contact.pressure.size} nodes, the median of rows done"
@@ -100,25 +99,12 @@ def _letters(sides: tuple[float, float]) -> int:
     return int(LETTERS * min(1.0, 0.4 + 0.6 * sides[0] / sides[1]))
 
 
-def _patch_area(scene: Scene) -> float:
-    """Return the area of the cells of all nodes, over which a mean pressure is taken [um2]."""
-    return math.prod(scene.shape) * math.prod(scene.spacing)
-
-
-def _load(scene: Scene, delta: float, force: float) -> str:
-    """Return the load of a row in the quantity that the scene draws."""
-    if scene.quantity.startswith("pressure"):
-        return f"mean pressure {metric(1e6 * force / _patch_area(scene), 'Pa')}"
-    if scene.quantity == "force":
-        return f"force {metric(1e-6 * force, 'N')}"
-    return f"Δ = {delta:.3g} µm"
-
-
 def _draw_areas(figure: Any, axis: Any, columns: dict[str, NDArray[Any]], scene: Scene) -> None:
     """Draw the effective contact area of every row over the load that the scene draws."""
     loads, label = columns["delta"], "far-field displacement Δ [µm]"
     if scene.quantity.startswith("pressure"):
-        loads, label = columns["force"] / _patch_area(scene), "mean pressure [MPa]"
+        cells = math.prod((*scene.shape, *scene.spacing))
+        loads, label = columns["force"] / cells, "mean pressure [MPa]"
     elif scene.quantity == "force":
         loads, label = columns["force"], "normal force [µN]"
     coloured = {"c": columns["hurst"], "cmap": "cividis"} if "hurst" in columns else {}

@@ -144,7 +144,7 @@ def growth(rows: list[Row]) -> str:
     )
 
 
-def models(rows: list[Row]) -> str:
+def comparison(rows: list[Row]) -> str:
     """Best of the nine models with the paper's features, beside the paper's best."""
     ours, theirs = (
         max((row for row in rows if row[name]), key=lambda row: float(row[name]), default=None)
@@ -216,15 +216,14 @@ def cost(rows: list[Row]) -> str:
     )
 
 
-ANSWERS: dict[str, Callable[[list[Row]], str]] = {
+ANSWERS: dict[str, Callable[[list[Row]], str]] = {  # named after the reports
     each.__name__: each
     for each in (
         *(hertz, peers, periodic, stability, growth),
-        *(models, features, coverage, scans, grow, cost),
+        *(comparison, features, coverage, scans, grow, cost),
     )
 }
 ASKED = tuple(
-    Asked(**{**entry, "answer": ANSWERS[entry["answer"]]})
-    for entry in read_toml("page/goals")["asked"]
+    Asked(**entry, answer=ANSWERS[entry["part"]]) for entry in read_toml("page/goals")["asked"]
 )
 """The questions of `goals.toml`, in the order of the page's chapters."""

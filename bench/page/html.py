@@ -12,7 +12,7 @@ from bench.circumstances import circumstances
 from bench.files import content_of
 from bench.page.content import Absent, Content, Figure, Table, tables_of
 from bench.page.goals import lines
-from bench.page.inputs import Inputs, typed
+from bench.page.inputs import Inputs
 from bench.page.parts import Part
 from bench.page.record import Record, read
 from bench.page.table import tabulated
@@ -32,7 +32,6 @@ class Shown:
     command: str = ""  # that made it, by its record
     contents: Sequence[dict[str, Any]] = ()
     failure: str = ""  # why what was made cannot be shown
-    how: str = ""  # command that would make it today, where no record says what did
 
     @property
     def missing(self) -> bool:
@@ -107,18 +106,8 @@ def _shown(part: Part, inputs: Inputs) -> Shown:
         return Shown(part, found, failure=str(error) if found else "")
     if all(each["kind"] == Absent.__name__ for each in contents):
         return Shown(part, None)
-    if found is None:
-        return Shown(part, None, contents=contents, how=_how(part, inputs))
-    return Shown(part, found, inputs.command(part, found.command), contents)
-
-
-def _how(part: Part, inputs: Inputs) -> str:
-    """Return the command that makes a part; "" for a comparison that was given."""
-    if inputs.folder(part) == inputs.comparison:
-        return ""
-    if arguments := inputs.arguments(part):
-        return typed(arguments)
-    return f"python -m bench run --full --only {part.name} -o {inputs.output}"
+    command = inputs.command(part, found.command) if found else ""
+    return Shown(part, found, command, contents)
 
 
 def _prepared(content: Content, part: Part, inputs: Inputs) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,12 +13,15 @@ import numpy as np
 from gen.arrays import Values
 from gen.maps import (
     CYAN,
+    DECADES,
     FINE_HEIGHT,
     FINE_SIDE,
     axis_unit,
     contact_maps,
     draw_map,
+    load_text,
     metric,
+    nominal_area,
     patch_sides,
     spot_maps,
     yielded_nodes,
@@ -34,8 +36,6 @@ OBLONG = 1.8
 """Ratio of the sides from which the two maps stand side by side, or one below the other."""
 SLIVER = 9.0
 """Ratio of the sides beyond which the shorter side is stretched, as the title then says."""
-DECADES = 99.0
-"""Ratio of the largest to the smallest load from which a law has logarithmic axes."""
 BORDER = 0.1
 """Share of the lines at both borders that a section avoids, since pressures are high there."""
 WIDTH = 11.0
@@ -91,7 +91,7 @@ def draw_contacts(
     if subject.warnings:
         lines = [textwrap.fill(f"warning: {warning}", 160) for warning in subject.warnings]
         figure.supxlabel("\n".join(lines), fontsize=8, color="tab:red", parse_math=False)
-    where = _last_load(contacts, subject.load)
+    where = f" at {load_text(last, subject.load)}" if len(contacts) > 1 else ""
     spots = f"contact{where}: {last.area_percent:.3g} % of {last.pressure.size} nodes"
     if subject.spots:
         heights_map, pressure_map = spot_maps(last)
@@ -154,10 +154,9 @@ def _stretch(axes: dict[str, Any], sides: tuple[float, float]) -> None:
 def _title(contacts: Sequence[Contact], subject: Subject) -> str:
     """Return the title: file, load and material in lines that fit."""
     last = contacts[-1]
-    cells = last.pressure.size * math.prod(last.problem.spacing)
     load = (
         f"Δ = {metric(1e-6 * last.delta, 'm')}, force {metric(1e-6 * last.force, 'N')},"
-        f" mean pressure {metric(1e6 * last.force / cells, 'Pa')}"
+        f" mean pressure {metric(1e6 * last.force / nominal_area(last), 'Pa')}"
     )
     if len(contacts) > 1:
         load = f"maps and section at the last of {len(contacts)} loads: {load}"
@@ -169,19 +168,6 @@ def _title(contacts: Sequence[Contact], subject: Subject) -> str:
     if last.problem.boundary != "free":
         material += f"; {last.problem.boundary} boundary"
     return f"{shortened(subject.name)}\n{load}; {material}"
-
-
-def _last_load(contacts: Sequence[Contact], load: str) -> str:
-    """Return which of several loads is drawn, to be added to a title; "" for a single load."""
-    if len(contacts) == 1:
-        return ""
-    last = contacts[-1]
-    if load == "delta":
-        return f" at Δ = {metric(1e-6 * last.delta, 'm')}"
-    if load == "force":
-        return f" at {metric(1e-6 * last.force, 'N')}"
-    cells = last.pressure.size * math.prod(last.problem.spacing)
-    return f" at {metric(1e6 * last.force / cells, 'Pa')}"
 
 
 def section_line(contact: Contact) -> tuple[int, int]:
@@ -261,7 +247,7 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
 
 def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> None:
     """Draw area, force or far-field displacement, and mean gap over the load that was given."""
-    cells = contacts[0].pressure.size * math.prod(contacts[0].problem.spacing)
+    cells = nominal_area(contacts[0])
     displacements = _lengths([contact.delta for contact in contacts], "displacement Δ")
     quantities = {
         "delta": displacements,

@@ -148,12 +148,7 @@ def _corrected_area(contact: Contact) -> Answer:
     """Return the corrected area; none for oblong cells."""
     column, label = "corrected_area_percent", "area in the continuum"
     try:
-        return Answer(
-            column,
-            contact.corrected_area_percent,
-            label,
-            "%, cells at the edges of spots counted in part",
-        )
+        return Answer(column, contact.corrected_area_percent, label, "%, edges counted in part")
     except ValueError:
         return Answer(column, "", label, "needs square cells")
 

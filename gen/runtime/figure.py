@@ -58,14 +58,9 @@ def log_axis(axis: Any) -> None:
 
 
 def parity_axes(axis: Any, truth: Any) -> None:
-    """Give a panel of predictions over truth its axes and the line on which both agree.
+    """Give an empty panel of predictions over truth its axes and the line on which both agree.
 
-    Parameters
-    ----------
-    axis : matplotlib.axes.Axes
-        Empty panel.
-    truth : ndarray
-        True values; where they are above 0 and span a decade, both axes are logarithmic.
+    Both axes are logarithmic where the true values are above 0 and span a decade.
     """
     low, high = float(truth.min()), float(truth.max())
     decades = low > 0 and high > 10 * low

@@ -34,15 +34,15 @@ def test_a_database_shows_its_median_area(
 
 
 @pytest.mark.parametrize(
-    ("load", "at", "label"),
+    ("load", "quantity", "label"),
     [
-        ('quantity = "pressure"\nrange = [0.01, 0.05]', "mean pressure ", "mean pressure [MPa]"),
-        ('quantity = "force"\nrange = [1.0, 2000.0]', "force ", "normal force [µN]"),
-        ('quantity = "delta"\nrange = [1.0, 5.0]', "Δ = ", "far-field displacement Δ [µm]"),
+        ('quantity = "pressure"\nrange = [0.01, 0.05]', "pressure", "mean pressure [MPa]"),
+        ('quantity = "force"\nrange = [1.0, 2000.0]', "force", "normal force [µN]"),
+        ('quantity = "delta"\nrange = [1.0, 5.0]', "delta", "far-field displacement Δ [µm]"),
     ],
 )
 def test_areas_stand_over_the_load_that_was_drawn(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, load: str, at: str, label: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, load: str, quantity: str, label: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("small.toml").write_text(
@@ -60,12 +60,30 @@ def test_areas_stand_over_the_load_that_was_drawn(
     with Reader(Path("small.h5")) as reader:
         forces, deltas = reader.column("force"), reader.column("delta")
     patch = (17 * 1000.0 / 16) ** 2
-    expected = {"mean": forces / patch, "force": forces, "Δ": deltas}[at.split(maxsplit=1)[0]]
+    expected = {"pressure": forces / patch, "force": forces, "delta": deltas}[quantity]
     np.testing.assert_allclose(loads, expected)
     titles = [" ".join(axis.get_title(loc="left").split()) for axis in figure.axes]
     (title,) = (title for title in titles if title.startswith("contact at"))
-    assert title.startswith(f"contact at {at}")
+    said = {"pressure": "Pa mean pressure, E*", "force": "N, E*", "delta": "m, E*"}[quantity]
+    assert said in title
     assert "E* = 200 GPa, hardness 2 GPa" in title
+
+
+def test_surfaces_of_the_spectral_generator_are_named_with_their_units(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("small.toml").write_text(
+        "samples = 3\n[surface]\ngenerator = 'spectral'\nnodes = 16\nhurst = 0.8\n"
+        "roll_off = 500.0\ncut_off = 150.0\nrms_height = 2.0\n"
+        "[delta]\npieces = [{share = 1.0, range = [1.0, 3.0]}]"
+    )
+    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
+    figures = []
+    monkeypatch.setattr(picture, "save", lambda figure, _: figures.append(figure))
+    assert cli.main(["plot", "small.h5", "-o", "small.png"]) == 0
+    titles = [" ".join(axis.get_title(loc="left").split()) for axis in figures[0].axes]
+    assert any("rms_height = 2 µm" in title for title in titles)
 
 
 def test_times_beyond_the_picture_are_counted() -> None:

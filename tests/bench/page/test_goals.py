@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from bench.page.goals import hertz, lines, models, peers
+from bench.page.goals import comparison, hertz, lines, peers
 from bench.page.inputs import Inputs
 from bench.page.parts import PARTS
 from bench.page.record import read
@@ -41,7 +41,7 @@ def test_a_comparison_that_was_given_has_an_answer_and_no_command_that_nobody_ra
 
 
 def test_models_that_failed_are_no_answer():
-    assert models([{"model": "svm", "r2": "", "paper_r2": ""}]) == ""
+    assert comparison([{"model": "svm", "r2": "", "paper_r2": ""}]) == ""
 
 
 def test_the_error_is_that_of_the_finest_grid_at_the_largest_displacement():
