@@ -106,7 +106,7 @@ def read_table(path: Path, side: str = "") -> Table:
 def _columns(
     path: Path, rows: list[dict[str, str]], names: Sequence[str], *, undefined: bool = False
 ) -> Values:
-    """Return the finite numbers of some columns, (n, k); the text "nan" may be undefined."""
+    """Return the finite numbers of some columns, (n, k); an empty cell or "nan" has none."""
     return np.array(
         [
             list(_numbers(path, number, row, names, undefined=undefined))
@@ -119,7 +119,7 @@ def _numbers(
     path: Path, number: int, row: dict[str, str], names: Sequence[str], *, undefined: bool
 ) -> Iterator[float]:
     for name in names:
-        if undefined and str(row[name]).strip().lower() == "nan":
+        if undefined and str(row[name]).strip().lower() in {"", "nan"}:
             yield np.nan
             continue
         try:
