@@ -20,6 +20,7 @@ from bem.equilibrium import Equilibrium, Start
 from bem.first_contact import take_first_steps
 from bem.iterate import CONVOLUTION, Effort, Iterate, YieldingIterate, rescale
 from bem.problem import Problem
+from bem.splitting import split
 from bem.yielding import excess_share, solve_within
 
 # Cells a side from which on a solve starts from a loose solve for the means of two by two cells,
@@ -59,6 +60,9 @@ CLOSE = 1e-3
 # Trial loads at most, and the longest step of the logarithm of the load between two of them.
 TRIALS = 60
 LONGEST_STEP = 1.0
+
+# Share of the load under which all nodes yield from which what is left of it tells the next trial.
+NEARLY_ALL = 0.9
 
 
 def without_edges(
@@ -176,7 +180,10 @@ def _settle_under(
     assert iterate is not None
     if converged and (patch.problem.hardness is None or _is_full(iterate, patch.hardness)):
         return iterate, True
-    return _settle(patch, load, iterate, rtol)
+    iterate, converged = _settle(patch, load, iterate, rtol)
+    if converged or patch.problem.hardness is None:
+        return iterate, converged
+    return split(patch, load, iterate, rtol)
 
 
 def _is_full(iterate: Iterate, hardness: float) -> bool:
@@ -271,23 +278,40 @@ def _through_loads(patch: Patch, start: Iterate) -> tuple[Iterate, bool]:
         if trial:
             iterate, _ = _settle_under(patch, loads.load, iterate, rtol)
         excess = iterate.shift - 1
-        if abs(excess) <= close:
-            at = replace(iterate, residual=iterate.residual - excess, shift=0.0, exact=False)
-            at.pressure = at.pressure.copy()
+        at = _at_one(iterate)
+        if abs(excess) <= close or _stays(patch, at):
             solved, converged = _solve_at(patch, at, NEAR_ITERATIONS)
             if converged:
                 return solved, True
             iterate.effort, close = solved.effort, close / 100
         rtol = min(rtol, max(abs(excess) / 10, patch.problem.rtol / 4))
-        if iterate.effort.iterations >= patch.problem.max_iterations or not loads.follow(excess):
+        if iterate.effort.iterations >= patch.problem.max_iterations or not loads.follow(
+            excess, iterate.violation()
+        ):
             break
-    return _solve_at(patch, _at_one(iterate), patch.problem.max_iterations)
+    at = _at_one(iterate)
+    solved, converged = _solve_at(patch, at, patch.problem.max_iterations)
+    if converged:
+        return solved, True
+    at.effort = solved.effort
+    return split(patch, None, at, patch.problem.rtol)
 
 
 def _at_one(iterate: Iterate) -> Iterate:
     """Move the far field of an iterate under a load to a displacement of one."""
     residual = iterate.residual - (iterate.shift - 1)
-    return Iterate(iterate.pressure, residual, iterate.effort)
+    return Iterate(iterate.pressure.copy(), residual, iterate.effort)
+
+
+def _stays(patch: Patch, at: Iterate) -> bool:
+    """Return whether all nodes under pressure have yielded, and none opens or comes to touch.
+
+    Then one load has more than one displacement, of which this is one.
+    """
+    touching = at.pressure > 0
+    if not (at.pressure[touching] >= patch.hardness).all():
+        return False
+    return bool((at.residual[touching] >= 0).all() and (at.residual[~touching] <= 0).all())
 
 
 class _Loads:
@@ -301,7 +325,8 @@ class _Loads:
 
     def __init__(self, patch: Patch, load: float) -> None:
         self._elastic_depth = patch.depth if patch.problem.hardness is None else math.inf
-        self._low, self._high = 0.0, patch.hardness * len(patch.below)
+        self._hardness, self._most = patch.hardness, patch.hardness * len(patch.below)
+        self._low, self._high = 0.0, self._most
         self._slope = float(patch.below.std()) / 2
         if self._elastic_depth < math.inf:
             self._slope /= self._elastic_depth - 1
@@ -319,18 +344,37 @@ class _Loads:
         share = 1 - excess / (self._elastic_depth - 1)
         return -math.log(share) if share > 0 else math.inf
 
-    def follow(self, excess: float) -> bool:
+    def _middle(self) -> float:
+        """Return a load between the bounds, or where all contact may yield, if that is near.
+
+        Where nearly all nodes yield, it is the load that is left to all of them that halves on a
+        logarithmic scale.
+        """
+        low, high, unit = self._low, self._high, self._hardness
+        if unit < math.inf:
+            whole = math.floor(high / unit) * unit
+            if low < whole < high <= low + unit:
+                return whole
+            fewer = self._most - round(math.sqrt(max(self._most - low, 0.0) / unit)) * unit
+            if high == self._most and NEARLY_ALL * self._most < low < fewer:
+                return fewer
+        return math.sqrt(low * high) if low else high / 2
+
+    def follow(self, excess: float, error: float) -> bool:
         """Choose the next load; return False if no other is left.
 
         Parameters
         ----------
         excess : float
             Displacement under the last load less the one wanted [the one wanted].
+        error : float
+            Largest violation under that load: a smaller excess does not tell on which side the
+            load is.
         """
         here, value = self.load, self._scaled(excess)
-        if excess > 0:
+        if excess > error:
             self._high = min(self._high, here)
-        else:
+        elif excess < -error:
             self._low = max(self._low, here)
         if self._last is not None and math.isfinite(value) and math.log(here) != self._last[0]:
             slope = (value - self._last[1]) / (math.log(here) - self._last[0])
@@ -343,6 +387,5 @@ class _Loads:
         self._least = min(self._least, abs(excess))
         between = self._low > 0 and self._high < math.inf
         if not self._low < self.load < self._high or (slow and between):
-            middle = math.sqrt(self._low * self._high) if self._low else self._high / 2
-            self.load = middle if self._high < math.inf else 2 * self._low
+            self.load = self._middle() if self._high < math.inf else 2 * self._low
         return self.load != here and self._low < self.load < self._high

@@ -89,6 +89,11 @@ class Problem:
         """Second side of a cell over its first [1]."""
         return self.spacing[1] / self.spacing[0]
 
+    @property
+    def elongation(self) -> float:
+        """Longer side of a cell over the shorter [1]."""
+        return max(self.aspect, 1 / self.aspect)
+
     def reduced_hardness(self, length: float) -> float:
         """Return the hardness in units of length E* / first side of a cell, inf if there is none.
 

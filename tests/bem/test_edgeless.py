@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 import bem
 from bem.spacing import BOUNDARIES, Boundary
+from bench.references.surfaces import SURFACES
 
 EDGELESS = [boundary for boundary in BOUNDARIES if boundary != "free"]
 
@@ -222,3 +223,92 @@ def test_soft_bodies_on_high_peaks_flatten_as_many_nodes_as_the_load_needs(
     np.testing.assert_allclose(contact.pressure.flat[order[:13]], 0.06, rtol=1e-12)
     assert contact.pressure.flat[order[13]] == pytest.approx(0.02, rel=1e-9)
     assert contact.delta == pytest.approx(np.ptp(heights.flat[order[:14]]), rel=1e-5)
+
+
+def oblong(seed: int) -> tuple[NDArray[np.float64], dict[str, Any]]:
+    """Return a random surface on cells of 1:1 to 1:100, and a load up to full contact or beyond."""
+    random = np.random.default_rng(seed)
+    shape = random.integers(1, 34), random.integers(2, 34)
+    kind = random.choice([name for name in SURFACES if name != "one height"])
+    heights = SURFACES[kind](random, shape) * 10.0 ** random.uniform(-2, 1)
+    if np.ptp(heights) < 1e-6:  # flat but for rounding
+        heights.flat[0] += 1.0
+    aspect = 10.0 ** random.uniform(-2, 2)
+    boundary = EDGELESS[random.integers(2)]
+    settings: dict[str, Any] = {"spacing": (1.0, aspect), "boundary": boundary}
+    steep = float(np.ptp(heights)) / min(1.0, aspect)
+    depth = float(heights.max() - heights.mean())
+    near_full = 1 - 10 ** random.uniform(-6, -0.5)
+    if random.random() < 0.5:
+        settings["hardness"] = (steep or 1.0) * 10.0 ** random.uniform(-4, 0.5)
+    if depth > 0 and random.random() < 0.7:
+        shares = random.uniform(0, 1), near_full, 10 ** random.uniform(-4, 0), 1.2
+        share = shares[random.integers(4 if "hardness" in settings else 2)]
+        return heights, {**settings, "delta": depth * share}
+    largest = settings.get("hardness", 2 * steep or 1.0)
+    shares = random.uniform(0, 1), near_full, 10 ** random.uniform(-5, 0)
+    return heights, {**settings, "pressure": largest * shares[random.integers(3)]}
+
+
+@pytest.mark.parametrize(
+    "first", [0, *(pytest.param(first, marks=pytest.mark.long) for first in range(100, 3000, 100))]
+)
+def test_oblong_cells_are_solved(first: int) -> None:
+    for seed in range(first, first + 100):
+        heights, settings = oblong(seed)
+        contact = bem.solve(heights, 1.0, **settings)
+        assert contact.residual <= 2e-7
+        assert violation(contact) <= 2.1e-7 * contact.delta + 1e-12 * np.ptp(heights)
+
+
+def violation(contact: bem.Contact) -> float:
+    """Return the largest gap under pressure or penetration below the hardness [um]."""
+    heights, pressure = contact.problem.heights, contact.pressure
+    gap = contact.displacement - (heights - heights.max() + contact.delta)
+    below = pressure < (contact.problem.hardness or np.inf)
+    return max(float((-gap[below]).max(initial=0)), float(gap[pressure > 0].max(initial=0)))
+
+
+@pytest.mark.parametrize("boundary", EDGELESS)
+@pytest.mark.parametrize("share", [0.999, 0.9999, 0.99999, 0.999999])
+def test_displacements_just_below_full_contact(boundary: Boundary, share: float) -> None:
+    """Loads whose displacement differs by less than it is wrong do not bound the one wanted."""
+    for seed in range(12):
+        heights = np.random.default_rng(seed).normal(size=(9, 9))
+        delta = share * float(heights.max() - heights.mean())
+        contact = bem.solve(heights, 1.0, delta, spacing=0.3, boundary=boundary)
+        assert violation(contact) <= 2.1e-7 * delta
+
+
+def test_cells_beyond_what_is_tested_are_named() -> None:
+    heights = np.random.default_rng(1).normal(size=(12, 9))
+    with pytest.raises(bem.NotConverged, match="cells of 1:500 are beyond 1:100"):
+        bem.solve(heights, 1.0, 1.0, spacing=(1, 500), boundary="mirror", max_iterations=1)
+
+
+def pit_and_rough(nodes: int) -> tuple[list[int], list[int]]:
+    """Return the convolutions that one pit and rough surfaces take, on bodies that yield."""
+    pit = np.zeros((nodes, nodes))
+    pit[nodes // 2, nodes // 2] = -1.0
+    pits, roughs = [], []
+    for boundary in EDGELESS:
+        for hardness in (0.001, 0.01, 0.1):
+            for cells in (0.1, 0.5, 1.5):
+                delta = cells / nodes**2
+                contact = bem.solve(
+                    pit, nodes, delta, spacing=1.0, boundary=boundary, hardness=hardness
+                )
+                pits.append(contact.convolutions)
+        for seed in range(3):
+            heights = rough((nodes, nodes), seed)
+            delta = (0.3 + 0.3 * seed) * float(heights.max() - heights.mean())
+            contact = bem.solve(heights, nodes, delta, boundary=boundary, hardness=slope(heights))
+            roughs.append(contact.convolutions)
+    return pits, roughs
+
+
+@pytest.mark.parametrize("nodes", [33, pytest.param(257, marks=pytest.mark.long)])
+def test_one_pit_takes_no_more_than_thirty_times_the_work_of_a_rough_surface(nodes: int) -> None:
+    """Where all that touches yields, one load has many displacements."""
+    pits, roughs = pit_and_rough(nodes)
+    assert max(pits) <= 30 * np.median(roughs)
