@@ -1,9 +1,11 @@
-"""Names of the arrays that pass between the modules of this package."""
+"""Names of the arrays that pass between the modules of this package, and what none may have."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gen.runtime.errors import InputError
 
 Values = NDArray[np.float64]
 """Numbers of any meaning and shape; docstrings give both."""
@@ -13,3 +15,15 @@ Heights = Values
 
 Columns = dict[str, NDArray[Any]]
 """Some rows of a database: for each column's name its values, one for each row."""
+
+
+def refuse_masked(name: str, given: Any) -> None:
+    """Refuse an array of which some entries are masked; with a mask of nothing it is as any other.
+
+    Raises
+    ------
+    InputError
+        With the name of the array.
+    """
+    if np.ma.is_masked(given):
+        raise InputError(f"{name} are masked in places: fill or crop them")

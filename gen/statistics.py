@@ -27,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gen.arrays import refuse_masked
 from gen.runtime.errors import InputError
 from gen.schema import statistics_columns
 
@@ -212,7 +213,13 @@ def rms_slope(heights: NDArray[np.float64], spacing: tuple[float, float]) -> flo
     -------
     float
         Root of the sum of both directions' mean squares [1]; infinite if that is beyond numbers.
+
+    Raises
+    ------
+    InputError
+        If heights are masked in places.
     """
+    refuse_masked("heights", heights)
     squares = 0.0
     for axis, length in enumerate(spacing):
         with np.errstate(over="ignore"):
@@ -312,8 +319,7 @@ def _require_numbers(heights: NDArray[np.float64]) -> None:
         raise InputError(f"heights of shape {heights.shape}: give 2-D heights, 2 x 2 nodes or more")
     if heights.dtype.kind not in "buif":
         raise InputError(f"heights of type {heights.dtype}: give real numbers")
-    if np.ma.is_masked(heights):
-        raise InputError("heights with masked nodes: give heights everywhere, fill holes first")
+    refuse_masked("heights", heights)
 
 
 def _profiles(surface: NDArray[np.float64], axis: int) -> Profiles:

@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gen.arrays import Heights
+from gen.arrays import Heights, refuse_masked
 from gen.runtime.errors import InputError
 
 Generator = Callable[[int, float, float, np.random.Generator], Heights]
@@ -79,7 +79,13 @@ def without_last_nodes(heights: Heights) -> Heights:
     -------
     ndarray, shape (n, n)
         Heights above the lowest of these nodes [um].
+
+    Raises
+    ------
+    InputError
+        If heights are masked in places.
     """
+    refuse_masked("heights", heights)
     cells = heights[:-1, :-1]
     return np.ascontiguousarray(cells - cells.min())
 

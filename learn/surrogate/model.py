@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bem.spacing import Boundary
+from gen.arrays import refuse_masked
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import printable
 from learn.arrays import Values
@@ -20,7 +21,6 @@ from learn.surrogate import packing, ranges, storage
 from learn.surrogate.distance import Distance
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.prediction import Prediction, Rows
-from learn.target import within_bounds
 
 LARGEST = 1e38
 """Of a feature: trees see their inputs in single precision, which ends there."""
@@ -251,10 +251,13 @@ class Surrogate:
         Raises
         ------
         InputError
-            If heights or lengths are impossible.
+            If heights or lengths are impossible, or heights are masked in places.
         """
-        heights = np.asarray(surface, dtype=np.float64)
-        sides = (float(side[0]), float(side[1])) if isinstance(side, tuple) else (float(side),) * 2
+        heights = _own(name, surface)
+        if np.shape(side) not in {(), (2,)}:
+            raise InputError(f"{name}: side {side!r}: give one length or one for each axis")
+        along_x, along_y = np.broadcast_to(np.asarray(side, dtype=np.float64), 2)
+        sides = float(along_x), float(along_y)
         if heights.ndim != 2 or min(heights.shape) < 2 or not np.isfinite(heights).all():
             raise InputError(f"{name}: give 2-D heights, 2 x 2 or more, all finite")
         if not all(0 < each < np.inf for each in sides):
@@ -297,7 +300,7 @@ class Surrogate:
         ------
         InputError
             If the surrogate needs the heights of the surface, or the nodes, or a row is not
-            finite.
+            finite or masked in places.
         """
         if self.features.needs_surface:
             raise InputError(
@@ -308,6 +311,8 @@ class Surrogate:
             raise InputError(
                 "names no nodes_x and nodes_y, which the surrogate was trained with as a feature"
             )
+        statistics, delta = _own("statistics", statistics), _own("Delta", delta)
+        length = _own("lengths", length)
         inputs = build(
             self.features, statistics, delta, length, hardness_ratio=hardness_ratio, nodes=nodes
         )
@@ -356,7 +361,7 @@ class Surrogate:
             raise InputError(f"E* {e_star:g}: give a modulus above 0 MPa")
         ratio = 1.0 if e_star is None else e_star / self.modulus
         said = self.reasons(rows) if reasons else ("",) * len(rows.delta)
-        prediction = Prediction(rows.delta, {})
+        prediction = Prediction(rows.delta.copy(), {})
         for name, learnt in self.learnt.items():
             scale = target_scale(
                 self.features, learnt.column, rows.statistics, rows.delta, rows.length, self.modulus
@@ -365,11 +370,11 @@ class Surrogate:
                 scale = scale * ratio
             raw = ranges.finite(learnt.raw(rows.inputs), scale)
             said = ranges.with_undefined(said, name, raw)
-            prediction.values[name] = within_bounds(learnt.column, raw * scale)
+            prediction.values[name] = learnt.within(raw * scale)
             if level is not None:
                 low, high = learnt.ends(rows.inputs, raw, level)
-                prediction.low[name] = within_bounds(learnt.column, low * scale)
-                prediction.high[name] = within_bounds(learnt.column, high * scale)
+                prediction.low[name] = learnt.within(low * scale)
+                prediction.high[name] = learnt.within(high * scale)
             spread = learnt.spread(rows.inputs) if std else None
             if spread is not None:
                 prediction.std[name] = spread * scale
@@ -415,6 +420,12 @@ class Surrogate:
         return ranges.grid_note(self.card, self.features, shape, sides)
 
 
+def _own(name: str, given: ArrayLike) -> Values:
+    """Return a copy of an array, which its caller may fill anew; refuse masked places."""
+    refuse_masked(name, given)
+    return np.array(given, dtype=np.float64)
+
+
 @dataclass(frozen=True, eq=False)
 class OnSurface:
     """A surrogate applied to one surface, whose statistics are computed once.
@@ -452,7 +463,7 @@ class OnSurface:
             not define.
         """
         surface, surrogate = self.surface, self.surrogate
-        deltas = np.atleast_1d(np.asarray(delta, dtype=np.float64))
+        deltas = np.atleast_1d(_own("Delta", delta))
         inputs = surface.features(surrogate.features, deltas, hardness_ratio)
         statistics = np.broadcast_to(surface.statistics, (deltas.size, surface.statistics.size))
         shape = (surface.heights.shape[0], surface.heights.shape[1])
