@@ -69,6 +69,9 @@ LARGE_FREE_CHANGES: dict[int, str] = {
 }
 """The same for changes of large grids with edges only."""
 
+SHARE, AMOUNT = (0.0, 100.0), (0.0, math.inf)
+"""Bounds of percentages, and of quantities that cannot be negative."""
+
 RUNTIME = "runtime"
 """Group of the columns that differ from run to run: times, ranks, hosts."""
 
@@ -134,6 +137,8 @@ class Column:
         "" for one value per sample, "nodes" for a field of shape (rows, nx, ny).
     optional : str
         Key of the scene that adds the column, in Markdown; "" for a column of every database.
+    bounds : tuple of float
+        Least and most that a value can be, where the quantity has bounds.
     """
 
     name: str
@@ -145,6 +150,7 @@ class Column:
     paper_range: tuple[float, float] | None = None
     shape_of: Literal["", "nodes"] = ""
     optional: str = ""
+    bounds: tuple[float, float] = (-math.inf, math.inf)
 
     @property
     def path(self) -> str:
@@ -269,30 +275,64 @@ COLUMNS: tuple[Column, ...] = (
         optional="a range of `contact.hardness`",
     ),
     *_STATISTICS,
-    Column("area_percent", "f8", "%", "effective contact area", paper_range=(0.01, 16.56)),
-    Column("force", "f8", "uN", "normal force at the scene's modulus (1 uN = 1 MPa um2)"),
-    Column("contact_nodes", "i4", "1", "nodes under pressure"),
+    Column(
+        "area_percent",
+        "f8",
+        "%",
+        "effective contact area",
+        paper_range=(0.01, 16.56),
+        bounds=SHARE,
+    ),
+    Column(
+        "force",
+        "f8",
+        "uN",
+        "normal force at the scene's modulus (1 uN = 1 MPa um2)",
+        bounds=AMOUNT,
+    ),
+    Column("contact_nodes", "i4", "1", "nodes under pressure", bounds=AMOUNT),
     Column(
         "yielded_percent",
         "f8",
         "%",
         "share of nodes at the hardness",
         optional="`contact.hardness`",
+        bounds=SHARE,
     ),
     Column("iterations", "i4", "1", "iterations of the solver"),
     Column("convolutions", "i4", "1", "applications of the influence operator"),
     Column("residual", "f8", "1", "relative residual of the solution"),
-    Column("mean_gap", "f8", "um", "mean gap over all nodes", optional="`store.mean_gap`"),
     Column(
-        "largest_pressure", "f8", "MPa", "largest pressure", optional="`store.largest_pressure`"
+        "mean_gap",
+        "f8",
+        "um",
+        "mean gap over all nodes",
+        optional="`store.mean_gap`",
+        bounds=AMOUNT,
     ),
-    Column("perimeter", "f8", "um", "length of the contact's edges", optional="`store.perimeter`"),
+    Column(
+        "largest_pressure",
+        "f8",
+        "MPa",
+        "largest pressure",
+        optional="`store.largest_pressure`",
+        bounds=AMOUNT,
+    ),
+    Column(
+        "perimeter",
+        "f8",
+        "um",
+        "length of the contact's edges",
+        optional="`store.perimeter`",
+        bounds=AMOUNT,
+    ),
     Column(
         "stiffness",
         "f8",
         "N/m",
         "stiffness of unloading, infinite at full contact without edges",
         optional="`store.stiffness`",
+        bounds=AMOUNT,
     ),
     Column(
         "interface_stiffness",
@@ -300,14 +340,23 @@ COLUMNS: tuple[Column, ...] = (
         "N/m",
         "the same without the patch's own compliance, infinite at full contact",
         optional="`store.interface_stiffness`",
+        bounds=AMOUNT,
     ),
-    Column("contact_spots", "i4", "1", "spots of contact", optional="`store.contact_spots`"),
+    Column(
+        "contact_spots",
+        "i4",
+        "1",
+        "spots of contact",
+        optional="`store.contact_spots`",
+        bounds=AMOUNT,
+    ),
     Column(
         "largest_spot_percent",
         "f8",
         "%",
         "share of the contact area in the largest spot",
         optional="`store.largest_spot_percent`",
+        bounds=SHARE,
     ),
     Column(
         "contact_connects",
@@ -329,6 +378,7 @@ COLUMNS: tuple[Column, ...] = (
         "%",
         "contact area less what the cells along its perimeter add",
         optional="`store.corrected_area_percent`",
+        bounds=SHARE,
     ),
     Column("heights", "f8", "um", "surface heights", shape_of="nodes", optional="`store.heights`"),
     Column(
@@ -376,7 +426,9 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
         if name not in names
     )
     outputs = tuple(
-        Column(name, "f8", unit, f"output of {scene.store.function}")
+        Column(
+            name, "f8", unit, f"output of {scene.store.function}", bounds=scene.store.bounds(name)
+        )
         for name, unit in (scene.store.outputs or {}).items()
     )
     place = names.index("surface") + 1
@@ -444,6 +496,10 @@ def require_own_names(scene: Scene) -> None:
     for name in scene.store.outputs or ():
         if name in RESERVED or name in scene.drawn_parameters:
             raise InputError(f"store.outputs.{name}: {name} {TAKEN}, as own_{name}")
+    outputs = scene.store.outputs
+    for name in (*(scene.store.least or ()), *(scene.store.most or ())):
+        if outputs is not None and name not in outputs:
+            raise InputError(f"store: {name} has bounds; the outputs are {', '.join(outputs)}")
 
 
 def row_bytes(scene: Scene) -> int:

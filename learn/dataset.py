@@ -18,6 +18,7 @@ from learn.features import FeatureSet, chosen
 from learn.features.hardness import are_mixed, limits_of, modulus
 from learn.features.pressed import BLOCKS
 from learn.features.sets import build, target_scale
+from learn.metrics import usual_size
 from learn.pooling import Origin, Population
 from learn.stored import Stored, read_stored, reasons_against
 
@@ -331,7 +332,7 @@ def _together(parts: Sequence[tuple[Dataset, pooling.Placed]]) -> Dataset:
     sets, placed = [rows for rows, _ in parts], [place for _, place in parts]
     population, populations = pooling.populations(placed)
     whole = joined(sets) if len(sets) > 1 else sets[0]
-    _check(whole)
+    require_usable(whole)
     return replace(
         whole,
         groups=pooling.related(placed),
@@ -429,10 +430,10 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
     if len(whole) < dataset.size:
         lines.append(f"warning: {dataset.size - len(whole)} rows repeat others exactly")
     target = np.abs(dataset.target)
-    if target.max() > DOMINANT * np.median(target):
+    if target.max() > DOMINANT * usual_size(target):
         lines.append(
             f"warning: the largest {dataset.target_name} is {target.max():.1e}, the median"
-            f" {np.median(target):.1e}: squared errors see nothing else"
+            f" {usual_size(target):.1e}: squared errors see nothing else"
         )
     sizes = np.median(np.abs(dataset.inputs), axis=0)
     largest = int(np.argmax(sizes))
@@ -446,8 +447,19 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
     return lines
 
 
-def _check(rows: Dataset) -> None:
-    """Refuse rows that nothing can be learnt from."""
+def require_usable(rows: Dataset) -> None:
+    """Refuse rows that nothing can be learnt from.
+
+    Parameters
+    ----------
+    rows : Dataset
+        The usable rows.
+
+    Raises
+    ------
+    InputError
+        If there are too few, a database has none, or the target is constant.
+    """
     name = rows.source["database"]
     if rows.size < SMALLEST:
         left_out = "; ".join(f"{number} {text}" for text, number in sorted(rows.dropped.items()))

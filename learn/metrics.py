@@ -14,9 +14,10 @@ class Scores:
     Attributes
     ----------
     nmse : float
-        Mean squared error over the mean truth; it carries the target's unit (see `spread`).
+        Mean squared error over the mean magnitude of the truth; it carries the target's unit (see
+        `spread`).
     nmae : float
-        Mean absolute error over the mean truth.
+        Mean absolute error over the mean magnitude of the truth.
     nmaxe : float
         Largest absolute error over the largest absolute truth.
     r2 : float
@@ -42,8 +43,8 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
     Raises
     ------
     ValueError
-        If the lengths differ, a value is not finite, or the truth has a mean of zero or does not
-        vary: the scores are undefined then.
+        If the lengths differ, a value is not finite, or the truth does not vary: the scores are
+        undefined then.
     """
     known, guessed = np.asarray(truth, dtype=float), np.asarray(prediction, dtype=float)
     if known.ndim != 1 or known.shape != guessed.shape:
@@ -53,18 +54,37 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
         )
     if not (np.isfinite(known).all() and np.isfinite(guessed).all()):
         raise ValueError("truth and prediction must be finite, without NaN or infinity")
-    if known.size < 2 or np.ptp(known) == 0 or known.mean() == 0:
-        raise ValueError("truth must vary and have a mean other than zero")
+    if known.size < 2 or np.ptp(known) == 0:
+        raise ValueError("truth must vary")
     return Scores(
-        nmse=100 * float(mean_squared_error(known, guessed)) / float(known.mean()),
-        nmae=100 * float(mean_absolute_error(known, guessed)) / float(known.mean()),
+        nmse=100 * float(mean_squared_error(known, guessed)) / magnitude(known),
+        nmae=100 * float(mean_absolute_error(known, guessed)) / magnitude(known),
         nmaxe=100 * float(max_error(known, guessed)) / float(np.abs(known).max()),
         r2=100 * float(r2_score(known, guessed)),
     )
 
 
+def magnitude(truth: ArrayLike) -> float:
+    """Return the mean magnitude of the truth, which errors are divided by: the mean of areas.
+
+    A mean of quantities with both signs may be near 0, or negative.
+    """
+    return float(np.abs(np.asarray(truth, dtype=float)).mean())
+
+
+def usual_size(target: ArrayLike) -> float:
+    """Return the median of the magnitudes that are not 0, which outliers do not move; 0 if none."""
+    sizes = np.abs(np.asarray(target, dtype=float))
+    return float(np.median(sizes[sizes > 0])) if sizes.any() else 0.0
+
+
+def no_better(r2: float) -> str:
+    """Say that predictions are no better than a constant, with their R2 [%]; "" if they are."""
+    return "" if r2 > 0 else f"R2 {r2:.2f} % on the test rows: no better than a constant"
+
+
 def spread(truth: ArrayLike) -> float:
-    """Return the variance of the truth over its mean, in the target's unit.
+    """Return the variance of the truth over its mean magnitude, in the target's unit.
 
     It is the factor between nMSE and unexplained variance: nMSE = (1 - R2) times the spread. So the
     nMSE carries the target's unit, and differs between data sets on which R2 is the same.
@@ -72,10 +92,9 @@ def spread(truth: ArrayLike) -> float:
     Parameters
     ----------
     truth : array_like, shape (n,)
-        Solved values, with a mean other than zero.
+        Solved values, not all of them 0.
     """
-    known = np.asarray(truth, dtype=float)
-    return float(known.var() / known.mean())
+    return float(np.asarray(truth, dtype=float).var()) / magnitude(truth)
 
 
 BOOTSTRAP = 1000
@@ -117,15 +136,17 @@ def bootstrap(
     if number < 2:
         return {}
     middle = float(known.mean())  # variances are of the distances from it, without cancellation
-    each = np.ones_like(known), error**2, error, known - middle, (known - middle) ** 2
+    size = magnitude(known)
+    from_middle = known - middle
+    each = np.ones_like(known), error**2, error, np.abs(known) - size, from_middle, from_middle**2
     sums = np.stack([np.bincount(own, part, number) for part in each], axis=1)
     generator = np.random.default_rng(0)
     drawn: dict[str, list[float]] = {"nmse": [], "nmae": [], "r2": []}
     for _ in range(BOOTSTRAP):
         rows, *totals = sums[generator.integers(number, size=number)].sum(axis=0)
-        square, absolute, distance, distances = (float(total / rows) for total in totals)
-        mean, variance = middle + distance, distances - distance**2
-        if mean == 0 or variance <= ROUNDING * float(known.var()):  # one group, again and again
+        square, absolute, beyond, distance, distances = (float(total / rows) for total in totals)
+        mean, variance = size + beyond, distances - distance**2
+        if mean <= 0 or variance <= ROUNDING * float(known.var()):  # one group, again and again
             continue
         drawn["nmse"].append(100 * square / mean)
         drawn["nmae"].append(100 * absolute / mean)

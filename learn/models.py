@@ -5,7 +5,9 @@ basis function of length 1 that is not fitted (Appendix A), kernel ridge a linea
 without units need another length: see `learn.comparison.search.spaces.baseline`.
 """
 
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -38,6 +40,9 @@ class Model:
     staged : str
         Setting of the number of estimators, where one fit yields the predictions of all smaller
         numbers; "" for other models.
+    ignored : str
+        Setting of the paper's grid that the library ignores today, and warns of; "" if there is
+        none.
     """
 
     name: str
@@ -45,6 +50,7 @@ class Model:
     estimator: Callable[[int], Any]
     tuned: Mapping[str, Any] = field(default_factory=dict)
     staged: str = ""
+    ignored: str = ""
 
 
 def _tree(seed: int) -> Any:
@@ -123,7 +129,13 @@ MODELS: dict[str, Model] = {
         Model("random-forest", "Random Forest", _forest, staged="n_estimators"),
         Model("adaboost", "AdaBoost", _ada_boost, staged="n_estimators"),
         Model("xgboost", "XGBoost", _xgboost, staged="n_estimators"),
-        Model("gradient-boost", "Gradient Boost", _gradient_boost, staged="n_estimators"),
+        Model(
+            "gradient-boost",
+            "Gradient Boost",
+            _gradient_boost,
+            staged="n_estimators",
+            ignored="criterion",
+        ),
         Model("svm", "SVM Regressor", _support_vectors),
         Model(
             "gaussian-process",
@@ -142,6 +154,9 @@ MODELS: dict[str, Model] = {
     )
 }
 """All nine models by name, in the order of the paper's Table 4."""
+
+REMARK_LENGTH = 300
+"""Characters of a warning that are kept."""
 
 STEP = "model"
 """Name of the estimator in its pipeline; its settings are `model__alpha` and so on."""
@@ -200,7 +215,8 @@ def pipeline(
         name: value() if callable(value) else value
         for name, value in (model.tuned if tuned else {}).items()
     }
-    estimator.set_params(**{**shared, **(settings or {})})
+    given = {**shared, **(settings or {})}
+    estimator.set_params(**{name: given[name] for name in given if name != model.ignored})
     return Pipeline([("scaling", _scaling(normalisation)), (STEP, estimator)])
 
 
@@ -213,3 +229,31 @@ def _scaling(normalisation: str) -> Any:
         raise InputError(f"--normalise {normalisation!r}: give one of {known}")
     scalings = {"l2": Normalizer, "standard": StandardScaler, "min-max": MinMaxScaler}
     return scalings[normalisation]() if normalisation in scalings else "passthrough"
+
+
+UNFINISHED = "the training ended at its largest number of steps, before it had converged"
+AT_BOUND = "the likelihood of the kernel is largest at an end of its range"
+
+
+@contextmanager
+def remarks() -> Iterator[list[str]]:
+    """Collect what libraries warn of while models are fitted, in words for users.
+
+    Yields
+    ------
+    list of str
+        Filled at the end: each warning once. What a library will change in its later versions is
+        left out, as it says nothing about the model.
+    """
+    from sklearn.exceptions import ConvergenceWarning
+
+    said: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield said
+    for each in caught:
+        text = " ".join(str(each.message).split())[:REMARK_LENGTH]
+        if issubclass(each.category, ConvergenceWarning):
+            text = AT_BOUND if "bound" in text else UNFINISHED
+        if text not in said and not issubclass(each.category, FutureWarning | DeprecationWarning):
+            said.append(text)

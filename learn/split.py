@@ -4,6 +4,7 @@ Rows of one surface stay together, so that no model is tested on a surface that 
 windows of maps, rows of one tile do: two windows of a tile can share nodes.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,9 @@ import numpy as np
 from gen.runtime.errors import InputError
 from learn.arrays import Folds, Indices
 from learn.dataset import Dataset
+
+DRAWS = 20
+"""Draws of a split at most, where a target is constant in a part."""
 
 FOLDS = 5
 """Folds of the cross-validation, the paper's number."""
@@ -44,8 +48,17 @@ class Split:
     by_surface: bool
 
 
-def draw(dataset: Dataset, seed: int = 0, train_rows: int | None = None) -> Split:
+def draw(
+    dataset: Dataset,
+    seed: int = 0,
+    train_rows: int | None = None,
+    *,
+    others: Sequence[Dataset] = (),
+) -> Split:
     """Split a dataset 80:20, and the training rows into folds.
+
+    A target that few rows have, as the yielded share where most bodies are elastic, may be constant
+    in a part. The draw is then repeated, `DRAWS` times at most.
 
     Parameters
     ----------
@@ -55,6 +68,8 @@ def draw(dataset: Dataset, seed: int = 0, train_rows: int | None = None) -> Spli
         Seed of the draw.
     train_rows : int, optional
         Number of training rows at most, the first of the draw; all if left out.
+    others : sequence of Dataset
+        The same rows with further targets.
 
     Returns
     -------
@@ -65,25 +80,35 @@ def draw(dataset: Dataset, seed: int = 0, train_rows: int | None = None) -> Spli
     Raises
     ------
     InputError
-        If there are too few rows, surfaces or tiles, or the test target is constant.
+        If there are too few rows, surfaces or tiles, or a target is constant in a part.
     """
     groups, by_surface = dataset.groups, True
     if np.ptp(groups) == 0:
         require_tiles(dataset, 2)
         groups, by_surface = np.arange(dataset.size), False
-    order = np.random.default_rng(seed).permutation(np.unique(groups))
+    random = np.random.default_rng(seed)
+    faults = []
+    for _ in range(DRAWS):
+        train, test = _drawn(random, groups, dataset.size)
+        train = train if train_rows is None else train[:train_rows]
+        fault = _fault([dataset, *others], train, test, train_rows)
+        if not fault:
+            return Split(train, test, _folds(groups[train]), seed, by_surface)
+        faults.append(fault)
+    raise InputError(faults[0])
+
+
+def _drawn(random: np.random.Generator, groups: Indices, rows: int) -> tuple[Indices, Indices]:
+    """Draw the positions of training and test rows, each by whole groups in random order."""
+    order = random.permutation(np.unique(groups))
     place = np.empty(order.size, dtype=np.int64)
     place[order] = np.arange(order.size)
     shuffled = np.argsort(place[groups], kind="stable")
     # The test rows are whole surfaces, up to a fifth of the rows, and one surface at least.
     ends = np.flatnonzero(np.diff(groups[shuffled], append=-1)) + 1
-    last = np.searchsorted(ends, int(TEST_SHARE * dataset.size), side="right") - 1
+    last = np.searchsorted(ends, int(TEST_SHARE * rows), side="right") - 1
     cut = int(ends[max(int(last), 0)])
-    test, train = shuffled[:cut], shuffled[cut:]
-    if train_rows is not None:
-        train = train[:train_rows]
-    _check(dataset, train, test, train_rows)
-    return Split(train, test, _folds(groups[train]), seed, by_surface)
+    return shuffled[cut:], shuffled[:cut]
 
 
 def require_tiles(dataset: Dataset, wanted: int) -> None:
@@ -119,32 +144,36 @@ def _folds(groups: Indices) -> Folds:
     return np.asarray(fold_of_group[number], dtype=np.int8)
 
 
-def _check(dataset: Dataset, train: Indices, test: Indices, train_rows: int | None) -> None:
-    """Refuse parts with too few rows, or with a constant target."""
+def _fault(sets: Sequence[Dataset], train: Indices, test: Indices, train_rows: int | None) -> str:
+    """Say which part has too few rows, or a target that is constant; "" if none."""
     if train_rows is not None and train_rows < 2:
-        raise InputError(f"--train-rows {train_rows}: give 2 rows at least")
-    for name, rows in (("training", train), ("test", test)):
-        if rows.size < 2 or np.ptp(dataset.target[rows]) == 0:
-            raise InputError(
-                f"{dataset.source['database']}: {dataset.target_name} does not vary over the"
-                f" {rows.size} {name} rows drawn from {np.unique(dataset.groups).size}"
-                f" {'tiles' if dataset.by_tile else 'surfaces'}:"
-                " more are needed"
-            )
+        return f"--train-rows {train_rows}: give 2 rows at least"
+    for dataset in sets:
+        for name, rows in (("training", train), ("test", test)):
+            if rows.size < 2 or np.ptp(dataset.target[rows]) == 0:
+                return (
+                    f"{dataset.source['database']}: {dataset.target_name} does not vary over the"
+                    f" {rows.size} {name} rows drawn from {np.unique(dataset.groups).size}"
+                    f" {'tiles' if dataset.by_tile else 'surfaces'}: more are needed"
+                )
+    return ""
 
 
-def check_folds(split: Split) -> None:
+def check_folds(dataset: Dataset, split: Split) -> None:
     """Refuse a training set that is too small for cross-validation.
 
     Parameters
     ----------
+    dataset : Dataset
+        The usable rows.
     split : Split
         The positions.
 
     Raises
     ------
     InputError
-        If a fold has fewer than two rows: its score would be undefined.
+        If a fold has fewer than two rows, or its target does not vary: its score would be
+        undefined.
     """
     sizes = np.bincount(split.folds, minlength=FOLDS)
     if sizes.min() < 2:
@@ -152,3 +181,10 @@ def check_folds(split: Split) -> None:
             f"{split.train.size} training rows in folds of {', '.join(map(str, sizes))}: a search"
             f" needs {FOLDS} folds of 2 rows at least, of different surfaces or tiles"
         )
+    for fold in range(FOLDS):
+        rows = dataset.target[split.train[split.folds == fold]]
+        if np.ptp(rows) == 0:
+            raise InputError(
+                f"{dataset.source['database']}: {dataset.target_name} is {rows[0]:g} in all"
+                f" {rows.size} rows of a fold of the search: more rows are needed"
+            )

@@ -144,6 +144,7 @@ def reasons_against(stored: Stored, target: Values) -> NDArray[np.object_]:
         square = np.einsum("ij,ij->i", inputs, inputs)
     reasons[~np.isfinite(target)] = "target not finite"
     reasons[~np.isfinite(square)] = "input not finite, or too large to be squared"
+    reasons[~np.isin(status, list(Status))] = "status unknown"
     reasons[status == Status.PENDING] = "not computed yet"
     for code in np.unique(reason[status == Status.FAILED]):
         text = REASONS.get(int(code), f"reason {code}") or "no reason given"

@@ -8,16 +8,17 @@ import numpy as np
 from learn.arrays import Indices, Values
 from learn.dataset import Dataset
 from learn.features import chosen
+from learn.metrics import usual_size
 
 
 @dataclass(frozen=True)
 class Scaling:
     """A map of the target: models are trained on (target - mean) / deviation, or on its root's.
 
-    Where the features are free of units, mean and deviation are those of the training rows.
-    Elsewhere they are 0 and 1: the paper trains on areas as they are. Targets of another size are
-    brought to an area's by a power of two, since splits of trees, tubes of support vectors and
-    steps of perceptrons have absolute thresholds.
+    Where the features are free of units, and for Gaussian processes of surrogates, mean and
+    deviation are those of the training rows. Elsewhere they are 0 and 1: the paper trains on areas
+    as they are. Targets of another size are brought to an area's by a power of two, since splits of
+    trees, tubes of support vectors and steps of perceptrons have absolute thresholds.
 
     Attributes
     ----------
@@ -60,39 +61,22 @@ UNSCALED = Scaling()
 USUAL = (1e-3, 1e3)
 """Range of the medians of targets that are not scaled: areas in percent lie in it."""
 
+FAR = 10.0
+"""Mean over the deviation, beyond which models learn the distance from the mean: areas vary as much
+as they are large."""
+
 SIZE = 3
 """Exponent of the other targets' scaled median: 2^2 to 2^3, that of the paper's areas, whose
 hyperparameters these targets are fitted with."""
-
-
-CEILING = {
-    "area_percent": 100.0,
-    "yielded_percent": 100.0,
-    "largest_spot_percent": 100.0,
-    "corrected_area_percent": 100.0,
-}
-"""Largest value of a target, where there is one; the smallest is 0."""
-
-
-def within_bounds(column: str, values: Values) -> Values:
-    """Cut predictions, or ends of their intervals, at the bounds of the target.
-
-    Parameters
-    ----------
-    column : str
-        Column of the target.
-    values : ndarray, shape (n,)
-        Predictions in the unit of the column, from 0 to 100 % for areas; 0 or more for others.
-    """
-    return np.clip(values, 0.0, CEILING.get(column, np.inf))
-
 
 ROOTED_TARGETS = frozenset({"area_percent", "contact_nodes"})
 """Targets whose square roots surrogates learn: the nodes in contact, which are never below 0. The
 error of the force, over its scale, grew by a third when its root was learnt."""
 
 
-def scaling_of(dataset: Dataset, train: Indices, *, roots: bool = False) -> Scaling:
+def scaling_of(
+    dataset: Dataset, train: Indices, *, roots: bool = False, standard: bool = False
+) -> Scaling:
     """Return the scaling of a dataset's target.
 
     Parameters
@@ -103,13 +87,18 @@ def scaling_of(dataset: Dataset, train: Indices, *, roots: bool = False) -> Scal
         Positions of the training rows.
     roots : bool
         True for the square root of a target of `ROOTED_TARGETS`.
+    standard : bool
+        True for mean 0 and deviation 1 whatever the features, as a Gaussian process needs it, whose
+        predictions are the mean where it knows nothing.
     """
     target = dataset.target[train]
     root = roots and dataset.target_name in ROOTED_TARGETS
-    if not chosen(dataset.features).scaled:
-        median = float(np.median(np.abs(target)))  # unlike the mean, outliers do not move it
-        if median == 0 or USUAL[0] <= median <= USUAL[1]:
-            return UNSCALED
-        return Scaling(0.0, 2.0 ** (math.frexp(median)[1] - SIZE))
+    if not (standard or chosen(dataset.features).scaled):
+        mean, deviation = float(target.mean()), float(target.std())
+        mean = mean if abs(mean) > FAR * deviation else 0.0
+        size = usual_size(target - mean)
+        if size == 0 or USUAL[0] <= size <= USUAL[1]:
+            return Scaling(mean)
+        return Scaling(mean, 2.0 ** (math.frexp(size)[1] - SIZE))
     target = np.sqrt(target) if root else target
     return Scaling(float(target.mean()), float(target.std()) or 1.0, root)

@@ -102,7 +102,7 @@ ROOMS = {
     },
     "learn.grow": {
         *("learn.arrays", "learn.columns", "learn.dataset", "learn.executor", "learn.request"),
-        *("learn.split", "learn.surrogate", "learn.target"),
+        *("learn.metrics", "learn.split", "learn.surrogate"),
     },
     "learn.commands": {
         *("learn.comparison", "learn.executor", "learn.features", "learn.grow", "learn.models"),

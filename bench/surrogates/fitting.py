@@ -18,7 +18,6 @@ from learn.surrogate.distance import Distance
 from learn.surrogate.fitting import Fit, fit_target
 from learn.surrogate.groups import groups_of
 from learn.surrogate.settings import Settings
-from learn.target import within_bounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +48,7 @@ class Fitted(Fit):
 
     def predict(self, rows: Dataset) -> Values:
         """Predict the areas of n rows [%]."""
-        return within_bounds(self.learnt.column, self.learnt.raw(rows.inputs))
+        return self.learnt.within(self.learnt.raw(rows.inputs))
 
     def scores(self, rows: Dataset) -> Scores:
         """Judge the predictions of some rows."""

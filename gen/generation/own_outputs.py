@@ -56,6 +56,12 @@ def outputs_of(store: Store, contact: bem.Contact, row: int) -> dict[str, float]
                 f"{store.function}, row {row}: {name} is in {output.unit!r}; the database has it in"
                 f" {expected[name]!r}"
             )
+        least, most = store.bounds(name)
+        if output.value < least or output.value > most:
+            raise SourceError(
+                f"{store.function}, row {row}: {name} is {output.value:g}; the scene's bounds of it"
+                f" are {least:g} and {most:g}"
+            )
     return {name: output.value for name, output in found.items()}
 
 

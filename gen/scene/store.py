@@ -1,5 +1,6 @@
 """The optional columns of a scene."""
 
+import math
 from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
@@ -62,13 +63,28 @@ class Store(Table):
     outputs: Annotated[dict[str, str], AfterValidator(named), AfterValidator(_units)] | None = (
         Field(default=None, description="a table of the function's outputs, { name = 'unit' }")
     )
+    least: dict[str, float] | None = Field(
+        default=None, description="a table of bounds of outputs, { name = least value }"
+    )
+    most: dict[str, float] | None = Field(
+        default=None, description="a table of bounds of outputs, { name = largest value }"
+    )
     # Written when a run begins: the SHA-256 of the module's source.
     source: Hash | None = Field(default=None, description="the SHA-256 of the module's source")
 
     @model_validator(mode="after")
     def _require_function(self) -> Self:
         """Refuse outputs of no function."""
-        for name in ("outputs", "source"):
+        for name in ("outputs", "source", "least", "most"):
             if self.function is None and getattr(self, name) is not None:
                 raise PydanticCustomError("conflict", f"{name} needs function, which gives them")
+        for name in self.least or ():
+            least, most = self.bounds(name)
+            if not least < most:
+                said = f"least.{name} = {least:g} is not below most.{name} = {most:g}"
+                raise PydanticCustomError("conflict", said)
         return self
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Return the least and the largest value of an output, infinite where none is stated."""
+        return (self.least or {}).get(name, -math.inf), (self.most or {}).get(name, math.inf)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gen.runtime import farm
+from gen.runtime.errors import InputError
 from gen.runtime.invocation import to_type
 from gen.runtime.lock import lock_folder
 from gen.runtime.option_groups import grouped
@@ -88,7 +89,7 @@ def tune(
         limit = seconds(budget) if budget else None
         request = requested(file, output, model, target, selection, again=again, limit=limit)
         with lock_folder(request.output):
-            return _show(request, jobs.tune(request, executor))
+            return _show(request, jobs.tune(request, executor), tuned=True)
 
     return lead(job, farm.this_world())
 
@@ -140,8 +141,19 @@ def show(
         _write_and_print(folder, pictures=pictures)
 
 
-def _show(request: Request, signal: int) -> int:
-    """Print the tables after a job, or that a signal stopped it; return the exit code."""
+def _show(request: Request, signal: int, *, tuned: bool = False) -> int:
+    """Print the tables after a job, or that a signal stopped it; return the exit code.
+
+    Raises
+    ------
+    InputError
+        If a constant does as well as a tuned model. Of baselines the tables say so: they are what
+        the libraries' settings give, whatever that is.
+    """
+    from learn.comparison import tables
+    from learn.comparison.folder import targets
+    from learn.models import MODELS
+
     if signal:
         import signal as signals
 
@@ -150,6 +162,10 @@ def _show(request: Request, signal: int) -> int:
         return 128 + signal
     _write_and_print(request.output, pictures=False)
     echo(f"pictures: {to_type(f'learn show {request.output}')}")
+    for part in targets(request.output):
+        for model, kind, said in tables.no_better_than_constant(part):
+            if tuned and kind == "tuned" and model in (request.models or MODELS):
+                raise InputError(f"{part.path}: {said}; the tables are written all the same")
     return 0
 
 

@@ -148,6 +148,7 @@ def _grow(
     from learn.grow import picture, rounds, summary
     from learn.grow.pace import Pace
     from learn.grow.population import scene_of
+    from learn.surrogate.training import require_better
 
     pace = Pace(seconds(goal.budget) if goal.budget else None, executor.workers)
     order, drawing = _order(output, goal), _beside(output, ".png")
@@ -170,6 +171,7 @@ def _grow(
     summary.show(order.request, grown, grown.last, order.most)
     picture.draw(figure, grown.last, grown.curve)
     echo(f"wrote {output}, {order.request.database} and {save(figure, drawing)}")
+    require_better(grown.last.surrogate, str(output))
     return 0
 
 

@@ -20,7 +20,7 @@ from learn.comparison.pictures import save
 from learn.comparison.preparation import open_folder, read_single
 from learn.dataset import Dataset
 from learn.metrics import Scores, scores
-from learn.models import MODELS, pipeline
+from learn.models import MODELS, pipeline, remarks
 from learn.request import Request
 from learn.split import Split
 
@@ -112,7 +112,10 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
     rows, parts = read_single(request, "area")
     memory.check("gaussian-process", parts.train.size, baseline=True)
     folder = open_folder(request, rows, parts)
-    cases = agreements(rows, parts, request.normalisation)
+    with remarks() as said:
+        cases = agreements(rows, parts, request.normalisation)
+    for remark in said:
+        say(f"warning: {remark}")
     for case in cases:
         say(
             f"{case.case}: R2 {case.process_scores.r2:.4f} % (Gaussian process),"

@@ -24,7 +24,7 @@ from learn.comparison.search.pruning import Settings
 from learn.comparison.search.spaces import untuned
 from learn.comparison.winner import settings_of
 from learn.metrics import Scores, scores
-from learn.models import Model, models_named, pipeline
+from learn.models import Model, models_named, pipeline, remarks
 from learn.request import Request
 
 SHUFFLES = 5
@@ -194,12 +194,15 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
     say(f"{model.title}, {origin}: {settings}")
 
     build = partial(_built, model, settings, request)
-    worths = rank_inputs(rows, parts, build)
+    with remarks() as said:
+        worths = rank_inputs(rows, parts, build)
+        selections = select(rows, parts, build, [worth.name for worth in worths])
     for worth in worths:
         say(f"  {worth.name:38} {worth.mean:9.4f} +- {worth.deviation:.4f} % of R2")
-    selections = select(rows, parts, build, [worth.name for worth in worths])
     for selection in selections:
         say(f"  {selection.line()}")
+    for remark in said:
+        say(f"  warning: {remark}")
     return [
         *_write_tables(folder, model.name, worths, selections),
         _draw(worths, selections, model.title, folder.path / "importance.png"),
@@ -254,7 +257,6 @@ def _settings(folder: Folder, model: str, features: str) -> tuple[Settings, str]
     if tuned and tuned.of_grid and result and result["test"]:
         return tuned.settings, "tuned here"
     origin, settings = untuned(model, features)
-    settings.pop("criterion", None)  # another name of the default
     return settings, origin
 
 

@@ -45,7 +45,7 @@ def prepare(
     """
     parts = split.draw(rows, request.seed, request.train_rows)
     if searched:
-        split.check_folds(parts)
+        split.check_folds(rows, parts)
     for model in models:
         memory.check(model.name, parts.train.size, baseline=not searched)
     with RunProgress(1) as progress:

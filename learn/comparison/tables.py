@@ -16,6 +16,7 @@ from gen.runtime.invocation import to_type
 from learn.comparison import intervals, paper, search_tables
 from learn.comparison.folder import KINDS, Folder
 from learn.comparison.intervals import Intervals
+from learn.metrics import no_better
 from learn.models import MODELS
 
 SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}
@@ -150,8 +151,18 @@ def nmse_note(spread: float) -> str:
     )
 
 
+def no_better_than_constant(folder: Folder) -> Iterator[tuple[str, str, str]]:
+    """Yield the models and kinds of results that a constant predicts as well, and say so."""
+    for model, kind, result in folder.results():
+        said = no_better(result["test"]["r2"]) if result.get("test") else ""
+        if said:
+            yield model, kind, f"{MODELS[model].title}, {kind}: {said}"
+
+
 def _remarks(folder: Folder) -> Iterator[str]:
-    """Yield the lines below the tables: baselines that won, older searches, failures."""
+    """Yield the lines below the tables: useless models, baselines that won, older searches."""
+    for *_, said in no_better_than_constant(folder):
+        yield f"warning: {said}"
     for model, kind, result in folder.results():
         if result.get("failure"):
             yield f"{MODELS[model].title}, {kind}, failed: {result['failure']}"

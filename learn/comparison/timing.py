@@ -5,7 +5,6 @@ processes wait, on one thread, as medians.
 """
 
 import math
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from statistics import median
@@ -18,7 +17,7 @@ from learn.arrays import Values
 from learn.comparison.search.pruning import Settings
 from learn.comparison.training_data import Training
 from learn.metrics import Scores, scores
-from learn.models import MODELS, STEP, pipeline
+from learn.models import MODELS, STEP, pipeline, remarks
 
 FITS = (3, 7)
 """Fewest and most fits that a median is over."""
@@ -131,15 +130,13 @@ def fit_and_time(training: Training, task: TimedFit) -> FitResult:
         seed=training.seed,
         tuned=task.of_grid,
     )
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with remarks() as said:
         try:
             result = _scored_and_timed(training, unfitted)
         except Exception as error:  # whatever a library raises: the model has no scores
             text = " ".join(str(error).split())[:300] or type(error).__name__
             result = FitResult(None, None, np.empty(0), {}, Times(), failure=text)
-    remarks = dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught)
-    return replace(result, remarks=tuple(remarks))
+    return replace(result, remarks=tuple(said))
 
 
 def _scored_and_timed(training: Training, unfitted: Any) -> FitResult:

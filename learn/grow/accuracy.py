@@ -14,7 +14,7 @@ class Accuracy(NamedTuple):
     Attributes
     ----------
     nmae : float
-        Mean absolute error over the mean truth [%].
+        Mean absolute error over the mean magnitude of the truth [%].
     error : float
         Standard error of that estimate, infinite if there is a single group [%].
     groups : int
@@ -59,7 +59,7 @@ def accuracy(errors: Values, truth: Values, groups: Indices) -> Accuracy:
     errors : ndarray, shape (n,)
         Absolute errors.
     truth : ndarray, shape (n,)
-        Solved values, with a mean above 0.
+        Solved values, not all of them 0.
     groups : ndarray of int, shape (n,)
         Surface or tile of each row; rows of one group are not independent.
 
@@ -70,7 +70,7 @@ def accuracy(errors: Values, truth: Values, groups: Indices) -> Accuracy:
 
     Source: W. G. Cochran (1977), Sampling Techniques, sections 2.11 and 9A.
     """
-    wrong, true = summed(errors, groups), summed(truth, groups)
+    wrong, true = summed(errors, groups), summed(np.abs(truth), groups)
     ratio, number = float(wrong.sum() / true.sum()), wrong.size
     if number < 2:
         return Accuracy(100 * ratio, math.inf, number)

@@ -12,12 +12,12 @@ from learn.executor import Executor
 from learn.grow.accuracy import Accuracy, accuracy
 from learn.grow.holdout import parted
 from learn.grow.sizes import risk
+from learn.metrics import no_better
 from learn.request import Request
 from learn.split import Split
 from learn.surrogate import training
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.model import Surrogate
-from learn.target import within_bounds
 
 LEVEL = 0.9
 """Coverage of the intervals that are looked at."""
@@ -88,8 +88,9 @@ class Appraisal:
 
     @property
     def met(self) -> bool:
-        """Whether the errors of all targets are below the mark."""
-        return self.bound(self.worst) <= self.mark
+        """Whether the errors of all targets are below the mark, and no constant does as well."""
+        scored = [each["scores"]["r2"] for each in self.surrogate.card["targets"].values()]
+        return self.bound(self.worst) <= self.mark and not any(map(no_better, scored))
 
     def record(self) -> dict[str, object]:
         """Return the entry of the surrogate's card on the growth."""
@@ -162,8 +163,8 @@ def judge(learnt: Learnt, rows: Dataset) -> Judged:
     """Compare the predictions of a target with the solver's results for some rows."""
     raw = learnt.raw(rows.inputs)
     ends = learnt.ends(rows.inputs, raw, LEVEL)
-    low, high = (within_bounds(learnt.column, each * rows.scale) for each in ends)
-    predicted = within_bounds(learnt.column, raw * rows.scale)
+    low, high = (learnt.within(each * rows.scale) for each in ends)
+    predicted = learnt.within(raw * rows.scale)
     truth = rows.target * rows.scale
     found = accuracy(np.abs(predicted - truth), truth, rows.groups)
     return Judged(truth, predicted, low, high, found)

@@ -121,7 +121,7 @@ def learning_curve(request: Request, found: Appraisal) -> Curve | None:
     target = found.worst
     rows = found.sets[request.targets.index(target)]
     test = rows.at(found.parts.test)
-    truth = summed(found.judged[target].truth, test.groups)
+    truth = summed(np.abs(found.judged[target].truth), test.groups)
     points = [(found.rows, _wrong(found, target, test))]
     for size, start in _parts(found.rows):
         errors = _wrong_of_part(request, found, rows, start, start + size)
@@ -184,6 +184,8 @@ def _resampled(rows: Values, wrong: list[Values], truth: Values, seed: int) -> V
     curves = []
     for _ in range(REPETITIONS):
         weights = random.multinomial(truth.size, np.full(truth.size, 1 / truth.size))
+        if not truth @ weights:  # only surfaces on which the target is 0
+            continue
         errors = []
         for parts in wrong:
             drawn = parts[random.integers(len(parts), size=len(parts))]

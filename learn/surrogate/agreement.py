@@ -156,6 +156,7 @@ def _check_targets(targets: Part, known: Mapping[str, Column], databases: int) -
             for entry in sequence(targets[name], "databases", databases):
                 count(entry, "rows")
                 _any_number(entry, "nmae")
+                _any_number({"mae": 0.0, **entry}, "mae")
                 _any_number(entry, "coverage")
 
 

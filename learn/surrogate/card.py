@@ -14,13 +14,12 @@ from learn.arrays import Indices, Values
 from learn.comparison.folder import versions
 from learn.dataset import Dataset, features_of
 from learn.features.hardness import limits_of, modulus
-from learn.metrics import scores
+from learn.metrics import magnitude, scores
 from learn.models import MODELS
 from learn.request import Request
 from learn.surrogate import calibration_text, ranges
 from learn.surrogate.conformal import coverage
 from learn.surrogate.learnt import Learnt
-from learn.target import within_bounds
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -118,12 +117,12 @@ def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
     """Score the model of a target and its intervals on the test rows, in the target's unit."""
     raw, scale = learnt.raw(rows.inputs[test]), rows.scale[test]
     truth = rows.target[test]
-    scored = vars(scores(truth * scale, within_bounds(learnt.column, raw * scale)))
+    scored = vars(scores(truth * scale, learnt.within(raw * scale)))
     covered = [
         {
             "level": level,
             "coverage": share,
-            "mean_width": float(np.mean(_width(learnt.column, low * scale, high * scale))),
+            "mean_width": float(np.mean(learnt.within(high * scale) - learnt.within(low * scale))),
         }
         for level, share, low, high in coverage(
             learnt.calibration, raw, truth, LEVELS, rows.inputs[test]
@@ -143,18 +142,23 @@ def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
 
 
 def _by_database(learnt: Learnt, rows: Dataset, test: Indices) -> list[dict[str, Any]]:
-    """Score the model on the test rows of each database; NaN where there are none."""
+    """Score the model on the test rows of each database; NaN where there are none.
+
+    The nMAE is NaN, too, where a target is 0 in all of them; the mean error says more there.
+    """
     found = []
     for number in range(len(rows.origins)):
         mine = test[rows.database[test] == number]
-        nmae = covered = float("nan")
+        nmae = mae = covered = float("nan")
         if mine.size:
             raw, truth, scale = learnt.raw(rows.inputs[mine]), rows.target[mine], rows.scale[mine]
-            error = np.abs(within_bounds(learnt.column, raw * scale) - truth * scale)
-            nmae = 100 * float(error.sum() / np.abs(truth * scale).sum())
+            error = np.abs(learnt.within(raw * scale) - truth * scale)
+            mae, size = float(error.mean()), magnitude(truth * scale)
+            nmae = 100 * mae / size if size else nmae
             level = (LEVELS[1],)
             ((_, covered, *_),) = coverage(learnt.calibration, raw, truth, level, rows.inputs[mine])
-        found.append({"rows": int(mine.size), "nmae": nmae, "coverage": float(covered)})
+        entry = {"rows": int(mine.size), "nmae": nmae, "mae": mae, "coverage": float(covered)}
+        found.append(entry)
     return found
 
 
@@ -170,14 +174,9 @@ def left_out(learnt: Learnt, rows: Dataset, crossed: Values) -> dict[str, float]
     crossed : ndarray, shape (n,)
         Their predictions.
     """
-    predicted = within_bounds(learnt.column, crossed * rows.scale)
+    predicted = learnt.within(crossed * rows.scale)
     found = scores(rows.target * rows.scale, predicted)
     return {name: float(value) for name, value in vars(found).items()}
-
-
-def _width(column: str, low: Values, high: Values) -> Values:
-    """Return the widths of the intervals, cut at the bounds of the target, (n,)."""
-    return within_bounds(column, high) - within_bounds(column, low)
 
 
 def lines(surrogate: "Surrogate") -> Iterator[str]:
@@ -296,7 +295,9 @@ def _databases(surrogate: "Surrogate") -> "Table":
         table.add_column(column, justify="right")
     targets = surrogate.card["targets"]
     for name in targets:
+        unit = _plain(targets[name]["unit"])
         table.add_column(f"{_plain(name)}: nMAE [%]", justify="right")
+        table.add_column(f"mean error [{unit}]".replace("[1]", "").strip(), justify="right")
         table.add_column(f"in {LEVELS[1]:.0%}", justify="right")
     for place, entry in enumerate(surrogate.card["databases"]):
         judged = [target["databases"][place] for target in targets.values()]
@@ -304,7 +305,10 @@ def _databases(surrogate: "Surrogate") -> "Table":
         cells = [_plain(entry["database"]), _plain(entry["generator"]), nodes]
         cells += [f"{entry['rows']}", f"{judged[0]['rows']}"]
         for each in judged:
-            cells += [f"{each['nmae']:.3f}", f"{100 * each['coverage']:.1f} %"]
+            known = np.isfinite(each["nmae"])  # older files say inf where a target is always 0
+            cells.append(f"{each['nmae']:.3f}" if known else "-")
+            cells.append(f"{each['mae']:.3g}" if "mae" in each else "-")
+            cells.append(f"{100 * each['coverage']:.1f} %")
         table.add_row(*cells)
     return table
 

@@ -37,6 +37,8 @@ class Learnt:
         Intervals of the target over its scale.
     clipped : Clipped, optional
         Ranges that the model's inputs do not leave; None for features with units.
+    bounds : tuple of float
+        Least and largest value of the target's column.
     """
 
     column: str
@@ -45,6 +47,11 @@ class Learnt:
     scaling: Scaling
     calibration: Calibration
     clipped: Clipped | None = None
+    bounds: tuple[float, float] = (-np.inf, np.inf)
+
+    def within(self, values: Values) -> Values:
+        """Cut predictions, or ends of their intervals, at the bounds of the column, (n,)."""
+        return np.clip(values, *self.bounds)
 
     @property
     def root(self) -> bool:

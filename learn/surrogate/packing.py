@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from gen.scene import Scene
 from learn.arrays import Values
+from learn.columns import results
 from learn.features import FeatureSet
 from learn.surrogate import agreement
 from learn.surrogate.conformal import Calibration, Scheme
@@ -105,8 +107,10 @@ def unpacked(
         name: _learnt(card, name, mapping(targets, name), width, distance) for name in targets
     }
     agreement.check_models(card, learnt, low, high)
+    known = results(Scene.from_text(card["scene"]))
     for name, each in learnt.items():
-        learnt[name] = replace(each, clipped=_clipped(features, targets[name], low, high))
+        own, bounds = _clipped(features, targets[name], low, high), known[each.column].bounds
+        learnt[name] = replace(each, clipped=own, bounds=bounds)
     return learnt, low, high, distance
 
 

@@ -6,7 +6,6 @@ kernel of the Gaussian process, with one length per input, maximises the likelih
 rows. The settings of trees and perceptron depend less on units, and are the paper's where possible.
 """
 
-import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +17,7 @@ from learn.arrays import Values
 from learn.comparison.folder import Folder
 from learn.comparison.search.spaces import OPTIMA
 from learn.comparison.winner import settings_of
-from learn.models import MODELS, NORMALISATIONS, STEP, pipeline
+from learn.models import MODELS, NORMALISATIONS, STEP, pipeline, remarks
 from learn.request import Request
 
 SEARCH_ROWS = 3000
@@ -26,6 +25,12 @@ SEARCH_ROWS = 3000
 
 LIKELIHOOD_ROWS = 800
 """Rows for the likelihood of a kernel with a length for every input."""
+
+LENGTHS = (0.1, 1.0, 10.0, 100.0)
+"""Lengths of a kernel from which the search for the most likely one starts."""
+
+USUAL_LENGTH = 10.0
+"""Length of standardised inputs that the search starts from too."""
 
 ALPHAS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 GAMMAS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
@@ -74,19 +79,20 @@ def choose(
     inputs : ndarray, shape (n, d)
         Inputs of the training rows.
     target : ndarray, shape (n,)
-        Target, of mean 0 and deviation 1 except for the paper's features.
+        Target, of mean 0 and deviation 1 except for the paper's features and other models than
+        the Gaussian process.
     folds : ndarray of int, shape (n,)
         Fold of each training row; the first one validates.
     """
     (name,) = request.models
     if folder is not None:
         return _tuned(folder, name)
+    if name == "gaussian-process":
+        return _most_likely(request, inputs, target)
     if request.features == "paper" and request.normalisation == "l2":
         return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
     if name in {"kernel-ridge", "svm"}:
         return _searched(request, inputs, target, folds)
-    if name == "gaussian-process":
-        return _most_likely(request, inputs, target)
     if name == "mlp":
         return Settings(dict(NETWORK), False, "built in")
     return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
@@ -138,8 +144,7 @@ def _searched(
         model = pipeline(
             MODELS[name], settings, normalisation=request.normalisation, seed=request.seed
         )
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # singular with a tiny alpha: the error will tell
+        with remarks():  # singular with a tiny alpha: the error will tell
             predicted = model.fit(inputs[inside], target[inside]).predict(inputs[outside])
         error = float(np.mean((predicted - target[outside]) ** 2))
         if error < best[0]:
@@ -150,29 +155,45 @@ def _searched(
 
 
 def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
-    """Return the most likely radial basis function with a length per input, and noise."""
+    """Return the most likely radial basis function with a length per input, and noise.
+
+    The likelihood has several maxima, and where the lengths are far too short it is flat: the
+    process then predicts the mean everywhere. Kernels of one length, which are fitted within
+    moments, are therefore searched from lengths over four decades. The lengths of the inputs start
+    from the best of these, and from `LENGTHS`; the most likely result counts.
+    """
+    few = inputs[:LIKELIHOOD_ROWS], target[:LIKELIHOOD_ROWS]
+    alike = max((_fitted(request, np.array([each]), *few) for each in LENGTHS), key=_likelihood)
+    starts = {float(alike.kernel_.k1.k2.length_scale), USUAL_LENGTH}
+    every = np.ones(inputs.shape[1])
+    fits = [alike, *(_fitted(request, each * every, *few) for each in sorted(starts))]
+    return Settings(
+        {"kernel": max(fits, key=_likelihood).kernel_, "optimizer": None, "alpha": 1e-10},
+        False,
+        f"kernel of the largest likelihood on {len(few[1])} rows, from {len(LENGTHS) + len(starts)}"
+        " starts",
+    )
+
+
+def _fitted(request: Request, lengths: Values, inputs: Values, target: Values) -> Any:
+    """Return a Gaussian process whose amplitude, lengths and noise maximise the likelihood."""
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-    lengths = np.full(inputs.shape[1], 10.0)
-    kernel = ConstantKernel(10.0, (1e-2, 1e5)) * RBF(lengths, (0.1, 1e4))
+    kernel = ConstantKernel(10.0, (1e-2, 1e5)) * RBF(lengths, (1e-2, 1e4))
     kernel += WhiteKernel(1e-3, (1e-9, 1.0))
     settings = {"kernel": kernel, "optimizer": "fmin_l_bfgs_b", "alpha": 1e-10}
-    few = pipeline(
+    process = pipeline(
         MODELS["gaussian-process"],
         settings,
         normalisation=request.normalisation,
         seed=request.seed,
     )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # lengths at their bound: inputs that do not matter
-        few.fit(inputs[:LIKELIHOOD_ROWS], target[:LIKELIHOOD_ROWS])
-    likeliest = few.named_steps[STEP].kernel_
-    rows = min(LIKELIHOOD_ROWS, len(inputs))
-    return Settings(
-        {"kernel": likeliest, "optimizer": None, "alpha": 1e-10},
-        False,
-        f"kernel of the largest likelihood on {rows} rows",
-    )
+    with remarks():  # lengths at their bound: inputs that do not matter
+        return process.fit(inputs, target).named_steps[STEP]
+
+
+def _likelihood(process: Any) -> float:
+    return float(process.log_marginal_likelihood_value_)
 
 
 def normalisation_of(features_default: str, given: str) -> str:

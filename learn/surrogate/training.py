@@ -16,6 +16,7 @@ from learn.columns import TARGETS, short_name
 from learn.comparison.folder import Folder
 from learn.dataset import Dataset
 from learn.executor import Executor
+from learn.metrics import no_better
 from learn.models import models_named
 from learn.request import Request, hybrid_for
 from learn.surrogate import card
@@ -73,8 +74,30 @@ def fit(
         if together is None:
             return None
         others = of_another(sets, together)
-    parts = split.draw(sets[0], request.seed, request.train_rows)
-    return fit_parts(request, sets, parts, say, source=source, others=others)
+    parts = split.draw(sets[0], request.seed, request.train_rows, others=sets[1:])
+    fitted = fit_parts(request, sets, parts, say, source=source, others=others)
+    require_better(fitted, str(request.database))
+    return fitted
+
+
+def require_better(surrogate: Surrogate, name: str) -> None:
+    """Refuse a surrogate of which a target is predicted no better than by a constant.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        The surrogate, with scores on the test rows in its card.
+    name : str
+        Name of the database or file in the message.
+
+    Raises
+    ------
+    InputError
+        With the first of these targets.
+    """
+    for target, judged in surrogate.card["targets"].items():
+        if worst := no_better(judged["scores"]["r2"]):
+            raise InputError(f"{name}: {target}: {worst}; try another --model, or more rows")
 
 
 def read(
@@ -146,6 +169,12 @@ def fit_parts(
     plan = planned(sets[0], parts.train, others)
     train = plan.train
     memory.check(model.name, train.size)
+    for rows in sets:
+        if np.ptp(rows.target[train]) == 0:
+            raise InputError(
+                f"{rows.source['database']}: {rows.target_name} does not vary over the"
+                f" {train.size} rows that are left to train on: more are needed"
+            )
     for line in dataset.remarks(sets[0], request.normalisation):
         say(f"  {line}")
     say(
@@ -189,9 +218,12 @@ def _read(request: Request, hybrids: list[Values | None]) -> list[Dataset]:
     )
     keys = [each.keys for each in sets]
     common = reduce(np.intersect1d, keys)
-    return [
+    found = [
         each.at(np.flatnonzero(np.isin(key, common))) for each, key in zip(sets, keys, strict=True)
     ]
+    for each in found:
+        dataset.require_usable(each)
+    return found
 
 
 def _fit_target(
@@ -205,11 +237,13 @@ def _fit_target(
     """Choose settings for the model of one target, fit, calibrate and score it."""
     train, calibration, test = parts
     fit = fit_target(request, rows.at(train), calibration, folds, folder=folder)
-    judged = card.judge(fit.learnt, rows, test) | {
+    scored = card.judge(fit.learnt, rows, test)
+    worst = filter(None, [no_better(scored["scores"]["r2"])])
+    judged = scored | {
         "settings": {name: str(value) for name, value in sorted(fit.settings.values.items())},
         "settings_from": fit.settings.origin,
         "fit_seconds": fit.fitting,
-        "remarks": list(fit.remarks),
+        "remarks": [*fit.remarks, *worst],
     }
     if fit.crossed is not None:
         judged["left_out"] = card.left_out(fit.learnt, rows.at(train), fit.crossed)
@@ -221,7 +255,7 @@ def _fit_target(
     if "left_out" in judged:
         left_out = judged["left_out"]
         say(f"  left out in turn: R2 {left_out['r2']:.3f} %, nMAE {left_out['nmae']:.2f} %")
-    for remark in fit.remarks:
+    for remark in judged["remarks"]:
         say(f"  warning: {remark}")
     return fit.learnt, judged
 

@@ -1,11 +1,15 @@
 """Databases for the tests of learn: solved once, then copied and spoilt as a test needs."""
 
+import contextlib
 import shutil
+import sys
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from small_populations import POPULATIONS
+from target_kinds import KIND_SCENES, KINDS
 
 from gen import cli
 from gen.surface import generate
@@ -41,6 +45,25 @@ def mirrored(tmp_path_factory):
     (folder / "scene.toml").write_text(text)
     assert cli.main(["run", str(folder / "scene.toml"), "-o", str(folder / "mirrored.h5")]) == 0
     return folder / "mirrored.h5"
+
+
+@pytest.fixture(scope="session")
+def kinds(tmp_path_factory):
+    """A folder with databases of three scenes, whose columns are `KINDS`; NaN in some rows."""
+    folder = tmp_path_factory.mktemp("kinds")
+    values = ", ".join(f"'{name}': {text}" for name, text in KINDS.items())
+    function = f"def outputs(contact):\n    area = contact.area_percent\n    return {{{values}}}\n"
+    (folder / "kinds.py").write_text(function)
+    units = ", ".join(f"{name} = '1'" for name in KINDS)
+    store = f"[store]\nfunction = 'kinds:outputs'\noutputs = {{ {units} }}\n"
+    with contextlib.chdir(folder):
+        for name, text in KIND_SCENES.items():
+            Path(f"{name}.toml").write_text(f"{SCENE}{text}{store}")
+            assert cli.main(["run", f"{name}.toml", "-o", f"{name}.h5", "--trust"]) == 0
+            with h5py.File(f"{name}.h5", "r+") as file:
+                file["spoilt"][::3] = np.nan
+    sys.modules.pop("kinds", None)
+    return folder
 
 
 @pytest.fixture(params=POPULATIONS)

@@ -119,7 +119,8 @@ def test_surrogates_are_fitted_to_the_other_rows(undefined, tmp_path, capsys, fe
     from learn import cli
 
     output = str(tmp_path / "s.surrogate")
-    assert cli.main(["fit", str(undefined), "--features", features, "-o", output]) == 0
+    fit = ["fit", str(undefined), "--features", features, "--target", "force", "-o", output]
+    assert cli.main(fit) == 0
     said = " ".join(capsys.readouterr().err.split())
     lost = f"left out {lacking(undefined).size} rows: {features} features need statistics"
     assert lost in said
@@ -131,6 +132,7 @@ def test_surrogates_are_fitted_to_the_other_rows(undefined, tmp_path, capsys, fe
         ("status", slice(None), 2, "0 usable rows, 10 at least are needed (left out: 90 failed"),
         ("status", slice(None), 0, "90 not computed yet"),
         ("status", slice(5, None), 0, "5 usable rows, 10 at least"),
+        ("status", slice(None), 7, "90 status unknown"),
         ("area_percent", slice(None), 3.5, "area_percent is 3.5 in all 90 usable rows"),
         ("area_percent", slice(None), np.nan, "90 target not finite"),
     ],

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from gen.runtime.errors import InputError
-from learn.models import MODELS, NORMALISATIONS, models_named, pipeline
+from learn.comparison.search.spaces import OPTIMA
+from learn.models import (
+    AT_BOUND,
+    MODELS,
+    NORMALISATIONS,
+    UNFINISHED,
+    models_named,
+    pipeline,
+    remarks,
+)
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -73,3 +82,33 @@ def test_wrong_names_are_refused():
         pipeline(MODELS["svm"], normalisation="l1")
     assert [model.name for model in models_named(["svm", "mlp"])] == ["svm", "mlp"]
     assert len(models_named(None)) == 9
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_libraries_tell_users_nothing_in_their_own_words(model, samples):
+    """Neither a setting that a library will drop, nor how its optimiser has ended."""
+    settings = dict(OPTIMA[model])
+    settings |= {"n_estimators": 5} if "n_estimators" in settings else {}
+    for tuned in (False, True):
+        built = pipeline(MODELS[model], settings if tuned else {}, tuned=tuned)
+        if model == "mlp":
+            built.set_params(model__max_iter=5)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            with remarks() as said:
+                built.fit(*samples)
+        assert all(each in {UNFINISHED, AT_BOUND} for each in said), said
+
+
+def test_warnings_of_libraries_become_sentences_once():
+    from sklearn.exceptions import ConvergenceWarning
+
+    with remarks() as said:
+        for _ in range(2):
+            warnings.warn("Maximum iterations (200) reached", ConvergenceWarning, stacklevel=1)
+            warnings.warn(
+                "close to the specified lower bound 1e-05", ConvergenceWarning, stacklevel=1
+            )
+            warnings.warn("`criterion` is deprecated", FutureWarning, stacklevel=1)
+            warnings.warn("divide by\nzero", RuntimeWarning, stacklevel=1)
+    assert said == [UNFINISHED, AT_BOUND, "divide by zero"]

@@ -114,5 +114,40 @@ def test_too_little_is_refused():
     with pytest.raises(InputError, match="does not vary"):
         split.draw(rows_of([19, 1]), 1)
     with pytest.raises(InputError, match="5 folds of 2 rows"):
-        split.check_folds(split.draw(rows_of([1] * 10)))
-    split.check_folds(split.draw(rows_of([1] * 13)))
+        split.check_folds(rows_of([1] * 10), split.draw(rows_of([1] * 10)))
+    split.check_folds(rows_of([1] * 13), split.draw(rows_of([1] * 13)))
+
+
+def few(rows, number):
+    """The same rows with a target that is 0 but on a few surfaces, as where few bodies yield."""
+    return replace(rows, target=np.where(rows.groups < number, 1.0 + rows.groups, 0.0))
+
+
+@given(st.integers(3, 9), st.integers(20, 60), st.integers(0, 99))
+def test_every_target_varies_in_every_part(number, surfaces, seed):
+    """A target that few surfaces have is in training and test rows, whichever target is first."""
+    rows = rows_of([2] * surfaces)
+    rare = few(rows, number)
+    for drawn in (split.draw(rows, seed, others=[rare]), split.draw(rare, seed, others=[rows])):
+        for part in (drawn.train, drawn.test):
+            assert np.ptp(rare.target[part]) > 0
+            assert np.ptp(rows.target[part]) > 0
+
+
+@given(st.integers(0, 99))
+def test_further_targets_change_no_split_in_which_they_vary(seed):
+    rows = rows_of([2] * 30)
+    other = replace(rows, target=-rows.target)
+    alone, both = split.draw(rows, seed), split.draw(rows, seed, others=[other])
+    np.testing.assert_array_equal(alone.train, both.train)
+    np.testing.assert_array_equal(alone.test, both.test)
+
+
+def test_a_target_that_no_split_can_have_in_both_parts_is_named():
+    rows = rows_of([2] * 30)
+    rare = replace(few(rows, 1), target_name="yielded_percent")
+    with pytest.raises(InputError, match="yielded_percent does not vary over the"):
+        split.draw(rows, 0, others=[rare])
+    drawn = split.draw(rows)
+    with pytest.raises(InputError, match=r"yielded_percent is 0 in all \d+ rows of a fold"):
+        split.check_folds(rare, drawn)

@@ -58,6 +58,9 @@ USUAL_GROWTH = 1.5
 UNITS = {"s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
 """Seconds of the units in which a time may be given."""
 
+LONGEST = 36500 * UNITS["d"]
+"""Longest time that may be given, a century [s]; records of searches hold no endless ones."""
+
 
 @dataclass(frozen=True)
 class Share:
@@ -89,8 +92,11 @@ def seconds(text: str) -> float:
         value = float(number) * UNITS[unit]
     except (ValueError, KeyError):
         value = 0.0
-    if not 0 < value < float("inf"):
-        raise InputError(f"--budget {text!r}: give a time above zero, as 90s, 30min, 2h or 1.5d")
+    if not 0 < value <= LONGEST:
+        raise InputError(
+            f"--budget {text!r}: give a time above zero, as 90s, 30min, 2h or 1.5d, and at most"
+            f" {LONGEST / UNITS['d']:g}d"
+        )
     return value
 
 

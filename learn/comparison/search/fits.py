@@ -1,7 +1,6 @@
 """The work of one task of a search: fit, predict the fold that was left out, score."""
 
 import math
-import warnings
 from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
@@ -17,10 +16,7 @@ from learn.comparison.search.staged import shared_predictions
 from learn.comparison.search.task import Task
 from learn.comparison.search.trials import DIVERGED, LEAST_SCORE, Trial
 from learn.comparison.training_data import Training
-from learn.models import MODELS, STEP, pipeline
-
-REMARK_LENGTH = 300
-"""Characters of a warning or an error that are kept."""
+from learn.models import MODELS, REMARK_LENGTH, STEP, pipeline, remarks
 
 ALIKE = 1e-3
 """Predictions are alike if their deviation is below this share of the truth's."""
@@ -69,13 +65,12 @@ def fit(training: Training, task: Task) -> list[Trial]:
     need = memory.needed(task.model, inside.size)
     if need > memory.available():
         return []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with remarks() as said:
         began = perf_counter()
         fitted = _predictions(training, task, data)
         scores = [_score(truth, each) for each in fitted]
         seconds = (perf_counter() - began) / len(task.candidates)
-    remark = "; ".join(dict.fromkeys(_one_line(warning.message) for warning in caught))
+    remark = "; ".join(said)
     trials = []
     for name, each, score in zip(task.names, fitted, scores, strict=True):
         r2, failure = (None, score) if isinstance(score, str) else (score, "")

@@ -6,13 +6,14 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from launch import launch, mpiexec
 
 from gen.runtime.errors import InputError
 from gen.surface import generate
-from learn import Surrogate, cli
+from learn import Surrogate, cli, dataset, split
 
 
 def run(*arguments):
@@ -204,3 +205,59 @@ def test_blocks_that_no_features_have_are_refused(work, capsys, options, word):
     assert said.count("\n") == 1
     assert word in said
     assert not Path("t.surrogate").exists()
+
+
+@pytest.mark.parametrize("features", ["paper", "dimensionless"])
+@pytest.mark.parametrize("normalise", ["l2", "standard", "min-max"])
+def test_gaussian_processes_do_not_collapse(work, features, normalise):
+    """Wherever the search for the likelihood starts; their deviations hold what they say."""
+    given = ["--model", "gaussian-process", "--features", features, "--normalise", normalise]
+    assert run("fit", "database.h5", *given, "-o", "g.surrogate") == 0
+    surrogate = Surrogate.load("g.surrogate")
+    for target, about in surrogate.card["targets"].items():
+        assert about["scores"]["r2"] > 95, target
+    rows = dataset.read(Path("database.h5"), "area", features=features, roots=True)
+    test = split.draw(rows).test
+    learnt = surrogate.learnt["area"]
+    error = np.abs(learnt.raw(rows.inputs[test]) - rows.target[test])
+    inside = np.mean(error < learnt.spread(rows.inputs[test]))
+    assert 0.4 <= inside <= 1.0, "0.68 of a normal distribution, 18 rows"
+
+
+def test_a_model_that_is_no_better_than_a_constant_is_not_written(work, capsys, database, change):
+    """As where the target has nothing to do with the surface: one line says so."""
+    change("force", slice(None), np.random.default_rng(1).permutation(90.0 + np.arange(90)))
+    fit = ["fit", database, "--target", "force", "--features", "paper", "-o", "f.surrogate"]
+    assert run(*fit, "--model", "decision-tree") == 2
+    said = capsys.readouterr().err.splitlines()
+    assert "no better than a constant" in said[-1]
+    assert not Path("f.surrogate").exists()
+
+
+def test_targets_that_few_rows_have_are_fitted_with_the_others(work, yielding, tmp_path, capsys):
+    """The split sees them all; where none can show them all, one line names the target."""
+    given = ["--target", "area,force,yielded_percent", "-o", "y.surrogate"]
+    for number, code in ((0, 2), (1, 2), (8, 0)):
+        path = shutil.copy(yielding, tmp_path / f"few{number}.h5")
+        with h5py.File(path, "r+") as file:
+            share = file["yielded_percent"][:]
+            least = np.sort(share)[::-1][number] if number else np.inf
+            file["yielded_percent"][:] = np.where(share > least, share, 0.0)
+        assert run("fit", path, *given, "--model", "decision-tree") == code
+        assert code == 0 or "yielded_percent" in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_database_without_a_target_shows_its_mean_error(work, yielding, tmp_path, capsys):
+    """Where nothing yields the error has nothing to be divided by."""
+    path = shutil.copy(yielding, tmp_path / "none.h5")
+    with h5py.File(path, "r+") as file:
+        file["yielded_percent"][:] = 0.0
+    other = shutil.copy(yielding, tmp_path / "some.h5")
+    given = ["--target", "area,yielded_percent", "-o", "y.surrogate"]
+    assert run("fit", other, path, *given) == 0
+    assert run("card", "y.surrogate") == 0
+    shown = capsys.readouterr().out
+    assert not {"inf", "nan"} & set(shown.split())
+    judged = Surrogate.load("y.surrogate").card["targets"]["yielded_percent"]["databases"]
+    assert np.isnan(judged[1]["nmae"])
+    assert np.isfinite([judged[0]["nmae"], judged[0]["mae"], judged[1]["mae"]]).all()

@@ -46,3 +46,12 @@ def test_the_bound_fails_about_as_often_as_it_may(groups):
     found = [accuracy(*each, names) for each in zip(errors, truth, strict=True)]
     failed = np.mean([each.bound(risk) < exact for each in found])
     assert failed < risk + 3 * math.sqrt(risk / trials) + 0.003
+
+
+def test_errors_are_measured_by_magnitudes():
+    """A negative target has no negative error, and a signed one of mean 0 has an error at all."""
+    random = np.random.default_rng(5)
+    errors, truth, groups = random.uniform(0, 1, 30), random.uniform(1, 2, 30), np.arange(30)
+    wanted = accuracy(errors, truth, groups)
+    assert accuracy(errors, -truth, groups) == wanted
+    assert accuracy(errors, truth * (-1.0) ** groups, groups) == wanted

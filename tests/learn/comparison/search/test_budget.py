@@ -20,7 +20,7 @@ def test_budgets_are_read(text, expected):
     assert budget.seconds(text) == expected
 
 
-@pytest.mark.parametrize("text", ["", "2", "-1h", "0s", "nan", "inf", "2 weeks", "h"])
+@pytest.mark.parametrize("text", ["", "2", "-1h", "0s", "nan", "inf", "2 weeks", "h", "1e18s"])
 def test_budgets_that_are_none_are_refused(text):
     if text == "2":
         assert budget.seconds(text) == 2
