@@ -245,9 +245,7 @@ def statistics_row(
 
 def areal_row(areal: Description, depth: float | None, fit: SelfAffineFit | str) -> Row:
     """Return the further cells of a table of statistics: ISO 25178, and the self-affine law."""
-    row: Row = {**areal.values}
-    if depth is not None:
-        row["Smr_depth"] = depth
+    row: Row = {**areal.values, **({} if depth is None else {"Smr_depth": depth})}
     if isinstance(fit, str):
         return {**row, **dict.fromkeys(LAW, ""), "law": f"none: {fit}"}
     return {**row, **fit.values, "law": "; ".join(fit.remarks)}
