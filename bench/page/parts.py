@@ -97,7 +97,7 @@ CHAPTERS = {
     "Laws in CalculiX": ("calculix",),
     "Cores": ("threads", "scale/speedup"),
     "The farm": ("page/databases", "outputs", "scale/scale", "writers", "faults"),
-    "Surrogates: what they are worth, and what they cost": (
+    "Surrogates: errors and costs": (
         *("page/comparison", "page/tuning", "page/grids"),
         *("page/comparison-hybrid", "page/comparison-concentrated", "surrogates/models"),
         *("surrogates/features", "surrogates/tolerance", "populations/grow"),

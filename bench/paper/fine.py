@@ -32,7 +32,7 @@ PRESET = load("paper")
 class Judged(NamedTuple):
     """A surrogate of the coarse grid on rows of the fine one: predicted areas [%] and times [s].
 
-    A single prediction takes `seconds`, one among all of them `batched`, features at hand.
+    A single prediction takes `seconds`, one among all of them `batched`; both without the features.
     """
 
     rows: Dataset
@@ -136,6 +136,6 @@ def _picture(found: dict[str, Judged], fine: Path) -> Any:
     last.axhline(first.seconds, color=COLOURS[1], ls="--", lw=2, label="a prediction alone")
     last.axhline(first.batched, color=COLOURS[1], ls=":", lw=2, label=among)
     last.set(yscale="log", xlabel="solved area [%]", ylabel="time [s]")
-    last.set_title("time of an answer, features at hand", fontsize=10)
+    last.set_title("time of an answer from known features", fontsize=10)
     last.legend(fontsize=9)
     return figure

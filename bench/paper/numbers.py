@@ -75,7 +75,7 @@ def _of_the_cost(cost: Path) -> Iterator[Row]:
         reason = "a faster solver makes the search dearer in contacts"
         what = "contacts that pay for the search"
         yield _row(what, "4.4", TUNING_PAYS, pays, reason, "{:,.0f}")
-    reason = "statistics included; the database is cheaper here, and so is what it is compared with"
+    reason = "statistics included; both the database and the solves beside it are cheaper here"
     even = first["break_even"]
     yield _row("break-even [contacts]", "4.4", times.PAPER_BREAK_EVEN, even, reason, "{:,.0f}")
 

@@ -36,6 +36,8 @@ OBLONG = 1.8
 """Ratio of the sides from which the two maps stand side by side, or one below the other."""
 SLIVER = 9.0
 """Ratio of the sides beyond which the shorter side is stretched, as the title then says."""
+LETTERS = 105
+"""Letters of load and material that stand in one line of the title."""
 BORDER = 0.1
 """Share of the lines at both borders that a section avoids, since pressures are high there."""
 WIDTH = 11.0
@@ -159,7 +161,7 @@ def _title(contacts: Sequence[Contact], subject: Subject) -> str:
         f" mean pressure {metric(1e6 * last.force / nominal_area(last), 'Pa')}"
     )
     if len(contacts) > 1:
-        load = f"maps and section at the last of {len(contacts)} loads: {load}"
+        load = f"last of {len(contacts)} loads: {load}"
     material = f"E* = {metric(1e6 * last.problem.modulus, 'Pa')}"
     if last.problem.hardness is not None:
         material += f", hardness {metric(1e6 * last.problem.hardness, 'Pa')}"
@@ -167,7 +169,8 @@ def _title(contacts: Sequence[Contact], subject: Subject) -> str:
         material += ", no material given"
     if last.problem.boundary != "free":
         material += f"; {last.problem.boundary} boundary"
-    return f"{shortened(subject.name)}\n{load}; {material}"
+    between = "; " if len(load) + len(material) < LETTERS else "\n"
+    return f"{shortened(subject.name)}\n{load}{between}{material}"
 
 
 def section_line(contact: Contact) -> tuple[int, int]:

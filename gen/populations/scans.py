@@ -97,7 +97,8 @@ def _require_company(first: Found, second: Found) -> None:
         if each.sha256 in known:
             raise InputError(
                 f"{each.file}: is one of files and of against: against = 'another' takes a second"
-                " window of the same map, otherwise a model would be tested on what it has seen"
+                " window of the same map, otherwise a surrogate would be tested on nodes that it"
+                " was trained on"
             )
 
 

@@ -117,8 +117,8 @@ def digests(paths: Iterable[Path]) -> list[str]:
         sha256 = digest(path)
         if sha256 in found:
             raise InputError(
-                f"{path} and {found[sha256]} are the same map: leave one out, tests would otherwise"
-                " see what was trained on"
+                f"{path} and {found[sha256]} are the same map: leave one out, or a surrogate would"
+                " be tested on nodes that it was trained on"
             )
         found[sha256] = path
     return list(found)

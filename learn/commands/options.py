@@ -62,7 +62,9 @@ Seed = Annotated[int, typer.Option(min=0, max=SEEDS, help="Seed of the split and
 TrainRows = Annotated[
     int | None, typer.Option(metavar="N", help="Train on N rows at most, drawn with the seed.")
 ]
-Again = Annotated[bool, typer.Option("--again", help="Measure anew what is there already.")]
+Again = Annotated[
+    bool, typer.Option("--again", help="Measure again, also where a result is there.")
+]
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A surrogate made by learn fit.")]
 Inputs = Annotated[

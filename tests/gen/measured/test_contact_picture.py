@@ -133,6 +133,22 @@ def test_axes_have_the_unit_of_their_map(scale: float, sides: str, heights: str)
     assert heights == ("nm" if of_heights > 1 else "µm") or scale == 1.0
 
 
+def test_long_titles_are_not_cut() -> None:
+    contacts = list(
+        bem.ladder(
+            *(ROUGH[1:, 1:], (100.0, 100.0)),
+            pressures=[100.123, 567.89],
+            modulus=123456.0,
+            hardness=1234.5,
+            boundary="periodic",
+        )
+    )
+    figure = drawn(contacts, load="pressure", material=False)
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    box = figure._suptitle.get_window_extent(renderer)
+    assert 0 <= box.x0 < box.x1 <= figure.dpi * figure.get_size_inches()[0]
+
+
 def test_laws_have_the_gap_and_logarithmic_axes_over_decades() -> None:
     for pressures, scale in (([1.0, 3.0, 10.0], "linear"), ([3.0, 0.1, 30.0], "log")):
         contacts = list(bem.ladder(ROUGH, (100.0, 100.0), pressures=pressures, modulus=1e4))
