@@ -290,7 +290,8 @@ def _spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
     smallest, largest = SPACINGS
     if len(pair) != 2 or not all(smallest <= value <= largest for value in pair):
         raise InputError(
-            f"spacing {spacing!r}: give one or a pair, from {smallest:g} to {largest:g} um"
+            f"spacing {np.asarray(spacing).tolist()}: give one or a pair, from {smallest:g} to"
+            f" {largest:g} um"
         )
     return float(pair[0]), float(pair[1])
 

@@ -1,6 +1,7 @@
 """One thread a process, and hypothesis without its clock: machines under load are slow."""
 
 import os
+import re
 
 for library in ("OMP", "OPENBLAS", "MKL"):
     os.environ[f"{library}_NUM_THREADS"] = "1"
@@ -10,6 +11,23 @@ from hypothesis import settings  # noqa: E402
 
 settings.register_profile("project", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("project")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def plain_numbers():
+    """No line that any test sees printed has a number as NumPy writes it, np.float64(5.0)."""
+    from gen.runtime import command_line, console, terminal
+
+    printable = terminal.printable
+
+    def checked(text):
+        assert not re.search(r"\bnp\.\w+\(", text), text
+        return printable(text)
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (command_line, console, terminal):
+            patch.setattr(module, "printable", checked)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -41,7 +41,7 @@ class Reader(OpenDatabase):
 
     Parameters
     ----------
-    path : Path
+    path : Path or str
         Database.
 
     Attributes
@@ -59,7 +59,8 @@ class Reader(OpenDatabase):
         If the file is missing, cannot be read, or is not a database of this layout.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path | str) -> None:
+        path = Path(path)
         with ExitStack() as stack:
             file = stack.enter_context(open_file(path))
             super().__init__(path, checked(file, path), file)

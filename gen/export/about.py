@@ -6,6 +6,7 @@ from typing import Self
 
 from gen.database import Reader
 from gen.runtime.errors import InputError
+from gen.runtime.terminal import printable
 
 DOI = re.compile(r"10\.\d{4,9}/\S+")
 """A digital object identifier without the address of its resolver (ISO 26324)."""
@@ -57,13 +58,13 @@ class About:
         Raises
         ------
         InputError
-            If an identifier is none, or a text has more than one line.
+            If an identifier is none, or an option has more than one line; letters of the
+            database that cannot be printed become question marks.
         """
         scene = reader.scene
-        title = title or str(reader.attributes["title"])
-        about = cls(
-            title, creator or scene.creator or "", licence or scene.licence or "", _bare(doi)
-        )
+        stored = str(reader.attributes["title"]), scene.creator or "", scene.licence or ""
+        own = [*map(printable, stored)]
+        about = cls(title or own[0], creator or own[1], licence or own[2], _bare(doi))
         for option, text in (("title", title), ("creator", creator), ("licence", licence)):
             if not text.isprintable():
                 raise InputError(f"--{option} {text!r}: give a text of one line")

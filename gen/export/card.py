@@ -2,13 +2,16 @@
 
 import json
 import math
+import re
 
 import tomli_w
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 from gen.database import Reader
 from gen.export import files, tables
 from gen.export.about import About
+from gen.runtime.terminal import printable
 from gen.schema import REASONS, Status
 
 NAME = "README.md"
@@ -16,6 +19,9 @@ NAME = "README.md"
 
 SCENE = "scene.toml"
 """Name of the scene in the folder of an export."""
+
+TEXTS = {"title", "creator", "licence"}
+"""Keys of a scene with texts of anybody's."""
 
 PATCHES = {
     "free": "a patch with free edges",
@@ -53,6 +59,7 @@ def words(reader: Reader) -> str:
 def scene_text(reader: Reader) -> str:
     """Return the scene of a database as TOML."""
     content = json.loads(reader.scene.text())
+    content |= {name: printable(content[name]) for name in TEXTS & content.keys()}
     tables_last = dict(sorted(content.items(), key=lambda item: isinstance(item[1], dict)))
     return tomli_w.dumps(tables_last)
 
@@ -77,12 +84,13 @@ def card(reader: Reader, about: About, done: int) -> str:
     environment = Environment(
         loader=PackageLoader("gen.export", "."),
         autoescape=False,
+        finalize=_plain,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"json": json.dumps, "form": _limit}
+    environment.filters |= {"json": _quoted, "form": _limit}
     text = environment.get_template("card.md.jinja").render(_values(reader, about, done))
     return text.replace("\\\n", "")
 
@@ -95,7 +103,7 @@ def _values(reader: Reader, about: About, done: int) -> dict[str, object]:
     failures = reader.reasons(Status.FAILED)
     return {
         "about": about,
-        "words": words(reader),
+        "words": Markup(words(reader)),
         "attributes": attributes,
         "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),
         "done": done,
@@ -113,9 +121,21 @@ def _values(reader: Reader, about: About, done: int) -> dict[str, object]:
         "tiles": "tile" in _names(reader),
         "yields": scene.contact.hardness_limits is not None,
         "free": not scene.edgeless,
-        "scene": scene_text(reader),
+        "scene": Markup(scene_text(reader)),
         "citation": about.citation(str(attributes["created"])[:4]),
     }
+
+
+def _quoted(text: str) -> Markup:
+    """Write a text in YAML's quotes, which are those of JSON, without the sign that opens HTML."""
+    return Markup(json.dumps(text).replace("<", "\\u003c"))
+
+
+def _plain(value: object) -> object:
+    """Write a text of a database so that Markdown shows its letters, in one line; no markup is."""
+    if not isinstance(value, str) or isinstance(value, Markup):
+        return value
+    return re.sub(r"([\\`*|\[\]])", r"\\\1", printable(value)).replace("<", "&lt;")
 
 
 def _names(reader: Reader) -> list[str]:

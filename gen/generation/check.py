@@ -228,7 +228,8 @@ def _recomputed_faults(reader: Reader, row: int) -> Iterator[str]:
         if column is STATUS and again["reason"][row - first] == Reason.NO_STATISTICS:
             continue
         if stored.tobytes() != fresh.tobytes():
-            detail = "" if column.shape_of else f": {stored[0]!r} in the file, {fresh[0]!r} now"
+            old, new = (each[0].tolist() for each in (stored, fresh))  # Python's own numbers
+            detail = "" if column.shape_of else f": {old!r} in the file, {new!r} now"
             yield (
                 f"row {row}: {column.name} is not what this machine and these versions compute"
                 f"{detail}"

@@ -13,12 +13,13 @@ def deltas_from(text: str) -> Values:
     Raises
     ------
     InputError
-        If the text is not made of numbers above 0.
+        If the text is not made of numbers within `gen.runtime.numbers.MAGNITUDES`.
     """
     advice = "give numbers above 0 um, as 2, 1,2,5 or 5:45:9"
     values = numbers_from(text, "--delta", advice)
     if not all(map(magnitude, values)):
-        raise InputError(f"--delta {shown(text)}: {advice}")
+        low, high = MAGNITUDES
+        raise InputError(f"--delta {shown(text)}: give numbers from {low:g} to {high:g} um")
     return values
 
 

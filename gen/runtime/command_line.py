@@ -14,6 +14,7 @@ import typer
 from gen.runtime import farm, memory, startup
 from gen.runtime.errors import InputError
 from gen.runtime.invocation import started_as, to_type
+from gen.runtime.numbers import shown
 from gen.runtime.terminal import echo, printable
 from gen.runtime.version import VERSION
 
@@ -131,6 +132,7 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
         Message to the user, or "".
     """
     try:
+        _require_values(arguments)
         with started_as(name):
             code = _invoke(app, name, arguments)
     except typer.Exit as left:  # --help
@@ -153,6 +155,21 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
         fault = f"{str(error) or 'no more is given'}; {allowed} are allowed here"
         return 2, f"{name}: this needs more memory than there is: {fault}, shared with all else"
     return code, ""
+
+
+def _require_values(arguments: Sequence[str]) -> None:
+    """Refuse an empty argument, as of a variable of the shell that is not set: it chooses nothing.
+
+    Raises
+    ------
+    InputError
+        With the argument before it.
+    """
+    for before, argument in zip(["", *arguments], arguments, strict=False):
+        option, equals, value = argument.partition("=")
+        if not argument or (option.startswith("--") and equals and not value):
+            place = f"after {shown(before)} " if before and not argument else ""
+            raise InputError(f"{shown(argument)} {place}is empty: give a value, or leave it out")
 
 
 def _invoke(app: typer.Typer, name: str, arguments: Sequence[str]) -> int:

@@ -6,6 +6,7 @@ from typing import Any
 
 from gen.runtime.errors import InputError
 from gen.runtime.output import write
+from gen.runtime.terminal import printable
 
 SUFFIXES = (".png", ".svg", ".pdf")
 
@@ -114,6 +115,12 @@ def save(figure: Any, path: Path, *, dpi: float | str = "figure") -> Path:
     InputError
         If the file cannot be written.
     """
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):  # names of files may hold bytes that are no UTF-8
+        lines = [printable(line) for line in text.get_text().split("\n")]
+        if (content := "\n".join(lines)) != text.get_text():
+            text.set_text(content)
     drawn = BytesIO()
     figure.savefig(drawn, dpi=dpi, format=path.suffix[1:].lower())
     write(path, drawn.getvalue(), "picture")

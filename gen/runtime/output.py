@@ -166,7 +166,8 @@ def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
     path : Path
         File to write.
     content : str or bytes
-        Its content.
+        Its content; letters that UTF-8 cannot hold, as in some names of files, become question
+        marks.
     kind : {"text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"}
         Kind of the content; a file of another kind is not replaced.
 
@@ -176,7 +177,7 @@ def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
         If the file cannot be written; an existing file is unchanged then.
     """
     with atomic(path, kind) as file:
-        file.write(content.encode() if isinstance(content, str) else content)
+        file.write(content.encode(errors="replace") if isinstance(content, str) else content)
 
 
 @contextmanager

@@ -132,7 +132,7 @@ class SurfaceFeatures:
         deltas = np.asarray(deltas, dtype=np.float64).reshape(-1)
         wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
         if wrong.size:
-            raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give numbers above 0")
+            raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0")
         self.require_statistics(features)
         hybrid = None
         if features.needs_surface:

@@ -261,7 +261,7 @@ class Surrogate:
         if heights.ndim != 2 or min(heights.shape) < 2 or not np.isfinite(heights).all():
             raise InputError(f"{name}: give 2-D heights, 2 x 2 or more, all finite")
         if not all(0 < each < np.inf for each in sides):
-            raise InputError(f"{name}: side {side!r}: give lengths above 0 um")
+            raise InputError(f"{name}: side {sides}: give lengths above 0 um")
         features = SurfaceFeatures(heights, sides, name=name, boundary=self.boundary)
         return OnSurface(self, features)
 

@@ -105,3 +105,10 @@ def test_xarray_reads_both_groups_with_units(path):
         assert runtime.surface_seconds.dims == ("sample",)
         assert runtime.surface_seconds.attrs["units"] == "s"
         assert runtime.surface_seconds.dtype == "f8"
+
+
+def test_a_name_may_be_a_text(path):
+    filled(path, small(), (0, 10, Status.DONE))
+    with Reader(str(path)) as reader:
+        assert reader.counts().done == 10
+        assert reader.path == path

@@ -9,6 +9,7 @@ import mlcroissant as mlc
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from markdown_it import MarkdownIt
 from small_databases import block, filled, small
 
 from gen import cli, schema
@@ -16,6 +17,7 @@ from gen.database import Reader, Writer
 from gen.export import card, files, tables
 from gen.export.about import About
 from gen.runtime.lock import lock_folder
+from gen.runtime.terminal import printable
 from gen.scene import Scene
 from gen.schema import Status
 
@@ -230,3 +232,48 @@ def test_two_databases_are_not_exported_into_one_folder_at_once(folder, tmp_path
     assert not new.exists()
     assert cli.main(["export", str(folder / "a.h5"), "-o", str(new)]) == 0
     assert not list(new.glob(".*"))
+
+
+HOSTILE = "T\n# x | <script>alert(1)</script> \x1b[31m ` *b* [y](javascript:z) \u202e \\"
+
+
+def tokens(text):
+    """The tokens of a text in Markdown with tables and raw HTML, those inside of others too."""
+    for token in MarkdownIt("commonmark", {"html": True}).enable("table").parse(text):
+        yield from (token, *(token.children or ()))
+
+
+@pytest.mark.parametrize("title", ["", "My \\ title | <b>"])
+def test_texts_of_a_database_are_shown_in_a_card_and_mark_nothing_up(tmp_path, title):
+    """Also texts that the command would refuse as options."""
+    scene = Scene.parse("samples = 3\n[surface]\nnodes = 9\n", "test")
+    texts = dict.fromkeys(("title", "creator", "licence"), HOSTILE)
+    filled(tmp_path / "a.h5", scene.model_copy(update=texts), (0, 3, Status.DONE))
+    line = ["export", str(tmp_path / "a.h5"), "-o", str(tmp_path / "out")]
+    assert cli.main([*line, "--title", title] if title else line) == 0
+    text = (tmp_path / "out" / "README.md").read_text()
+    assert all(letter.isprintable() for letter in text.replace("\n", ""))
+    front, _, body = text.removeprefix("---\n").partition("\n---\n")
+    shown, heading = printable(HOSTILE), title or printable(HOSTILE)
+    assert f"pretty_name: {json.dumps(heading)}".replace("<", "\\u003c") in front
+    assert len(front.splitlines()) == 2
+    found = list(tokens(body))
+    assert not {"html_block", "html_inline", "link_open", "em_open"} & {each.type for each in found}
+    said = ["".join(part.content for part in each.children) for each in found if each.children]
+    assert said[0] == heading
+    assert said[said.index("creator") + 1] == said[said.index("licence") + 1] == shown
+    assert said[-1].startswith(f"{shown} (20")
+    json.loads((tmp_path / "out" / "croissant.json").read_text())
+
+
+def test_letters_that_utf_8_cannot_hold_become_question_marks(tmp_path):
+    """As a stranger's database may have them, of any writer's."""
+    scene = Scene.parse("samples = 3\n[surface]\nnodes = 9\n", "test")
+    filled(tmp_path / "a.h5", scene, (0, 3, Status.DONE))
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        content = json.loads(file.attrs["scene"]) | {"creator": "a \udcff b", "title": "\ud800"}
+        text = json.dumps(content).encode()
+        file.attrs.create("scene", text, dtype=h5py.string_dtype("utf-8", len(text)))
+    assert cli.main(["export", str(tmp_path / "a.h5"), "-o", str(tmp_path / "out")]) == 0
+    assert "| creator | a ? b |" in (tmp_path / "out" / "README.md").read_text()
+    assert "a ? b" in (tmp_path / "out" / "scene.toml").read_text()

@@ -1,10 +1,14 @@
 """Axes that every picture shares."""
 
+import os
 from itertools import pairwise
+from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
+from gen import cli
 from gen.runtime.figure import draw_parity, log_axis, new_figure, parity_axes
 
 
@@ -50,3 +54,45 @@ def test_equal_truths_have_axes_too():
     panel = new_figure(4, 3).subplots()
     parity_axes(panel, np.full(3, 7.0))
     assert panel.get_xlim() == (6.0, 8.0)
+
+
+LATIN = os.fsdecode(b"n\xfcrnberg \x1b")
+"""A name of a file that is no UTF-8, and has a control character."""
+
+DRAWING = {
+    "describe": ["describe", f"{LATIN}.npy", "--side", "9", "--plot", f"{LATIN}.png"],
+    "contact": ["contact", f"{LATIN}.npy", "--side", "9", "--delta", "0.1", "--plot", "a.svg"],
+    "law": ["law", f"{LATIN}.npy", "--side", "9", "--pressure", "0.1,0.2", "--plot", "a.pdf"],
+    "two bodies": [
+        "contact",
+        f"{LATIN}.npy",
+        "--against",
+        f"{LATIN}.npy",
+        "--side",
+        "9",
+        "--delta",
+        "0.1",
+        "--plot",
+        "a.png",
+    ],
+    "plot": ["plot", f"{LATIN}.h5", "-o", f"{LATIN}.svg"],
+}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(n, marks=pytest.mark.long if n in {"law", "two bodies"} else ())
+        for n in DRAWING
+    ],
+)
+def test_every_name_of_a_file_can_be_drawn(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    np.save(f"{LATIN}.npy", np.random.default_rng(0).random((16, 16)))
+    Path("small.toml").write_text("samples = 2\n[surface]\nnodes = 9\n")
+    assert cli.main(["run", "small.toml", "-o", f"{LATIN}.h5"]) == 0
+    assert cli.main(DRAWING[name]) == 0
+    picture = Path(DRAWING[name][-1])
+    assert picture.stat().st_size > 1000
+    if picture.suffix == ".svg":
+        ET.parse(picture)
