@@ -10,22 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gen import maps
 from gen.arrays import Values
-from gen.maps import (
-    CYAN,
-    DECADES,
-    FINE_HEIGHT,
-    FINE_SIDE,
-    axis_unit,
-    contact_maps,
-    draw_map,
-    load_text,
-    metric,
-    nominal_area,
-    patch_sides,
-    spot_maps,
-    yielded_nodes,
-)
 from gen.runtime.figure import log_axis, save
 from gen.runtime.terminal import shortened
 
@@ -88,21 +74,21 @@ def draw_contacts(
         Picture to write.
     """
     last = contacts[-1]
-    axes, letters = _panels(figure, patch_sides(last), law=len(contacts) > 1)
+    axes, letters = _panels(figure, maps.patch_sides(last), law=len(contacts) > 1)
     figure.suptitle(_title(contacts, subject), fontsize=11, parse_math=False)
     if subject.warnings:
         lines = [textwrap.fill(f"warning: {warning}", 160) for warning in subject.warnings]
         figure.supxlabel("\n".join(lines), fontsize=8, color="tab:red", parse_math=False)
-    where = f" at {load_text(last, subject.load)}" if len(contacts) > 1 else ""
+    where = f" at {maps.load_text(last, subject.load)}" if len(contacts) > 1 else ""
     spots = f"contact{where}: {last.area_percent:.3g} % of {last.pressure.size} nodes"
     if subject.spots:
-        heights_map, pressure_map = spot_maps(last)
+        heights_map, pressure_map = maps.spot_maps(last)
         heights_map = replace(heights_map, title=f"{heights_map.title}{where}")
     else:
-        heights_map, pressure_map = contact_maps(last, "heights", spots)
-    draw_map(axes["heights"], heights_map, letters)
-    draw_map(axes["spots"], pressure_map, letters)
-    _stretch(axes, patch_sides(last))
+        heights_map, pressure_map = maps.contact_maps(last, "heights", spots)
+    maps.draw_map(axes["heights"], heights_map, letters)
+    maps.draw_map(axes["spots"], pressure_map, letters)
+    _stretch(axes, maps.patch_sides(last))
     _draw_section(axes["section"], last, where)
     if len(contacts) > 1:
         _draw_law([axes[name] for name in ("area", "answer", "gap")], contacts, subject.load)
@@ -125,7 +111,7 @@ def _panels(figure: Any, sides: tuple[float, float], *, law: bool) -> tuple[dict
         column = 0.75 * height / ratio + 2.4  # plus the colour bar and its label
         figure.set_size_inches(2 * column + SECTION, height)
         left, right = figure.subfigures(1, 2, width_ratios=[2 * column, SECTION])
-        maps = left.subplots(1, 2)
+        pair = left.subplots(1, 2)
         shares = [1.5, 1, 1, 1] if law else [1]
         below = np.atleast_1d(right.subplots(len(shares), 1, height_ratios=shares))
         letters = int(9 * column)
@@ -135,11 +121,11 @@ def _panels(figure: Any, sides: tuple[float, float], *, law: bool) -> tuple[dict
         heights = [2 * map_height if wide else map_height, 2.6, *([2.8] if law else [])]
         figure.set_size_inches(WIDTH, sum(heights) + 0.8)
         top, middle, *bottom = figure.subfigures(len(heights), 1, height_ratios=heights)
-        maps = top.subplots(2, 1) if wide else top.subplots(1, 2)
+        pair = top.subplots(2, 1) if wide else top.subplots(1, 2)
         below = np.array([middle.subplots(), *(bottom[0].subplots(1, 3) if law else [])])
         letters = 120 if wide else 56
     names = ("heights", "spots", "section", "area", "answer", "gap")
-    return dict(zip(names, [*maps, *below], strict=False)), letters
+    return dict(zip(names, [*pair, *below], strict=False)), letters
 
 
 def _stretch(axes: dict[str, Any], sides: tuple[float, float]) -> None:
@@ -157,14 +143,14 @@ def _title(contacts: Sequence[Contact], subject: Subject) -> str:
     """Return the title: file, load and material in lines that fit."""
     last = contacts[-1]
     load = (
-        f"Δ = {metric(1e-6 * last.delta, 'm')}, force {metric(1e-6 * last.force, 'N')},"
-        f" mean pressure {metric(1e6 * last.force / nominal_area(last), 'Pa')}"
+        f"Δ = {maps.metric(1e-6 * last.delta, 'm')}, force {maps.metric(1e-6 * last.force, 'N')},"
+        f" mean pressure {maps.metric(1e6 * last.force / maps.nominal_area(last), 'Pa')}"
     )
     if len(contacts) > 1:
         load = f"last of {len(contacts)} loads: {load}"
-    material = f"E* = {metric(1e6 * last.problem.modulus, 'Pa')}"
+    material = f"E* = {maps.metric(1e6 * last.problem.modulus, 'Pa')}"
     if last.problem.hardness is not None:
-        material += f", hardness {metric(1e6 * last.problem.hardness, 'Pa')}"
+        material += f", hardness {maps.metric(1e6 * last.problem.hardness, 'Pa')}"
     if not subject.material:
         material += ", no material given"
     if last.problem.boundary != "free":
@@ -191,7 +177,7 @@ def section_line(contact: Contact) -> tuple[int, int]:
     index : int
         Index of the line on the other axis.
     """
-    sides = patch_sides(contact)
+    sides = maps.patch_sides(contact)
     longer = 0 if sides[0] >= sides[1] else 1
     for along in (longer, 1 - longer):
         forces = contact.pressure.sum(axis=along)
@@ -212,30 +198,30 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
     along, place = section_line(contact)
     line: tuple[Any, ...] = (slice(None), place) if along == 0 else (place, slice(None))
     spacing, first = contact.problem.spacing, _first_node(contact)
-    per_um, unit = axis_unit(max(patch_sides(contact)), FINE_SIDE)
+    per_um, unit = maps.axis_unit(max(maps.patch_sides(contact)), maps.FINE_SIDE)
     position = per_um * spacing[along] * (first + np.arange(contact.pressure.shape[along]))
     # The half-space's surface is at 0 before contact, and the rough body comes down from above.
     surfaces = -contact.displacement[line], contact.gap[line] - contact.displacement[line]
-    factor, height_unit = axis_unit(float(np.ptp(surfaces)), FINE_HEIGHT)
+    factor, height_unit = maps.axis_unit(float(np.ptp(surfaces)), maps.FINE_HEIGHT)
     deformed, rough = (factor * heights for heights in surfaces)
     margin = 0.08 * float(np.ptp([deformed.min(), deformed.max(), rough.max(), 0.0]))
     top = max(float(rough.max()), 0.0) + margin
     bottom = float(deformed.min()) - margin
     axis.fill_between(position, rough, top, color="0.8", label="rough body")
     axis.fill_between(position, bottom, deformed, color="tab:blue", alpha=0.4, label="half-space")
-    yielded = yielded_nodes(contact)[line]
+    yielded = maps.yielded_nodes(contact)[line]
     touching = np.ma.masked_where((contact.pressure[line] == 0) | yielded, deformed)
     axis.plot(position, touching, ".", ms=4, color="tab:red", label="in contact")
     if yielded.any():
         yielding = np.ma.masked_where(~yielded, deformed)
-        axis.plot(position, yielding, ".", ms=4, color=CYAN, label="yielded")
+        axis.plot(position, yielding, ".", ms=4, color=maps.CYAN, label="yielded")
     axis.axhline(0, color="k", lw=0.6, ls=":")
     names = "xy"
     across = per_um * spacing[1 - along] * (first + place)
     where = f"section at {names[1 - along]} = {across:.4g} {unit}{load.replace(' at', ',', 1)}"
     axis.set_title(where, loc="left", fontsize=10, pad=20)
     axis.set(xlabel=f"{names[along]} [{unit}]", ylabel=f"z [{height_unit}], stretched")
-    axis.set(xlim=(0, per_um * patch_sides(contact)[along]), ylim=(bottom, top))
+    axis.set(xlim=(0, per_um * maps.patch_sides(contact)[along]), ylim=(bottom, top))
     axis.legend(
         loc="lower left",
         bbox_to_anchor=(0, 1),
@@ -250,7 +236,7 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
 
 def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> None:
     """Draw area, force or far-field displacement, and mean gap over the load that was given."""
-    cells = nominal_area(contacts[0])
+    cells = maps.nominal_area(contacts[0])
     displacements = _lengths([contact.delta for contact in contacts], "displacement Δ")
     quantities = {
         "delta": displacements,
@@ -260,7 +246,7 @@ def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> No
     given, label = quantities[load]
     order = np.argsort(given)
     loads = np.array(given)[order]
-    decades = bool(loads[0] > 0 and loads[-1] >= DECADES * loads[0])
+    decades = bool(loads[0] > 0 and loads[-1] >= maps.DECADES * loads[0])
     answers = (
         ([contact.area_percent for contact in contacts], "contact area [%]"),
         quantities["force" if load == "delta" else "delta"],
@@ -275,7 +261,7 @@ def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> No
 
 def _lengths(values: Sequence[float], name: str) -> tuple[list[float], str]:
     """Return lengths [um] in the unit of their axis, and the label of that axis."""
-    factor, unit = axis_unit(max(values), FINE_HEIGHT)
+    factor, unit = maps.axis_unit(max(values), maps.FINE_HEIGHT)
     return [factor * value for value in values], f"{name} [{unit}]"
 
 
