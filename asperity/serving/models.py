@@ -88,7 +88,7 @@ class SurrogateModel:
 
     Every target is a vector of four numbers: predicted value, low and high end of its 90 %
     interval, and 1 where the question lies inside what the surrogate was trained on, else 0. Where
-    the scene of the training gives pressures or forces, the load is Delta [um] all the same.
+    the scene of the training gives pressures or forces, the load is still Delta [um].
 
     Parameters
     ----------

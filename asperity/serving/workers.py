@@ -80,7 +80,7 @@ class Workers:
     def __init__(self, sources: Sequence[str], number: int) -> None:
         self._sources, self._waiting, self._closed = tuple(sources), 0, False
         self._pools: set[ProcessPoolExecutor] = set()
-        # Those that run come first; None stands for one that nobody has needed yet.
+        # Running workers come first; None stands for one that was not needed yet.
         self._free: asyncio.LifoQueue[ProcessPoolExecutor | None] = asyncio.LifoQueue()
         for _ in range(number):
             self._free.put_nowait(None)

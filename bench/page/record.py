@@ -13,7 +13,7 @@ from bench.page.content import Content, Figure, Table, files_of, moved
 from gen.runtime import documents, output
 
 SAME = ("state", "versions", "machine")  # what has to be as it was for something to stay
-# Ends of the names of files that say how something was made, and are nobody's input.
+# Ends of the names of files that record how a part was made; no part reads them.
 NOT_READ = (".part.json", ".printed.txt")
 
 

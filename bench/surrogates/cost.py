@@ -29,8 +29,8 @@ from learn.surrogate.break_even import break_even, time_of
 PAPER, OURS = "the paper's", "ours"  # solvers
 
 NEW, LADDER, KNOWN = "new surfaces", "loads on one surface", "statistics at hand"
-"""What is asked: a contact on a surface that nobody has seen, one more load on a surface, a contact
-of which the features are known already."""
+"""The questions: a contact on a new surface, one more load on a surface, and a contact whose
+features are known already."""
 
 FEWEST = 100  # training rows of a learning curve's first point
 # Fits of a point, each to other rows, as long as the rows suffice; the median error counts.

@@ -165,7 +165,7 @@ def _show(request: Request, signal: int, *, tuned: bool = False) -> int:
     for part in targets(request.output):
         for model, kind, said in tables.no_better_than_constant(part):
             if tuned and kind == "tuned" and model in (request.models or MODELS):
-                raise InputError(f"{part.path}: {said}; the tables are written all the same")
+                raise InputError(f"{part.path}: {said}; the tables are still written")
     return 0
 
 

@@ -344,8 +344,8 @@ class Surrogate:
         std : bool
             True to add the standard deviations of Gaussian processes.
         reasons : bool
-            False to skip the check of training ranges; a prediction that is not finite has a reason
-            all the same.
+            False to skip the check of training ranges; a prediction that is not finite still has
+            a reason.
 
         Returns
         -------
