@@ -108,7 +108,7 @@ def writer_by_link(stage: Stage) -> Found:
         stage.await_rows(first, 1)
         first.send("everybody", signal.SIGSTOP)
         hit = is_locked(stage.path)
-        link.hardlink_to(stage.path)
+        link.symlink_to(stage.path)
         began = time.monotonic()
         with stage.run(stage.ranks(), output="link.h5") as second:
             ended = second.wait()

@@ -38,7 +38,7 @@ WRONG = [
     (["predict", "hybrid.surrogate", "table.csv", "--delta", "5"], "need the surface"),
     (["predict", "hybrid.surrogate", "many/s0.npy", "--delta", "5"], "--side"),
     (["predict", "hybrid.surrogate", "many/s0.npy", "--side", "9"], "give --delta"),
-    (["predict", "hybrid.surrogate", "many", "--side", "9", "--delta", "0"], "above 0"),
+    (["predict", "hybrid.surrogate", "many", "--side", "9", "--delta", "0"], "from 1e-60"),
     (["predict", "hybrid.surrogate", "many", "--side", "9", "--delta", "1,,2"], "--delta"),
     (["predict", "hybrid.surrogate", "nowhere", "--delta", "5"], "neither a file nor a folder"),
     (["predict", "paper.surrogate", "table.csv"], "has no Delta: give --delta"),

@@ -185,7 +185,7 @@ def _scores_refused() -> Iterator[Case]:
     truth = np.arange(1.0, 6.0)
     for name, known, guessed, words in (
         ("constant truth", np.ones(5), truth, "must vary"),
-        ("truth of mean zero", truth - 3, truth, "mean other than zero"),
+        ("no row", truth[:0], truth[:0], "must vary"),
         ("one row", truth[:1], truth[:1], "must vary"),
         ("other lengths", truth, truth[:3], "one length"),
         ("NaN predicted", truth, truth * np.nan, "NaN"),

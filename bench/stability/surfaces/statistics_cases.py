@@ -198,7 +198,7 @@ def _refused() -> Iterator[Case]:
         ("NaN", _with(z.copy(), np.nan), "give finite heights"),
         ("infinity", _with(z.copy(), -np.inf), "give finite heights"),
         ("an infinite range", _with(z * 1e306, -1.79e308), "give finite heights"),
-        ("masked nodes", np.ma.masked_less(z, 5.0), "fill holes"),
+        ("masked nodes", np.ma.masked_less(z, 5.0), "fill or crop"),
         ("complex", z.astype(complex), "give real numbers"),
         ("text", z.astype(str), "give real numbers"),
         ("objects", z.astype(object), "give real numbers"),

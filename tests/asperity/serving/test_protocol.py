@@ -484,7 +484,7 @@ def test_ctrl_c_lets_a_question_end_and_a_second_one_does_not(folder, presses, n
         (["small.h5"], "small.h5"),
         (["small.toml", "--port", "0"], "--port"),
         (["small.toml", "--host", "no.such.host.invalid"], "no.such.host"),
-        (["small.toml", "--host", ""], "--host ''"),
+        (["small.toml", "--host", ""], "after '--host' is empty"),
         (["small.toml", "--host", " "], "--host ' '"),
         ([], "MODEL"),
     ],

@@ -215,7 +215,7 @@ def test_a_map_of_an_input_folder_is_not_replaced(surfaces, run, capsys):
         (["many/s0.npy", "--pressure", "1", "--csv", "many/s0.npy"], "many/s0.npy"),
         (["many/s0.npy", "--pressure", "1", "--calculix", "."], ".: is a folder"),
         (["many/s0.npy", "--pressure", "1", "--units", "inch"], "'inch' is not one of"),
-        (["many/s0.npy", "--pressure", "1", "-o", ""], "give what the names of the files begin"),
+        (["many/s0.npy", "--pressure", "1", "-o", ""], "after '-o' is empty"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(surfaces, run, capsys, arguments, word):

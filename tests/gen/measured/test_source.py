@@ -107,7 +107,7 @@ def test_holes_of_either_body_have_to_be_filled(capsys):
         ("--side 16 --boundary mirror", "--boundary"),
         ("--side 16 --csv x.csv", "--csv"),
         ("--side 16 --form two", "--form"),
-        ("", "b.npy: holds no lengths"),
+        ("", "after '--against-options' is empty"),
     ],
 )
 def test_bad_options_of_the_second_body_are_one_line(capsys, options, word):
