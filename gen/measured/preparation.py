@@ -153,8 +153,8 @@ def _border_warnings(topography: Topography) -> list[str]:
         fault = (
             f"the file says that its map is periodic, and it is taken as a {topography.boundary}"
         )
-        solves = "--boundary periodic of gen contact and gen law takes it so"
-        return [_advised(topography, f"{fault} patch", solves)]
+        follows = "--boundary periodic of gen describe, contact and law follows the file"
+        return [_advised(topography, f"{fault} patch", follows)]
     if topography.boundary != "periodic" or is_tilted(topography):
         return []
     step, rms = _border_step(topography.heights), float(topography.heights.std())

@@ -56,6 +56,8 @@ CONTROL_CHARACTERS = re.compile("[\0-\x08\x0e-\x1f]")
 """Control characters, none of which stands in a text file."""
 WITH_COMMA = re.compile(r"[-+]?\d+(,\d+)?([eE][-+]?\d+)?")
 """Number with a decimal comma."""
+WHOLE, DECIMALS = re.compile(r"[-+]?(0|[1-9]\d*)"), re.compile(r"\d+([eE][-+]?\d+)?")
+"""Both parts of such a number, split at its comma."""
 BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
 """First line of files whose header has no `#` in front."""
 SAYS_LENGTHS = re.compile(r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|\d\s*m)\b|Å")
@@ -221,6 +223,11 @@ def _lines(content: str, path: Path) -> Iterator[tuple[int, str, list[str]]]:
         ):
             _columns(text, f"{path}, line {number}")
             comment, fields, titles = text, [], titles or number
+        if "," in text and _are_split(fields):
+            raise InputError(
+                f"{path}, line {number}: {text.strip()[:20]!r}: its commas look like decimal commas"
+                " as well as separators; separate the numbers by ';', tabs or blanks"
+            )
         begun = begun or bool(fields)
         if fields or comment.strip():
             yield number, comment.strip(), fields
@@ -307,6 +314,17 @@ def _fields(line: str) -> list[str]:
     if ";" not in line and not (decimal and len(words) > 1):
         return line.removesuffix(",").split(",")
     return [each.replace(",", ".") for each in words] if decimal else words
+
+
+def _are_split(fields: list[str]) -> bool:
+    """Tell whether fields are numbers split at their decimal commas, as `0,05,-0,5` is."""
+    wholes, decimals = fields[::2], fields[1::2]
+    return (
+        len(wholes) == len(decimals)
+        and all(map(WHOLE.fullmatch, wholes))
+        and all(map(DECIMALS.fullmatch, decimals))
+        and ("-0" in wholes or any(re.match(r"0\d|\d+[eE]", part) for part in decimals))
+    )
 
 
 def _is_number(field: str) -> bool:

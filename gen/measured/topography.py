@@ -220,10 +220,10 @@ def sides_from(text: str) -> Sides:
     return lengths[0], lengths[-1]
 
 
-def _factor(unit: str, name: str) -> float:
-    """Return the length of a unit [um]."""
+def _factor(unit: str, name: str, advice: str = "give") -> float:
+    """Return the length of a unit [um]; with an unknown unit, give this advice."""
     if _unit(unit) not in UNITS:
-        raise InputError(f"{name} {unit!r}: give one of {', '.join(UNITS)}")
+        raise InputError(f"{name} {unit!r}: {advice} one of {', '.join(UNITS)}")
     return UNITS[_unit(unit)]
 
 
@@ -280,7 +280,8 @@ def _agreed_sides(
     length_unit = scan.length_unit or unit or "um"
     said = f"lengths in {length_unit}"
     if not side or overruled is None or _unit(length_unit) in UNITS:
-        factor = _factor(length_unit, f"{path}: unit of lengths")
+        advice = "give --side with --override-scale, or lengths in"
+        factor = _factor(length_unit, f"{path}: unit of lengths", advice)
         (nx, ny), (width, length) = scan.heights.shape, scan.widths
         width, length = width * intervals(nx, boundary) / nx, length * intervals(ny, boundary) / ny
         own = width * factor, length * factor

@@ -162,6 +162,15 @@ FILES = {
     "decimal commas and blanks": Strange(header() + comma(rows(MATRIX)), HEIGHTS),
     "decimal commas and tabs": Strange(header() + comma(rows(MATRIX, "\t")), HEIGHTS),
     "decimal commas of points": Strange(comma(rows(MEASURED, ";")), GAPS, UM, ".csv"),
+    "decimal commas between commas": Strange(
+        comma(rows(MATRIX, ";")).replace(";", ","), "line 1: .* look like decimal commas", SIDE
+    ),
+    "decimal commas and exponents between commas": Strange(
+        "1,5e0,2,5e0\n3,5e0,4,5e0\n", "line 1: .* look like decimal commas", SIDE
+    ),
+    "zeros in front of numbers": Strange(
+        8 * "05,02,09,04,01,03,08,07\n", "no lengths; give --side", {}, ".csv"
+    ),
     "points and commas": Strange("1.234,5;2,5\n3,5;4,5\n", "'1.234,5' is not a number", SIDE),
     "quoted numbers": Strange('"1","2"\n"3","4"\n', "is not a number", SIDE),
     "CR": Strange((header() + rows(MATRIX)).replace("\n", "\r").encode(), HEIGHTS),
@@ -185,7 +194,9 @@ FILES = {
     ),
     "unknown unit": Strange(header(unit="mil") + rows(MATRIX), "holds no heights; .* .in mil, no"),
     "unknown unit, overruled": Strange(header(unit="mil") + rows(MATRIX), HEIGHTS, OVER),
-    "unknown lengths": Strange(header("6 ft", "2 ft") + rows(MATRIX), "unit of lengths 'ft': give"),
+    "unknown lengths": Strange(
+        header("6 ft", "2 ft") + rows(MATRIX), "'ft': give --side with --override-scale"
+    ),
     "unknown lengths, overruled": Strange(
         header("6 ft", "2 ft") + rows(MATRIX), HEIGHTS, {**SIDE, "override_scale": "yes"}
     ),

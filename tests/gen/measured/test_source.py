@@ -142,4 +142,6 @@ def test_a_file_that_calls_itself_periodic_is_told_how_it_is_taken(
             said = capsys.readouterr().err
             taken = "mirror" if options[1:] == ["mirror"] or command is law else "free"
             line = f"says that its map is periodic, and it is taken as a {taken} patch: --boundary"
-            assert (f"{line} periodic of gen contact and gen law takes it so" in said) == told
+            assert (
+                f"{line} periodic of gen describe, contact and law follows the file" in said
+            ) == told

@@ -102,7 +102,10 @@ def test_concatenated_exports_are_channels(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("header", "message"),
     [
-        (GWYDDION.replace("µm", "ft"), "unit of lengths 'ft': give one of m, cm, mm"),
+        (
+            GWYDDION.replace("µm", "ft"),
+            "unit of lengths 'ft': give --side with --override-scale, or .* in one of m, cm, mm",
+        ),
         (GWYDDION.replace("# Value units: m\n", ""), "names no unit; give --unit"),
         (WSXM + "Z Amplitude: 2 nm\n", "names no unit; give --unit"),
         (SPIP.replace("= 4", "= 5"), "its header states . lines of 5 numbers, it holds 3 of 4"),
