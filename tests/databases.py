@@ -1,4 +1,4 @@
-"""MapSurvey at databases with h5py alone, as any reader of the file could."""
+"""Look at databases with h5py alone, as any reader of the file could."""
 
 from pathlib import Path
 

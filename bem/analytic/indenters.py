@@ -291,8 +291,15 @@ def distances_to_centre(
     -------
     ndarray, shape (nx, ny)
         Distance from the axis [um].
+
+    Raises
+    ------
+    ValueError
+        If the sides are neither one length nor two.
     """
     sides = side if isinstance(side, tuple) else (side, side)
+    if len(sides) != 2:
+        raise ValueError(f"side = {side!r}: one length or two are needed, in um")
     axes = [
         (np.arange(nodes) - (nodes - 1) / 2) * (length / (nodes - 1)) - offset
         for nodes, length, offset in zip(shape, sides, shift, strict=True)

@@ -20,7 +20,7 @@ def scene(
     unit: options.Unit = "",
     channel: options.Channel = "",
 ) -> None:
-    """MapSurvey at measured maps and write a scene of their windows, or of surfaces like one map.
+    """Look at measured maps and write a scene of their windows, or of surfaces like one map.
 
     Comments in the scene say why it has its values. It runs as it is, and is meant to be edited.
     """

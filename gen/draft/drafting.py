@@ -61,7 +61,7 @@ class Order:
 
 
 def draft(order: Order) -> None:
-    """MapSurvey at maps, print what was found, and write the scene.
+    """Look at maps, print what was found, and write the scene.
 
     Parameters
     ----------

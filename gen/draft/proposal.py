@@ -94,7 +94,7 @@ def propose(
     material: Material,
     looked: Callable[[], None] = lambda: None,
 ) -> Proposal:
-    """MapSurvey at maps twice, raw and prepared, and choose windows and loads.
+    """Look at maps twice, raw and prepared, and choose windows and loads.
 
     Parameters
     ----------

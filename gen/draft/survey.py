@@ -97,7 +97,7 @@ class Texture:
 def survey(
     paths: Sequence[Path], reading: Reading, looked: Callable[[], None] = lambda: None
 ) -> list[MapSurvey]:
-    """MapSurvey at files one by one.
+    """Look at files one by one.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def survey(
 
 
 def _look(path: Path, reading: Reading, contents: dict[str, Path]) -> MapSurvey:
-    """MapSurvey at a file and note its content."""
+    """Look at a file and note its content."""
     try:
         sha256 = digest(path)
         if sha256 in contents:

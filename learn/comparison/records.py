@@ -51,14 +51,14 @@ class Scored(Document):
 
 
 class Times(Document):
-    """Times of a fit and of its predictions [s]; NaN where the fit has failed."""
+    """Times of a fit and of its predictions [s]; null (once NaN) where the fit has failed."""
 
     model_config = ConfigDict(allow_inf_nan=True)
 
-    fit: float
+    fit: float | None
     fits: Count
-    test: float
-    row: float
+    test: float | None
+    row: float | None
     search: Seconds
 
 
@@ -107,7 +107,8 @@ class Result(Document):
     @model_validator(mode="after")
     def _times_belong_to_scores(self) -> "Result":
         times = self.times.fit, self.times.test, self.times.row
-        if self.test is not None and not all(0 <= seconds <= 1e15 for seconds in times):
+        sound = all(each is not None and 0 <= each <= 1e15 for each in times)
+        if self.test is not None and not sound:
             raise ValueError("there are scores without times of fit and predictions")
         return self
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -193,7 +194,8 @@ def write_fit(
         ((number, *pair) for number, pair in enumerate(pairs)),
     )
     content = _content(task, training, result)
-    content |= {"search": report or {}, "times": {**vars(result.times), "search": search_seconds}}
+    times = {name: None if isnan(each) else each for name, each in vars(result.times).items()}
+    content |= {"search": report or {}, "times": {**times, "search": search_seconds}}
     folder.write_json(f"{task.kind}/{task.model}.json", content)
 
 

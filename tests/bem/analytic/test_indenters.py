@@ -229,6 +229,9 @@ def test_distances_from_the_centre_of_a_patch() -> None:
     assert distance[1].tolist() == [8.0, 4.0, 0.0, 4.0, 8.0]
     even = distances_to_centre((2, 4), 6.0)
     assert even[:, 1:3] == pytest.approx(np.full((2, 2), np.hypot(3, 1)))
+    for side in ((1000.0,), (1.0, 2.0, 3.0), ()):
+        with pytest.raises(ValueError, match="one length or two"):
+            distances_to_centre((9, 9), side)
 
 
 def test_axes_beside_the_centre_of_a_patch() -> None:

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import time
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -125,6 +126,8 @@ def test_a_model_that_fails_is_reported_and_the_others_go_on(work, capsys, monke
     assert run("show", "out") == 0
     assert table("out/area/scores.csv")[0]["failure"] == "no tree today"
     assert float(table("out/area/scores.csv")[1]["r2"]) > 0
+    for file in Path("out").rglob("*.json"):  # RFC 8259 knows no NaN
+        json.loads(file.read_text(), parse_constant=pytest.fail)
 
 
 def huge(file):
