@@ -22,7 +22,7 @@ PIECE = 2**16
 # Entries of a vector from which on it is cut into pieces.
 SHORT = 2 * PIECE
 
-# Entries from which on several threads share a vector all the same, and those of its pieces.
+# Several threads also share shorter vectors, from this number of entries on, in these pieces.
 SHARED, SHARED_PIECE = 2**15, 2**14
 
 Pass = Callable[[slice], None]

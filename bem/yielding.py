@@ -58,7 +58,7 @@ REDUCTION = 0.5
 # Share of the preconditioned residual that is added when a set changes.
 ADVANCE = 0.5
 
-# Largest factor on the free pressures for the load that capping takes off their neighbours.
+# Largest factor by which free pressures grow to carry what capping takes off their neighbours.
 LARGEST_SCALE = 2.0
 
 # Share of the free nodes under tension up to which yielded nodes may be released: more tension

@@ -25,7 +25,7 @@ class Calibrated(NamedTuple):
     Attributes
     ----------
     scheme : {"ranges", "each", "others"}
-        What the scores are kept by (`learn.surrogate.conformal`).
+        Classes that intervals hold for (`learn.surrogate.conformal`).
     kind : str
         "map" or "database": what the groups are.
     groups : int

@@ -35,8 +35,8 @@ from learn.surrogate.error_scale import ErrorScale
 from learn.surrogate.quantiles import quantile, quantile_over_groups
 
 Scheme = Literal["ranges", "each", "others"]
-"""The classes that scores are stored by, which intervals hold for: ranges of the prediction; each
-of the known groups; other groups too.
+"""Classes that intervals hold for, with scores of their own: ranges of the prediction; each of the
+known groups; or other groups too.
 """
 
 RANGES = 5
@@ -60,9 +60,9 @@ class Calibration:
     root : bool
         True if the errors are those of the square root of the target.
     scheme : {"ranges", "each", "others"}
-        What the scores are kept by.
+        Classes that intervals hold for.
     usual : ErrorScale, optional
-        The usual errors, where scores are kept by group.
+        The usual errors, where each group has scores of its own.
     growth : Growth, optional
         How errors grow with the distance from the training; the scores are over this growth.
     """
@@ -94,7 +94,7 @@ class Calibration:
         level : float
             Wanted coverage, between 0 and 1.
         inputs : ndarray, shape (n, d)
-            Features, needed where scores are kept by group, or errors grow with the distance.
+            Features, needed where groups have scores of their own or errors grow with the distance.
         """
         if not self.root:
             half = self.half_width(prediction, level, inputs)
