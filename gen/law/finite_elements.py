@@ -205,7 +205,8 @@ def _description(
     )
     yield (
         f"The law ends at {pressures[-1]:.6g} MPa. No contact was computed beyond: the pressure"
-        f" follows the last slope there{conducting}. Give larger ones if your model gets there."
+        f" follows the last slope there{conducting}. Give larger ones, up to full"
+        " contact, if your model gets there."
     )
     if program == "calculix":
         yield (

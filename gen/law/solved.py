@@ -145,7 +145,8 @@ def _possible_deltas(
         return deltas, []
     if not possible.size:
         raise InputError(f"full contact from {min(full):.4g} um on: give smaller loads")
-    return possible, [f"full contact from {min(full):.4g} um on: the tables end below it"]
+    said = f"full contact from {min(full):.4g} um on: the table against delta_um ends below it"
+    return possible, [said]
 
 
 def _below(pressures: Values, bodies: Bodies) -> Values:

@@ -255,6 +255,20 @@ def test_a_law_of_full_contact_alone_is_refused(tmp_path, capsys):
     assert [path.name for path in tmp_path.iterdir()] == ["s.npy"]
 
 
+def test_the_end_of_one_table_is_not_said_of_the_other(tmp_path, capsys):
+    """Where one surface of two is in full contact, the table against pressure goes on beyond."""
+    for number, rough in enumerate((0.1, 1.0)):
+        np.save(tmp_path / f"{number}.npy", rough * np.random.default_rng(1).normal(size=(8, 8)))
+    ask = ["law", f"{tmp_path}/0.npy", f"{tmp_path}/1.npy", "--side", "8", "--e-star", "5"]
+    assert cli.main([*ask, "--pressure", "0.01,0.1,0.2", "-o", f"{tmp_path}/law"]) == 0
+    (note,) = (line for line in capsys.readouterr().out.splitlines() if "full contact" in line)
+    assert note.endswith("um on: the table against delta_um ends below it")
+    end = float(note.split()[3])
+    part = [row for row in rows_of(tmp_path / "law.csv") if row["against"] == "pressure_MPa"]
+    assert float(part[-1]["closure_um"]) > end
+    assert "larger ones, up to full contact, if" in said(tmp_path / "law-calculix.inp")
+
+
 needs_calculix = pytest.mark.skipif(
     shutil.which("ccx") is None, reason="no CalculiX: apt-get install calculix-ccx"
 )
