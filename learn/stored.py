@@ -119,7 +119,8 @@ def _target_column(reader: Reader, target: str) -> Column:
     if name in found:
         return found[name]
     known = ", ".join(short_name(column) for column in found)
-    raise InputError(f"--target {target!r}: {reader.path} stores {known}")
+    alone = "give one target alone; " if "," in target else ""
+    raise InputError(f"--target {target!r}: {alone}{reader.path} stores {known}")
 
 
 def reasons_against(stored: Stored, target: Values) -> NDArray[np.object_]:
