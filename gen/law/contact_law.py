@@ -221,8 +221,8 @@ def law_of(
     if len(subjects.surfaces) > 1:
         share = f"{100 * order.level:g} %"
         band = f"quantiles of {len(subjects.surfaces)} surfaces, {share} between them"
-    doubts = [each for each in subjects.origins if ": " in each]
-    doubts += [f"warning: {each}" for each in bodies.doubts]
+    doubts = [each for each in subjects.origins if ": " in each]  # those of scenes
+    doubts += [*subjects.doubts, *(f"warning: {each}" for each in bodies.doubts)]
     return Law(
         order=order,
         over_delta=over_delta,

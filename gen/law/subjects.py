@@ -124,11 +124,14 @@ class LawSurfaces:
         Scenes that surfaces were generated from.
     origins : sequence of str
         Descriptions of the surfaces, one line for each input.
+    doubts : sequence of str
+        Warnings about the maps of the inputs, each with the name of its input.
     """
 
     surfaces: Sequence[LawSurface]
     scenes: Sequence[Scene]
     origins: Sequence[str]
+    doubts: Sequence[str] = ()
 
     @property
     def only_scenes(self) -> bool:
@@ -257,6 +260,7 @@ def read_subjects(
     subjects: list[LawSurface] = []
     scenes: list[Scene] = []
     origins: list[str] = []
+    doubts: list[str] = []
     seconds = [] if opposite is None else _seconds(opposite, boundary)
     facing = "" if opposite is None else f" against {opposite.source.path}"
     for text in inputs:
@@ -271,7 +275,6 @@ def read_subjects(
             subjects += _population(scenes[-1], text, surfaces)
             origins.append(f"{text}: its first {surfaces} surfaces{_facing(scenes[-1])}")
             continue
-        doubts: list[str] = []
         for file in files_in([path])[0]:
             first, warnings = _read(file, reading, boundary)
             pairs = [(first, warnings)]
@@ -283,10 +286,9 @@ def read_subjects(
                     raise InputError(f"{file}: is flat: all of it touches at once, there is no law")
                 subject, doubtful = _subject(topography, warned, say)
                 subjects.append(subject)
-                doubts += doubtful
-        said = f": {'; '.join(dict.fromkeys(doubts))}" if doubts else ""
-        origins.append(f"{text}{facing}{said}")
-    return LawSurfaces(subjects, scenes, origins)
+                doubts += [f"warning: {text}{facing}: {doubt}" for doubt in doubtful]
+        origins.append(f"{text}{facing}")
+    return LawSurfaces(subjects, scenes, origins, list(dict.fromkeys(doubts)))
 
 
 def _seconds(opposite: Opposite, boundary: Boundary) -> list[Topography]:

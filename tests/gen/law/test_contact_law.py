@@ -238,6 +238,18 @@ def test_a_law_says_where_few_nodes_touch(surfaces, run, capsys):
     assert "nodes touch" not in capsys.readouterr().out
 
 
+def test_warnings_of_a_map_are_notes_of_its_law_and_not_in_its_title(surfaces, run, capsys):
+    heights = np.load("many/s0.npy")
+    np.save("tilted.npy", heights + np.linspace(0, 15, len(heights))[:, None])
+    run("tilted.npy", "--pressure", "10", "--json", "law.json")
+    lines = capsys.readouterr().out.splitlines()
+    assert "tilted.npy" in [line.strip() for line in lines]
+    (note,) = [line for line in lines if line.startswith("warning: tilted.npy: tilted by")]
+    law = json.loads(Path("law.json").read_text())
+    assert note in law["notes"]
+    assert law["surfaces"] == ["tilted.npy"]
+
+
 def test_a_flat_surface_has_no_law(surfaces, capsys):
     np.save("flat.npy", np.zeros((9, 9)))
     assert cli.main(["law", "flat.npy", "--side", "9", "--pressure", "1:10:3", "-o", "flat"]) == 2
