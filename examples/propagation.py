@@ -53,10 +53,11 @@ def main(arguments: list[str]) -> np.ndarray:
                 solved = getattr(solve_contact(scene, heights, delta, hardness), about["column"])
                 errors.append((abs(values[-1] - solved), abs(solved)))
     scatter = f" +- {np.std(values, ddof=1):.2g}" if len(values) > 1 else ""
-    print(f"{target} at Delta = {delta:g} um: {np.mean(values):.3g}{scatter} {unit}")
+    ending = "" if unit == "1" else f" {unit}"  # a pure number
+    print(f"{target} at Delta = {delta:g} um: {np.mean(values):.3g}{scatter}{ending}")
     if scatter:
         low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
-        print(f"median {middle:.3g}, nine of ten surfaces between {low:.3g} and {high:.3g} {unit}")
+        print(f"median {middle:.3g}, nine of ten surfaces between {low:.3g} and {high:.3g}{ending}")
     print(f"{flagged} of {len(values)} surfaces lie outside the training ranges")
     if errors:
         error = 100 * np.divide(*np.mean(errors, axis=0))

@@ -80,6 +80,16 @@ def test_propagation_finds_the_mean_area_of_the_population(surrogate, tmp_path, 
     assert "hurst, sigma0" in capsys.readouterr().err
 
 
+def test_a_pure_number_is_printed_without_a_unit(tmp_path, capsys):
+    (tmp_path / "scene.toml").write_text("samples = 60\n[surface]\nnodes = 17\n")
+    rows, path = str(tmp_path / "rows.h5"), str(tmp_path / "learnt.surrogate")
+    assert gen.cli.main(["run", str(tmp_path / "scene.toml"), "-o", rows]) == 0
+    assert learn.cli.main(["fit", rows, "-o", path, "--target", "contact_nodes"]) == 0
+    capsys.readouterr()
+    example("propagation")([path, "--surfaces", "3"])
+    assert not any(line.endswith(" 1") for line in capsys.readouterr().out.splitlines())
+
+
 def test_one_value_has_no_error_bar(surrogate, capsys):
     example("propagation")([surrogate, "--surfaces", "1"])
     example("sobol")([surrogate, "--samples", "1"])
