@@ -60,8 +60,9 @@ def main(arguments: list[str]) -> np.ndarray:
         print(f"median {middle:.3g}, nine of ten surfaces between {low:.3g} and {high:.3g}{ending}")
     print(f"{flagged} of {len(values)} surfaces lie outside the training ranges")
     if errors:
-        error = 100 * np.divide(*np.mean(errors, axis=0))
-        print(f"mean error where the contact was solved too ({len(errors)}): {error:.2g} %")
+        off, size = np.mean(errors, axis=0)
+        error = f"{100 * off / size:.2g} %" if size > 0 else f"{off:.2g}{ending}"
+        print(f"mean error where the contact was solved too ({len(errors)}): {error}")
     if given.plot:
         from matplotlib.figure import Figure
 

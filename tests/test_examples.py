@@ -90,6 +90,20 @@ def test_a_pure_number_is_printed_without_a_unit(tmp_path, capsys):
     assert not any(line.endswith(" 1") for line in capsys.readouterr().out.splitlines())
 
 
+@pytest.mark.filterwarnings("error")
+def test_an_error_beside_zero_is_no_share_of_it(tmp_path, capsys):
+    """At 1e-6 um no node has yielded."""
+    (tmp_path / "scene.toml").write_text("samples = 60\n[surface]\nnodes = 17\n" + YIELDING)
+    rows, path = str(tmp_path / "rows.h5"), str(tmp_path / "learnt.surrogate")
+    assert gen.cli.main(["run", str(tmp_path / "scene.toml"), "-o", rows]) == 0
+    assert learn.cli.main(["fit", rows, "-o", path, "--target", "yielded_percent"]) == 0
+    capsys.readouterr()
+    example("propagation")([path, "--surfaces", "3", "--delta", "1e-6"])
+    line = capsys.readouterr().out.splitlines()[-1]
+    assert line.startswith("mean error where the contact was solved too (3): ")
+    assert np.isfinite(float(line.split()[-2]))
+
+
 def test_one_value_has_no_error_bar(surrogate, capsys):
     example("propagation")([surrogate, "--surfaces", "1"])
     example("sobol")([surrogate, "--samples", "1"])
