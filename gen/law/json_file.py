@@ -1,6 +1,5 @@
 """A contact law as JSON: the tables with their units, and how they were made."""
 
-import json
 import math
 from datetime import UTC, datetime
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 from gen.arrays import Values
 from gen.law.contact_law import Law
 from gen.law.curves import Curves
-from gen.runtime import output
+from gen.runtime import documents, output
 from gen.runtime.provenance import git_commit, versions
 
 FORMAT = "asperity contact law"
@@ -43,7 +42,7 @@ def write(path: Path, law: Law) -> None:
         "commit": git_commit(),
         "tables": [_table(law.over_delta), _table(law.over_pressure)],
     }
-    output.write(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    output.write(path, documents.text_of(content))
 
 
 def _table(curves: Curves) -> dict[str, Any]:

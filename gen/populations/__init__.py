@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights
+from gen.runtime.errors import InputError
 from gen.runtime.user_code import source_hash
 from gen.scene import PythonSurface, ScanSurface, Scene
 
@@ -48,11 +49,18 @@ def surface_heights(
     Raises
     ------
     InputError
-        If the generator cannot make the surface, for example of a map that is gone.
+        If the generator cannot make the surface, for example of a map that is gone, or if its
+        numbers leave double precision.
     """
     # Modules are imported when a scene asks for them.
     module = importlib.import_module(MODULES[scene.surface.generator])
-    heights: Heights = module.surface_heights(scene, surface, parameters, random)
+    try:
+        heights: Heights = module.surface_heights(scene, surface, parameters, random)
+    except ArithmeticError as error:
+        raise InputError(
+            f"surface {surface} cannot be made in double precision ({type(error).__name__}): give"
+            " other parameters"
+        ) from error
     return heights
 
 

@@ -4,6 +4,7 @@ Somebody may have edited or sent them. A missing key, a text in place of a numbe
 is not finite is named here, before it can do harm.
 """
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,25 @@ class Document(BaseModel):
     """
 
     model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
+
+
+def text_of(content: dict[str, Any]) -> str:
+    """Return the text of a document that strict readers take (RFC 8259).
+
+    Names of files may hold bytes that are no UTF-8: each becomes a question mark.
+
+    Parameters
+    ----------
+    content : dict
+        Keys and values.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite.
+    """
+    text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
+    return text.encode(errors="replace").decode() + "\n"
 
 
 def read_bytes(path: Path, largest: int = LARGEST) -> bytes:

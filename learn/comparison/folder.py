@@ -247,7 +247,7 @@ class Folder:
 
     def write_json(self, name: str, content: dict[str, Any]) -> Path:
         """Write a JSON file of the folder, and return its path."""
-        return self._write(name, json.dumps(content, indent=1, allow_nan=False) + "\n")
+        return self._write(name, documents.text_of(content))
 
     def write_table(
         self, name: str, header: Sequence[str], rows: Iterable[Sequence[object]]

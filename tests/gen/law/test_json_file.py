@@ -1,5 +1,7 @@
 """Laws as JSON."""
 
+import os
+
 import numpy as np
 import pandas as pd
 from strict import json_of
@@ -23,3 +25,10 @@ def test_tables_are_those_of_the_csv_and_nothing_is_infinite(surfaces, run):
             expected = np.where(np.isfinite(expected), expected, np.nan)
             np.testing.assert_array_equal(values, expected)
     assert over["at"] == [1, 10], "1e6 MPa is beyond full contact"
+
+
+def test_names_of_files_that_are_no_text_have_question_marks(surfaces, run):
+    name = os.fsdecode(b"many/s\xff.npy")
+    (surfaces / "many/s0.npy").rename(name)
+    run(name, "--pressure", "1,10", "--json", "law.json")
+    assert "many/s?.npy" in str(json_of("law.json"))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from SurfaceTopography import Topography
 
 from gen.generation.plan import parameters
-from gen.generation.sample import surface_of
+from gen.generation.sample import surface_numbered, surface_of
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 
@@ -215,6 +215,11 @@ def test_what_is_not_refused_can_be_made(data):
     for heights in surfaces(of, 12)[1]:
         assert heights.shape == of.shape
         assert np.isfinite(heights).all()
+
+
+def test_surfaces_beyond_double_precision_are_refused_in_words():
+    with pytest.raises(InputError, match="surface 3 cannot be made in double precision"):
+        surface_numbered(scene(rms="rms_height = 1e300"), 3)
 
 
 def test_refused_grids_are_those_that_no_surface_has():

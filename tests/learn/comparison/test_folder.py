@@ -1,5 +1,7 @@
 """Comparison folders: results belong together, and folders of other choices are refused."""
 
+import os
+
 import h5py
 import pytest
 from comparisons import run
@@ -15,6 +17,14 @@ def test_predictions_and_scores_belong_together(work):
     found = scores(*part.prediction("baseline", "decision-tree"))
     stored = part.result("baseline", "decision-tree")["test"]
     assert stored == pytest.approx(vars(found))
+
+
+def test_databases_whose_names_are_no_text_leave_folders_that_can_be_read(work):
+    name = os.fsdecode(b"data\xff.h5")
+    (work / "database.h5").rename(name)
+    for _ in range(2):
+        assert run("compare", name, "-o", "out", "--model", "decision-tree") == 0
+    assert folder.Folder(work / "out/area").record()["database"].endswith("data?.h5")
 
 
 def test_a_folder_of_other_choices_is_refused(work, capsys):
