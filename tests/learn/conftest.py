@@ -113,8 +113,10 @@ def work(made, monkeypatch, tmp_path):
 
 @pytest.fixture
 def database(solved, tmp_path):
-    """A copy that a test may change."""
-    return shutil.copy(solved, tmp_path / "database.h5")
+    """A copy that a test may change, also where `work` links to the one of all tests."""
+    copy = tmp_path / "database.h5"
+    copy.unlink(missing_ok=True)
+    return shutil.copy(solved, copy)
 
 
 @pytest.fixture
