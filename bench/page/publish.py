@@ -17,6 +17,7 @@ from bench.page.parts import Part
 from bench.page.record import NOT_READ, Record, read
 from gen.runtime import documents
 from gen.runtime.errors import InputError
+from gen.runtime.lock import lock_folder
 from gen.runtime.output import make_folder, write
 
 LARGEST = 6_000_000
@@ -44,12 +45,20 @@ def publish(parts: Sequence[Part], inputs: Inputs, target: Path, *, mixed: bool)
     InputError
         If there is nothing to publish, the folders are not apart, a part was not finished, the
         results would be of several states of the code and `mixed` does not allow that, or too
-        large. Then nothing is changed.
+        large, or another process writes the folder. Then nothing is changed.
     """
-    new: dict[Path, bytes] = {}
-    gone: set[Path] = set()
     folders = _by_folder(parts, inputs)
     _require_apart((inputs.output, *folders), target)
+    with lock_folder(target):
+        return _copied(folders, inputs, target, mixed=mixed)
+
+
+def _copied(
+    folders: Mapping[Path, Sequence[Part]], inputs: Inputs, target: Path, *, mixed: bool
+) -> list[Path]:
+    """Copy into a folder that this process has locked."""
+    new: dict[Path, bytes] = {}
+    gone: set[Path] = set()
     for folder, those in folders.items():
         made = [part for part in those if _finished(part, inputs)]
         home = target / (made[0].folder or made[0].name) if made else target

@@ -25,7 +25,8 @@ from bench.page.record import Record, read
 from bench.report import remark
 from gen.runtime.errors import InputError
 from gen.runtime.interruption import Interruption
-from gen.runtime.output import check_folder, make_folder
+from gen.runtime.lock import lock_folder
+from gen.runtime.output import check_folder
 from gen.scene import load
 
 PATIENCE = 60.0  # seconds that a part has to end after a signal, before it is killed
@@ -158,12 +159,12 @@ def run(inputs: Inputs, only: Sequence[str] = ()) -> tuple[Path, Outcome]:
     """Make the missing parts, or those of them that are named, then the page of all parts."""
     parts = _chosen(only, inputs)
     check_folder(inputs.output, PAGE)
-    make_folder(inputs.output)
-    if any("{database}" in inputs.template(part) for part in parts):
-        rows = load("paper").samples if inputs.full else ROWS
-        of_the_paper(inputs.database, inputs.files["database"].parent, rows)
-    outcome = make(parts, inputs, lambda: write_page(PARTS, inputs))
-    return write_page(PARTS, inputs), outcome
+    with lock_folder(inputs.output):
+        if any("{database}" in inputs.template(part) for part in parts):
+            rows = load("paper").samples if inputs.full else ROWS
+            of_the_paper(inputs.database, inputs.files["database"].parent, rows)
+        outcome = make(parts, inputs, lambda: write_page(PARTS, inputs))
+        return write_page(PARTS, inputs), outcome
 
 
 def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:

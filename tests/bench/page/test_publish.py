@@ -14,6 +14,7 @@ from bench.page.parts import Part
 from bench.page.publish import publish
 from bench.picture import new_figure, save
 from gen.runtime.errors import InputError
+from gen.runtime.lock import lock_folder
 
 
 def pictured(folder: Path) -> list[Content]:
@@ -108,6 +109,15 @@ def test_what_is_read_is_not_written_over(made: Path, target: str) -> None:
         publish([ONE, PICTURED], inputs(made, full=True), made / target, mixed=False)
     after = {path: path.read_bytes() for path in made.parent.rglob("*") if path.is_file()}
     assert after == before
+
+
+def test_one_process_at_a_time_writes(made: Path) -> None:
+    results = made.parent / "results"
+    with lock_folder(results), pytest.raises(InputError, match="is being written by host"):
+        published(made, [ONE])
+    assert not results.exists()
+    assert published(made, [ONE]) == ["one/made.txt", "one/one.part.json"]
+    assert sorted(path.name for path in results.iterdir()) == ["one"]
 
 
 def test_what_was_not_finished_is_refused(made: Path) -> None:

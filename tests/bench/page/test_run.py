@@ -15,6 +15,7 @@ from bench.page import run as running
 from bench.page.html import write_page
 from bench.page.parts import Part
 from bench.page.run import Outcome
+from gen.runtime.lock import lock_folder
 
 
 def test_parts_are_made_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -184,3 +185,15 @@ def test_bad_input_is_one_line(
     assert message in said
     assert len(said.splitlines()) == 1
     assert "Traceback" not in said
+
+
+def test_a_folder_that_another_run_writes_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "report"
+    with lock_folder(output):
+        assert main(["run", "-o", str(output), "--only", "hertz"]) == 2
+        said = capsys.readouterr().err.splitlines()
+        assert len(said) == 1
+        assert "report is being written by host" in said[0]
+    assert not output.exists()
