@@ -197,6 +197,11 @@ class Scene(Table):
         nodes, seed : optional
             Nodes of the grid and seed; those of this scene if left out.
 
+        Returns
+        -------
+        Scene
+            The scene, checked as one that is read from a file.
+
         Raises
         ------
         InputError
