@@ -400,3 +400,14 @@ def test_a_serial_run_imports_no_mpi_and_no_learning(tmp_path):
     assert not loaded_by(run, tmp_path) & {"mpi4py", "matplotlib", "sklearn", "pandas"}
     info = command("info", "small.h5")
     assert not loaded_by(info, tmp_path) & {"mpi4py", "pyfftw", "matplotlib", "sklearn"}
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a checkout")
+def test_no_data_lie_in_the_top_folder():
+    """Files that somebody tries the commands with there are easily committed with the rest."""
+    listed = subprocess.run(
+        ["git", "ls-files", "--", ":(glob)*"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    kinds = {".cff", ".md", ".py", ".toml", ".yaml", ""}
+    strays = [name for name in listed.stdout.splitlines() if Path(name).suffix not in kinds]
+    assert not strays
