@@ -402,12 +402,12 @@ def test_a_serial_run_imports_no_mpi_and_no_learning(tmp_path):
     assert not loaded_by(info, tmp_path) & {"mpi4py", "pyfftw", "matplotlib", "sklearn"}
 
 
-@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a checkout")
 def test_no_data_lie_in_the_top_folder():
     """Files that somebody tries the commands with there are easily committed with the rest."""
     listed = subprocess.run(
-        ["git", "ls-files", "--", ":(glob)*"], cwd=ROOT, capture_output=True, text=True, check=True
+        ["git", "ls-files", "--", ":(glob)*"], cwd=ROOT, check=False, capture_output=True, text=True
     )
+    if listed.returncode:
+        pytest.skip("not a checkout, or not ours to list")
     kinds = {".cff", ".md", ".py", ".toml", ".yaml", ""}
-    strays = [name for name in listed.stdout.splitlines() if Path(name).suffix not in kinds]
-    assert not strays
+    assert not [name for name in listed.stdout.splitlines() if Path(name).suffix not in kinds]
