@@ -74,7 +74,7 @@ def ladder(
 
 
 class _Ladder(Iterator[Contact]):
-    """The contacts of `ladder`, unlike a generator also after one that could not be found."""
+    """The contacts of `ladder`. Unlike a generator, it goes on after a load that failed."""
 
     def __init__(
         self,

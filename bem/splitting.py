@@ -18,15 +18,14 @@ from bem.iterate import Effort, Iterate, YieldingIterate
 from bem.spectrum import even_filter, wave_numbers
 
 # Penalty for the distance of both pressures, over the geometric mean of the stiffest and the
-# softest wave's compliance. Shares from 0.3 to 1 take about as many passes, 3 takes three times as
-# many.
+# softest wave's compliance.
 PENALTY = 0.5
 
-# Share of the new waves, the rest being the pressure within the bounds, that is cut off.
+# Over-relaxation: share of the new waves in what is cut off next, the rest being the pressure
+# within the bounds (Boyd et al., section 3.4.3).
 OVER = 1.6
 
-# Passes between two checks, and passes at most for each iteration that a problem allows: one takes
-# about a quarter of a step of conjugate gradients with its preconditioner.
+# Passes between two checks, and passes at most for each iteration that a problem allows.
 CHECKED, PASSES = 10, 4
 
 
