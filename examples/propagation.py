@@ -69,6 +69,7 @@ def main(arguments: list[str]) -> np.ndarray:
         axis = Figure(figsize=(5, 3.5), layout="constrained").subplots()
         axis.hist(values, bins=30)
         axis.set(xlabel=f"{target} [{unit}]", ylabel="surfaces")
+        axis.yaxis.get_major_locator().set_params(integer=True)
         axis.figure.savefig(given.plot)
     return np.array(values)
 
