@@ -18,7 +18,7 @@ SLIPS = (
     (1e-6, "is the hardness in Pa"),
     (1e6, "is the modulus in Pa"),
 )
-"""Factors by which a slip of a unit is off in the hardness over E*, and its words."""
+"""Likely slips of a unit: the factor that corrects hardness over E*, and the question to ask."""
 
 
 class Bodies(NamedTuple):
@@ -58,7 +58,7 @@ class Bodies(NamedTuple):
 
     @property
     def doubts(self) -> list[str]:
-        """What no solid has, with the slip that it is likely to be; one line or none."""
+        """A warning of numbers that no solid has, with the likely slip of a unit; empty if none."""
         ratio, (low, high) = self.hardness_ratio, HARDNESSES
         if ratio is not None and not low <= ratio <= high:
             slips = [words for factor, words in SLIPS if low <= ratio * factor <= high]
@@ -76,7 +76,7 @@ class Bodies(NamedTuple):
 
     @property
     def stated(self) -> str:
-        """E*, and the options that state it where nobody has: neither the user nor a scene."""
+        """E* in words, with the options that give it if neither the user nor a scene did."""
         said = f"E* is {self.e_star:.4g} MPa"
         stated = self.known or self.e_star != 1.0
         return said if stated else f"{said}, as no modulus is given (--young or --e-star)"

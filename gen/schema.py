@@ -240,8 +240,8 @@ _PARAMETERS = (
 )
 
 DRAWN_NAMES = {"rms_height": "drawn_rms_height", "rms_slope": "drawn_rms_slope"}
-"""Columns of parameters whose names in scenes read like those of measured statistics. Files of
-before 1.0.0 have these columns under the names of the parameters."""
+"""Parameters whose names could be taken for measured statistics, and the names of their columns.
+Files made before 1.0.0 have these columns under the names of the parameters."""
 
 STATUS = Column("status", "u1", "1", "0 pending, 1 done, 2 failed; written last")
 REASON = Column("reason", "u1", "1", "why the sample failed, or lacks statistics: a code")
