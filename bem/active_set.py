@@ -1,390 +1,956 @@
-"""Complementarity of pressure and gap: primal-dual active set with preconditioned gradients.
+"""One active set for all contacts: 0 <= p <= P at a given displacement, or under a given load.
 
-Dense algebra solves contacts of few nodes (`bem.first_contact`). Elsewhere the active set is fast
-but can cycle, above all on a compliant far field, where sets that are too large are nearly
-singular. Projected gradients, which are slow but certain to descend, then take over for a while,
-and for twice as long the next time. Under a given load the caller handles cycles instead.
+The gap is w = H p - u - s, with the interference u and the displacement s of the far field, and the
+residual -w is the penetration. Where p = 0 the gap is open, w >= 0; between the bounds it is
+closed, w = 0; and where p is the hardness P the body has yielded, w <= 0. Elastic bodies have P =
+inf. This is a semi-smooth Newton method (Hintermueller, Ito and Kunisch 2002): the equations of the
+free nodes are solved loosely by preconditioned conjugate gradients, pressures are brought back
+between the bounds, and the sets are taken anew, until they stand.
+
+A given load fixes the sum of all corrections, and s follows from the balance of the free nodes
+(projected conjugate gradients: Gould, Hribar and Nocedal 2001). At a given displacement corrections
+are kept conjugate to the pressure (deflation: Nicolaides 1987). Sets that no longer come nearer are
+damped by the energy p H p / 2 - p u, which the solution has least. Where that is not enough,
+projected gradients lower it for certain (Bertsekas 1976), so that every solve ends.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+import math
+from itertools import count
+from typing import NamedTuple
 
 import numpy as np
 
-from bem.arrays import Nodes, Values
-from bem.first_contact import settle_few, take_first_steps
-from bem.gradients import run_stage
-from bem.iterate import CONVOLUTION, STEP, Iterate, Operators, inner, rescale
-from bem.vectors import add_scaled, anywhere, combined, joined, keep_positive, put, take, where
+from bem.arrays import Field, Mask, Nodes, Real
+from bem.dense import MOST_SETS, ContactFactor
+from bem.operators.filters import filtered
+from bem.operators.patch import Patch
+from bem.sections import on_one_blas_thread
 
-# Factor on the wanted reduction of the residual whenever a new contact set raises the energy: the
-# previous set was then left too early.
-TIGHTENING = 0.5
+# Factor by which conjugate gradients reduce the residual before the sets are checked, and the
+# factor on it whenever new sets have raised the energy: the last ones were then left too early.
+# Reductions from 0.3 to 0.55 take nearly the same convolutions on the paper's distribution (`pytest
+# bench -k solve_paper`).
+REDUCTION, TIGHTENING = 0.4, 0.5
 
-# Share of its last exact value below which a residual updated in working precision is not trusted:
+# Share of the preconditioned residual that is added when pressures are brought back between the
+# bounds: a whole step would put too many nodes into contact. Bodies that yield change a second set
+# with it.
+ADVANCE, ADVANCE_YIELDING = 0.5, 0.5
+
+# Shares of the tolerance that solves aim at, and that conjugate gradients reach.
+AIM, REACHED = 0.9, 0.8
+
+# Share of its last exact value below which a residual updated in single precision is not trusted:
 # single precision carries about seven digits.
 ROUNDING = 1e-6
 
-# Rounds in a row without a step after which only rounding is left to change.
-IDLE_ROUNDS = 4
-
 # Exact residuals in a row, none below half of the smallest, after which only rounding is left.
-IDLE_RENEWALS = 5
+IDLE = 5
 
-# Largest violation at which a pressure above the hardness will stay above it, and an elastic solve
-# is given up.
-CERTAIN = 1e-2
+# Rounds in a row without a smaller violation from which the energy damps them, and after which
+# projected gradients take over, for this many steps; and rounds in all after which they do.
+DAMPED, PATIENCE, SAFE_STEPS, ROUNDS = 3, 12, 4, 40
 
-# Contact sets in a row without a new smallest violation that count as cycling.
-PATIENCE = 8
+# Least gap of yielded nodes that are freed, as a share of the largest: freeing all of them at once
+# raises the load too far, and the sets cycle. The second share is for sets that gain too little.
+FREED, FREED_SLOWLY = 0.1, 0.7
 
-# Projected gradient steps after the first cycle: enough to leave it, few enough to lose little.
-SAFE_STEPS = 32
+# Share of the contact under tension up to which yielded nodes are freed before the free ones are
+# nearer to equilibrium: more tension means too much load, under which gaps open everywhere.
+LITTLE_TENSION = 0.1
+
+# Largest pressure of free nodes, over the hardness, after a step ahead: such steps overestimate,
+# and conjugate gradients decide which nodes yield.
+BELOW_HARDNESS = 0.9999
+
+# Largest factor on the free pressures for the load that capping takes off their neighbours.
+LARGEST_SCALE = 2.0
+
+# Share of a step's load at the hardness from which a first step is damped instead of scaled.
+MOSTLY_CAPPED = 0.9
+
+# Share of a first pressure's load above the hardness up to which bodies count as elastic, and the
+# violation, over the displacement, at which a pressure above the hardness will stay there.
+MOSTLY_ELASTIC, CERTAIN = 0.02, 1e-2
+
+# Violation, over the displacement, from which no further first step is taken, and the share of the
+# last one below which another one follows: each costs a convolution, a stage about twice as much.
+NEAR, NEARER, FIRST_STEPS = 5e-3, 0.7, 4
+
+# Share of the preconditioned residual that a first step under a load adds: eigenvalues between 1
+# and 2 then leave a third of an error at most.
+APPROACH = 2 / 3
+
+# Nodes outside with the smallest gaps that are factorised with a contact set, as its share, and the
+# exact residuals that are computed before iterations take over.
+SPARE, RENEWALS = 0.08, 5
+
+# Share of the largest set worth factorising up to which the factor is in double precision, which
+# saves a convolution at the end (`pytest bench -k few_in_contact`).
+DOUBLE_SHARE = 0.5
+
+# Solves on nodes that are given: the factor by which the residual falls between looks at it, and
+# exact residuals at most.
+LINEAR_REDUCTION, LINEAR_RENEWALS = 0.1, 8
+
+# Free nodes of bodies that yield, as a share of the largest set worth factorising, up to which a
+# factor replaces conjugate gradients.
+FEW_FREE = 0.4
+
+# Splitting: the share of the new waves, the rest being the pressure between the bounds, that is cut
+# off; passes between two checks; and passes at most for each iteration that a problem allows: one
+# takes about a quarter of a step of conjugate gradients with its preconditioner.
+OVER, CHECKED, PASSES = 1.6, 10, 4
+
+# Relative distance from the hardness at which a node of a start counts as yielded.
+CLOSE_TO_HARDNESS = 1e-9
+
+# Share of a load that is lost to rounding.
+LOST = 1e-12
 
 
-@dataclass(frozen=True)
-class Pace:
-    """The settings that decide when and how far contact sets change.
+class Effort(NamedTuple):
+    """The work that a solve has taken; efforts add up.
 
     Attributes
     ----------
-    first_steps : int
-        Projected steps before the first contact set is taken; fewer are needed near the solution.
-    inner_reduction : float
-        Factor by which conjugate gradients reduce the residual before the set is checked again;
-        it should be smaller where sets are better.
-    advance : float
-        Share of the preconditioned residual added when tension is cut off. The preconditioner
-        tends to overestimate, and a whole step would put too many nodes into contact.
+    iterations : int
+        Steps of conjugate gradients, and sets of dense algebra.
+    convolutions : int
+        Applications of the influence matrix.
     """
 
-    first_steps: int
-    inner_reduction: float
-    advance: float
+    iterations: int = 0
+    convolutions: int = 0
+
+    def __add__(self, other: "Effort") -> "Effort":  # type: ignore[override]
+        """Return the sum of both efforts."""
+        return Effort(self.iterations + other.iterations, self.convolutions + other.convolutions)
 
 
-# Pace of a solve from no pressure: of 3 to 5 steps, reductions of 0.3 to 0.55 and advances of 0.3
-# to 0.5 these take the fewest convolutions on the paper's distribution, which
-# `pytest bench -k solve_paper` records.
-FROM_SCRATCH = Pace(first_steps=4, inner_reduction=0.4, advance=0.5)
+class Violation(NamedTuple):
+    """The largest departures from equilibrium [unit of displacement].
 
-# Pace of a solve from a pressure near the solution, whose contact set is already good.
-FROM_NEAR = replace(FROM_SCRATCH, first_steps=0)
+    Attributes
+    ----------
+    penetration : float
+        Of nodes below the hardness.
+    gap : float
+        Of nodes under pressure below the hardness.
+    opening : float
+        Gap of nodes at the hardness, whose pressure ought to be lower.
+    """
+
+    penetration: float
+    gap: float
+    opening: float
+
+    @property
+    def largest(self) -> float:
+        """The largest of them."""
+        return max(self)
 
 
-def solve_complementarity(
-    operators: Operators,
-    interference: Values,
-    *,
-    rtol: float,
-    max_iterations: int,
-    start: Iterate | None = None,
-    pace: Pace = FROM_SCRATCH,
-    hardness: float = np.inf,
-) -> tuple[Iterate, bool]:
-    """Find p >= 0 with w = H p - u >= 0 and p w = 0.
-
-    This is a semi-smooth Newton method. Nodes under pressure and nodes that would penetrate form
-    the contact set; the equations on it are solved loosely, tension is cut off, and the set is
-    updated until it no longer changes (Hintermueller, Ito and Kunisch 2002; here inexact and
-    preconditioned).
+class ActiveSet:
+    """A pressure on all nodes of a grid on its way to equilibrium.
 
     Parameters
     ----------
-    operators : Operators
-        The influence matrix; it must be positive definite on every contact set that occurs.
-    interference : ndarray, shape (m,)
-        Interference u [unit of displacement].
-    rtol : float
-        Largest violation accepted [unit of displacement].
-    max_iterations : int
-        Bound on the steps of conjugate gradients and contact sets of dense algebra, including
-        those that `start` has taken already.
-    start : Iterate, optional
-        Pressure and residual to start from, improved in place. It does not count as converged
-        before its residual has been recomputed.
-    pace : Pace
-        When and how far contact sets change.
+    patch : Patch
+        The influence matrix.
+    below : ndarray, shape (nx, ny)
+        Interference u at s = 0: heights less the highest [unit of displacement].
+    shift : float or None
+        Displacement s of the far field, None if the load is given.
+    load : float or None
+        Sum of the pressure, above 0, None if the displacement is given [reduced].
     hardness : float
-        Pressure above which the elastic solution is not wanted: the solve ends as soon as it is
-        certain enough that some node exceeds it.
+        Largest pressure P, inf for elastic bodies [reduced].
+    rtol : float
+        Largest violation accepted, over the displacement s.
+    most : int
+        Bound on the iterations.
+    least : float
+        Displacement that the tolerance refers to while a load has brought none.
+    reference : float or None
+        Displacement that the tolerance refers to whatever the load brings.
 
-    Returns
-    -------
-    iterate : Iterate
-        The solution, or the best that the bound or rounding allowed. Its residual has been
-        recomputed from the pressure.
-    converged : bool
-        Whether the tolerance is met. Under a given load, cycling contact sets end the solve too.
+    Attributes
+    ----------
+    pressure : ndarray, shape (nx, ny)
+        Pressure, between the bounds whenever a method returns.
+    residual : ndarray of float32, shape (nx, ny)
+        u + s - H p: zero in contact, negative where a gap is open.
+    shift : float
+        Displacement s of the far field.
+    displacement : ndarray, shape (nx, ny), or None
+        H p of the last exact residual.
+    effort : Effort
+        Work so far.
+    exact : bool
+        Whether the residual was computed in double precision from this pressure.
+    stalled : bool
+        Whether rounding leaves no step that would come nearer to equilibrium.
     """
-    iterate = start or Iterate.from_zero(interference)
-    iterate.exact = start is None
-    _take_first_contact(operators, interference, iterate, pace, (rtol, max_iterations))
-    violation = iterate.violation()
-    renewed = violation if iterate.exact else 1.0
-    progress, safe_steps = _Progress(iterate.effort.iterations), SAFE_STEPS
-    energy, reduction, following = np.inf, pace.inner_reduction, None
-    while True:
-        if progress.cycles() and operators.load is None:
-            steps = min(safe_steps, max_iterations - iterate.effort.iterations)
-            descend(operators, interference, iterate, steps)
-            violation, safe_steps = iterate.violation(), 2 * safe_steps
-            progress.begin_again()
-        certain = hardness < np.inf and violation <= CERTAIN
-        if certain and iterate.pressure.max(initial=0.0) > hardness:
-            return iterate, False
-        floor = max(rtol, ROUNDING * renewed)
-        ended = progress.ends() or iterate.effort.iterations >= max_iterations
-        if ended or not violation > floor:  # a violation that is nan also ends the loop
-            if iterate.exact:
-                iterate.stalled = progress.stalls()
-                return iterate, violation <= rtol
-            iterate.renew(operators, interference)
-            renewed = violation = iterate.violation()
-            progress.renew(violation)
-            continue
-        contact = iterate.contact() if following is None else following
-        goals = reduction, floor / 2
-        _solve_in_contact(operators, interference, contact, iterate, goals, max_iterations)
-        renewing = ROUNDING * renewed > rtol / 2 >= ROUNDING * iterate.violation()
-        following = _cut_off_tension(
-            operators, interference, contact, iterate, pace.advance, renewing
+
+    def __init__(
+        self,
+        patch: Patch,
+        below: Field,
+        *,
+        shift: float | None = None,
+        load: float | None = None,
+        hardness: float = math.inf,
+        rtol: float,
+        most: int,
+        least: float = 0.0,
+    ) -> None:
+        self.patch, self.below, self.load, self.hardness = patch, below, load, hardness
+        self.rtol, self.most, self._least = rtol, most, least
+        self.reference: float | None = None
+        self._yields = False  # bodies count as elastic until the hardness is certain to be exceeded
+        self.pressure = np.zeros(below.shape)
+        self.shift = 0.0 if shift is None else shift
+        self.residual: Real = (below + self.shift).astype(np.float32)
+        self.displacement: Field | None = None
+        self.effort = Effort()
+        self.exact, self.stalled = False, False
+        self._tension = 0.0
+
+    @property
+    def _most_pressure(self) -> float:
+        """Largest pressure allowed now."""
+        return self.hardness if self._yields else math.inf
+
+    # What there is
+
+    @property
+    def tolerance(self) -> float:
+        """Largest violation accepted [unit of displacement]."""
+        return self.rtol * (self.reference or (self.shift if self.shift > 0 else self._least))
+
+    def exact_violation(self) -> Violation:
+        """Measure the departures in double precision, after `renew`."""
+        assert self.displacement is not None
+        return self._violation_of(self.below + self.shift - self.displacement)
+
+    def violation(self) -> Violation:
+        """Measure the departures from equilibrium."""
+        return self._violation_of(self.residual)
+
+    def _violation_of(self, residual: Real) -> Violation:
+        """Measure the departures from equilibrium that a residual shows."""
+        loaded = self.pressure > 0
+        if not self._yields:
+            gap = -float((residual * loaded).min())
+            return Violation(max(float(residual.max()), 0.0), max(gap, 0.0), 0.0)
+        yielded = self.pressure >= self.hardness
+        gap = -float((residual * (loaded & ~yielded)).min())
+        opening = -float((residual * yielded).min())
+        penetration = float((residual * ~yielded).max())
+        return Violation(max(penetration, 0.0), max(gap, 0.0), max(opening, 0.0))
+
+    def depth(self) -> float:
+        """Return the largest penetration of a node at the hardness: the depth that it has
+        yielded.
+        """
+        return max(float((self.residual * (self.pressure >= self.hardness)).max()), 0.0)
+
+    def presumably_elastic(self) -> bool:
+        """Return whether bodies may yield, and no node is certain to have yielded."""
+        return self._yields and self.depth() <= self.tolerance
+
+    def touching(self) -> Mask:
+        """Return the nodes that are under pressure or would penetrate."""
+        touching: Mask = (self.pressure > 0) | (self.residual > 0)
+        return touching
+
+    def _energy(self) -> float:
+        """Compute p H p / 2 - p u, which is least for the solution."""
+        carried = float(self.pressure.sum()) if self.load is None else -self.load
+        return -_inner(self.pressure, self.below + self.residual) / 2 - self.shift * carried / 2
+
+    def _free_pressure(self) -> Field:
+        """Return the pressure of the nodes below the hardness, and zero at the others."""
+        if not self._yields:
+            return self.pressure
+        return np.where(self.pressure < self.hardness, self.pressure, 0.0)
+
+    # Pressures and what they displace
+
+    def _displace(self, change: Real) -> Real:
+        """Compute a displacement to 1e-7; the next call overwrites it."""
+        self.effort += Effort(convolutions=1)
+        self.exact = False
+        return self.patch.displace_roughly(change)
+
+    def begin(self, pressure: Field, displacement: Field | None = None) -> None:
+        """Start from a pressure that is not negative, brought to the bounds and to the load.
+
+        Parameters
+        ----------
+        pressure : ndarray, shape (nx, ny)
+            Pressure.
+        displacement : ndarray, shape (nx, ny), optional
+            Displacement by it, nan where it is not known; it saves a convolution.
+        """
+        at_hardness = float(pressure.max()) >= self.hardness * (1 - CLOSE_TO_HARDNESS)
+        if self._excess(pressure) > MOSTLY_ELASTIC or at_hardness:
+            self._yields = True
+        self.pressure = np.minimum(pressure, self._most_pressure)
+        self._snap()
+        carried = float(self.pressure.sum())
+        self._carry(self.pressure)
+        if displacement is None or self._yields or not np.isfinite(displacement).all():
+            displacement = self._displace(self.pressure)
+        elif self.load is not None:
+            displacement = displacement * (self.load / carried)
+        self.residual = (self.below - displacement).astype(np.float32)
+        if self.load is None:
+            self.residual += np.float32(self.shift)
+        else:
+            self.shift = 0.0
+            self._balance()
+
+    def reload(self, load: float) -> None:
+        """Take another load: scale the pressure and what it displaces."""
+        assert self.load is not None
+        before, self.load = self.pressure, load
+        factor = load / float(before.sum())
+        self.pressure = factor * before
+        interference = self.below + self.shift
+        self.residual = (interference * (1 - factor) + factor * self.residual).astype(np.float32)
+        self.exact = False
+        if float(self.pressure.max()) > self._most_pressure:
+            self.begin(self.pressure)
+        else:
+            self._balance()
+
+    def _excess(self, pressure: Real) -> float:
+        """Return the share of a pressure's load that exceeds the hardness [1]."""
+        if self.hardness == math.inf:
+            return 0.0
+        carried = float(pressure.sum())
+        over = float(np.maximum(pressure - self.hardness, 0).sum())
+        return over / carried if carried > 0 else 0.0
+
+    def _exceeds(self) -> bool:
+        """Return whether bodies that counted as elastic exceed the hardness."""
+        return not self._yields and float(self.pressure.max()) > self.hardness
+
+    def expect_yielding(self) -> None:
+        """Let bodies yield from the start, whatever their first pressures are."""
+        self._yields = True
+
+    def _let_yield(self) -> None:
+        """Take pressures to the hardness, and let bodies yield from now on."""
+        self._yields = True
+        before, self.pressure = self.pressure, np.minimum(self.pressure, self.hardness)
+        self._carry(self.pressure)
+        self.residual = self.residual - self._displace(self.pressure - before)
+        self._balance()
+
+    def renew(self) -> None:
+        """Bring the pressure to the load, and compute the residual in double precision."""
+        self._carry(self.pressure)
+        self._snap()
+        self.displacement = self.patch.displace(self.pressure).copy()
+        self.effort += Effort(convolutions=1)
+        gaps = self.below - self.displacement
+        if self.load is not None:
+            weights = self._free_pressure()
+            carried = float(weights.sum())
+            if carried > 0:
+                self.shift = -float(np.einsum("ij,ij->", weights, gaps)) / carried
+            else:
+                self.shift = -float(gaps[self.pressure > 0].min())
+        self.residual = (gaps + self.shift).astype(np.float32)
+        self.exact = True
+
+    def _level(self, weights: Real, carried: float) -> None:
+        """Shift the far field so that the weighted mean of the residual is zero."""
+        mean = _inner(weights, self.residual) / carried
+        self.residual -= np.float32(mean)
+        self.shift -= mean
+
+    def _balance(self) -> None:
+        """Shift the far field under a load so that the free nodes are in balance.
+
+        Where all nodes in contact have yielded, more than one displacement is: the least one that
+        leaves no gap there is taken.
+        """
+        if self.load is None:
+            return
+        weights = self._free_pressure()
+        carried = float(weights.sum())
+        if carried > 0:
+            self._level(weights, carried)
+        else:
+            least = float(self.residual[self.pressure > 0].min())
+            self.residual -= np.float32(least)
+            self.shift -= least
+
+    def _carry(self, pressure: Field) -> None:
+        """Scale a pressure in place so that it carries the load, between the bounds."""
+        if self.load is None:
+            return
+        carried = float(pressure.sum())
+        if not carried > 0:
+            pressure[:] = self.load / pressure.size
+        elif not self._yields:
+            pressure *= self.load / carried
+        else:
+            self._carry_within(pressure)
+
+    def _carry_within(self, pressure: Field) -> None:
+        """Scale the free pressures; all of them where the yielded nodes alone carry too much."""
+        assert self.load is not None
+        limit = BELOW_HARDNESS * self.hardness
+        for _ in range(6):  # each time more nodes are at the limit
+            yielded = pressure >= self.hardness
+            fixed = self.hardness * np.count_nonzero(yielded)
+            free = float(pressure[~yielded].sum())
+            left = self.load - fixed
+            if left <= free / 2 and fixed + free >= self.load:
+                pressure *= self.load / (fixed + free)
+                return
+            if not free > 0:
+                break
+            before = pressure[~yielded]
+            scaled = before * (left / free)
+            pressure[~yielded] = np.minimum(scaled, np.maximum(before, limit))
+            if not (scaled > np.maximum(before, limit)).any():
+                return
+        missing = self.load - float(pressure.sum())
+        if missing > LOST * self.load:  # the nodes next to touch take what is left
+            order = np.argsort(-self.residual, axis=None, kind="stable")
+            room = self.hardness - pressure.reshape(-1)[order]
+            taken = np.minimum(room, np.maximum(missing - (np.cumsum(room) - room), 0))
+            pressure.reshape(-1)[order] += taken
+
+    def _rescale(self) -> None:
+        """Scale an elastic pressure at a given displacement to the least energy.
+
+        Cutting off tension leaves too much load, which shifts the residual of the whole contact.
+        The displacement by the pressure is known, so that scaling it costs no convolution.
+        """
+        if self.load is not None:
+            return
+        interference = self.below + self.shift
+        stiffness = _inner(self.pressure, interference - self.residual)
+        if not stiffness > 0:
+            return
+        factor = _inner(self.pressure, interference) / stiffness
+        self.pressure = factor * self.pressure
+        self.residual = (interference * (1 - factor) + factor * self.residual).astype(np.float32)
+
+    # First steps
+
+    def take_first_steps(self, enough: float = 0.0) -> None:
+        """Take preconditioned steps between the bounds, from no pressure at a given displacement.
+
+        They find most of the nodes out of contact for one convolution a step. None is taken once
+        the contact set is as small as `enough`.
+        """
+        interference = (self.below + self.shift).astype(np.float32)
+        for step in range(FIRST_STEPS):
+            touching = self.touching()
+            if np.count_nonzero(touching) <= enough:
+                return
+            free = touching & (self.pressure < self._most_pressure)
+            self.patch.take_contact(free)
+            self.patch.in_contact(self.residual)
+            pressure = np.maximum(self.pressure + self.patch.correct(), 0)
+            if step == 0 and self._excess(pressure) > MOSTLY_ELASTIC:
+                self._yields = True
+            limit = self._most_pressure
+            np.minimum(pressure, limit, out=pressure)
+            capped = pressure >= limit
+            damped = float(pressure[capped].sum()) > MOSTLY_CAPPED * float(pressure.sum())
+            change = pressure - self.pressure if damped else pressure
+            image = self._displace(change)
+            stiffness = _inner(change, image)
+            if not stiffness > 0:
+                return
+            if damped:
+                scale = min(max(_inner(self.residual, change) / stiffness, 0.0), 1.0)
+                self.residual = self.residual - np.float32(scale) * image
+                self.pressure = self.pressure + scale * change
+            else:
+                scale = _inner(interference, pressure) / stiffness
+                if capped.any():
+                    scale = 1.0 if step == FIRST_STEPS - 1 else min(max(scale, 0.8), 1.0)
+                self.residual = interference - np.float32(scale) * image
+                self.pressure = scale * pressure
+        self._cap()
+
+    def _cap(self) -> None:
+        """Take pressures above the hardness, or above it but for rounding, to it."""
+        if not self._yields:
+            return
+        close = self.pressure > self.hardness * (1 - LOST)
+        before = self.pressure.copy()
+        self.pressure[close] = self.hardness
+        if (self.pressure < before).any():
+            self.residual -= self._displace(self.pressure - before)
+
+    def approach(self) -> None:
+        """Take preconditioned steps between the bounds under a load, while they come nearer
+        fast.
+        """
+        largest = self.violation().largest
+        for _ in range(FIRST_STEPS):
+            if largest <= NEAR * self.shift:
+                return
+            last, before = largest, self.pressure
+            self.patch.take_contact(self.touching() & (before < self._most_pressure))
+            self.patch.in_contact(self.residual)
+            ahead = before + np.float32(APPROACH) * self.patch.correct()
+            ahead = np.clip(ahead, 0, self._most_pressure)
+            self._carry(ahead)
+            self.pressure = ahead
+            self.residual -= self._displace(ahead - before)
+            self._balance()
+            largest = self.violation().largest
+            if not largest < NEARER * last:
+                return
+
+    # Dense algebra
+
+    @on_one_blas_thread()
+    def settle_few(self) -> bool:
+        """Solve by dense algebra if few nodes are in contact; return whether the tolerance is
+        met.
+        """
+        nodes = np.flatnonzero(self.touching())
+        few = 0 < nodes.size <= self.patch.few
+        if self._yields or not few or self.effort.iterations >= self.most:
+            return False
+        gaps = np.where(self.touching(), np.inf, -self.residual).reshape(-1)
+        many = min(int(math.ceil(SPARE * nodes.size)), gaps.size - nodes.size)
+        spare: Nodes = np.argpartition(gaps, many)[:many] if many < gaps.size else nodes[:0]
+        before = self.pressure, self.residual, self.shift, self.exact, self.violation().largest
+        try:
+            with np.errstate(over="raise"):
+                settled = self._settle(np.concatenate([nodes, spare]))
+        except (np.linalg.LinAlgError, FloatingPointError):
+            settled = False
+        if not settled and not self.violation().largest <= before[-1]:
+            self.pressure, self.residual, self.shift, self.exact, _ = before
+        return settled and not self._exceeds()
+
+    def _settle(self, nodes: Nodes) -> bool:
+        """Solve on the candidate set, then check all nodes.
+
+        If nodes outside penetrate, enlarge the set and factorise again; otherwise correct rounding.
+        """
+        factor, interference = (
+            None,
+            (self.below + (self.shift if self.load is None else 0)).reshape(-1),
         )
-        energy, last = iterate.energy(interference), energy
-        if energy > last:
-            reduction *= TIGHTENING
-        violation = iterate.violation()
-        renewed = violation if iterate.exact else renewed
-        progress.step(iterate.effort.iterations, violation)
+        for _ in range(RENEWALS):
+            if factor is None:
+                if nodes.size > self.patch.few or self.effort.iterations >= self.most:
+                    return False
+                order = np.lexsort((-self.residual.flat[nodes], -self.pressure.flat[nodes]))
+                precision = "float64" if nodes.size <= DOUBLE_SHARE * self.patch.few else "float32"
+                factor = ContactFactor(
+                    lambda some, dtype=precision: self.patch.entries(some, dtype),
+                    nodes[order],
+                )
+                sets = min(MOST_SETS, self.most - self.effort.iterations)
+                solution = factor.solve(interference, self.load, sets)
+                self.effort += Effort(iterations=solution.sets)
+                values = solution.pressure
+                if not solution.settled:
+                    return False
+            else:
+                values = self.pressure.reshape(-1)[factor.nodes]
+                values = values + factor.correct(
+                    self.residual.reshape(-1), None if self.load is None else 0.0
+                )
+            self.pressure = np.zeros(self.below.shape)
+            self.pressure.reshape(-1)[factor.nodes] = np.maximum(values, 0)
+            self.renew()
+            if self.violation().largest <= self.tolerance:
+                return True
+            touching = np.flatnonzero(self.touching())
+            if not np.isin(touching, factor.nodes, assume_unique=True).all():
+                nodes, factor = touching, None
+        return False
 
+    # Rounds
 
-def _take_first_contact(
-    operators: Operators,
-    interference: Values,
-    iterate: Iterate,
-    pace: Pace,
-    bounds: tuple[float, int],
-) -> None:
-    """Find the first contact set by projected steps, and by dense algebra if it is small.
+    def run(self) -> bool:
+        """Solve from the pressure that there is; return whether the tolerance is met.
 
-    `bounds` are the tolerance of the solve and its bound on iterations.
-    """
-    rtol, max_iterations = bounds
-    take_first_steps(operators, interference, iterate, range(pace.first_steps))
-    settle_few(operators, interference, iterate, rtol, max_iterations - iterate.effort.iterations)
-    if operators.load is not None and not iterate.pressure.any():  # some nodes must carry the load
-        iterate.pressure[:] = operators.load / iterate.pressure.size
-        iterate.renew(operators, interference)
+        The residual has then been recomputed from the pressure.
+        """
+        violation = self.violation()
+        renewed = violation.largest if self.exact else 1.0
+        energy, reduction, following = math.inf, REDUCTION, False
+        smallest, patience, smallest_renewed, idle = math.inf, PATIENCE, math.inf, 0
+        for rounds in count():
+            certain = violation.largest <= CERTAIN * max(self.shift, self._least)
+            if certain and self._exceeds():
+                self._let_yield()
+                violation, renewed = self.violation(), 1.0
+                energy, smallest, patience, following = math.inf, math.inf, PATIENCE, False
+            floor = max(AIM * self.tolerance, ROUNDING * renewed)
+            out_of_steps = max(self.effort.iterations, rounds) >= self.most
+            if not violation.largest > floor or out_of_steps:
+                if not self.exact:
+                    self.renew()
+                    violation = self.violation()
+                    renewed = violation.largest
+                    idle = 0 if renewed < smallest_renewed / 2 else idle + 1
+                    smallest_renewed = min(smallest_renewed, renewed)
+                    smallest, patience = math.inf, PATIENCE
+                self.stalled = idle >= IDLE
+                met = violation.largest <= self.tolerance
+                if met or self.stalled or out_of_steps or math.isnan(violation.largest):
+                    return met
+                continue
+            if patience <= 0 or rounds % ROUNDS == ROUNDS - 1:
+                if not self._split():
+                    self._descend()
+                smallest, patience, following = math.inf, PATIENCE, False
+            yielded = self._take_sets(violation, floor, following, slowly=patience <= PATIENCE // 2)
+            polishing = ROUNDING * renewed > self.tolerance / 2 >= ROUNDING * violation.largest
+            damped = patience <= PATIENCE - DAMPED
+            following = self._round(yielded, (reduction, REACHED * floor), damped, polishing)
+            energy, last = self._energy(), energy
+            reduction *= TIGHTENING if energy > last else 1.0
+            violation = self.violation()
+            renewed = violation.largest if self.exact else renewed
+            patience = PATIENCE if violation.largest < smallest else patience - 1
+            smallest = min(smallest, violation.largest)
 
+    def _take_sets(
+        self, violation: Violation, floor: float, following: bool, *, slowly: bool
+    ) -> Mask | None:
+        """Take the free nodes for conjugate gradients, and return the yielded ones.
 
-class _Progress:
-    """A record of violations that tells whether contact sets still approach equilibrium."""
+        After a step ahead on a set, no other nodes join it, so that sets do not flicker.
+        """
+        if not self._yields:
+            if not (following and self.load is not None):
+                self.patch.take_contact(self.touching())
+                self._rescale()
+            return None
+        yielded: Mask = self.pressure >= self.hardness
+        nearer = violation.opening >= max(violation.penetration, violation.gap)
+        if violation.opening > floor and (nearer or self._tension <= LITTLE_TENSION):
+            share = FREED_SLOWLY if slowly else FREED
+            yielded &= self.residual >= -np.float32(share * violation.opening)
+        free = self.touching() & ~yielded
+        if following:
+            free &= (self.patch.contact > 0) | (self.pressure > 0)
+        self.patch.take_contact(free)
+        if not yielded.any():
+            self._rescale()
+        return yielded
 
-    def __init__(self, iterations: int) -> None:
-        self._iterations = iterations
-        self._idle_rounds = self._idle_renewals = 0
-        self._smallest_renewed = np.inf
-        self.begin_again()
+    def _round(
+        self, yielded: Mask | None, goals: tuple[float, float], damped: bool, polishing: bool
+    ) -> bool:
+        """Solve loosely on the free nodes and bring their pressure back between the bounds.
 
-    def begin_again(self) -> None:
-        """Forget the violations recorded so far."""
-        self._smallest, self._patience = np.inf, PATIENCE
+        Returns whether a step ahead was taken on the next set.
+        """
+        start = self.pressure, self.residual.copy(), self.shift
+        dense = self._yields and self._solve_few_free()
+        solved = self.pressure
+        if not dense:
+            self._solve_free(yielded, goals)
+            solved = self.pressure
+        ahead = self._between_bounds(yielded, 0.0 if dense else 1.0)
+        changed = ahead is not None
+        if not (changed or dense):
+            return False
+        ahead = self.pressure if ahead is None else ahead
+        self.pressure = ahead
+        if dense:
+            solved = start[0]
+        if polishing and not self._yields:
+            self.renew()
+            return True
+        if damped:
+            self._damp(*start)
+        else:
+            self.residual -= self._displace(ahead - solved)
+        self._balance()
+        return changed
 
-    def step(self, iterations: int, violation: float) -> None:
-        """Record the violation after a solve on a contact set."""
-        self._idle_rounds = 0 if iterations > self._iterations else self._idle_rounds + 1
-        self._iterations = iterations
-        self._patience = PATIENCE if violation < self._smallest else self._patience - 1
-        self._smallest = min(self._smallest, violation)
+    def solve_on(self, nodes: Mask, rtol: float) -> float:
+        """Solve the equations of some nodes alone, whatever the bounds; return the residual left.
 
-    def renew(self, violation: float) -> None:
-        """Record the violation of a residual recomputed in double precision."""
-        smaller = violation < self._smallest_renewed / 2
-        self._idle_renewals = 0 if smaller else self._idle_renewals + 1
-        self._smallest_renewed = min(self._smallest_renewed, violation)
+        Parameters
+        ----------
+        nodes : ndarray, shape (nx, ny)
+            The nodes that are displaced by u + s; the pressure of the others is zero.
+        rtol : float
+            Largest residual wanted [unit of displacement].
+        """
+        self.patch.take_contact(nodes)
+        left = math.inf
+        for _ in range(LINEAR_RENEWALS):
+            self._solve_free(None, (LINEAR_REDUCTION, rtol / 2), checked=False)
+            self.renew()
+            left = float(np.abs(self.residual[nodes]).max())
+            if not left > rtol:  # also where it is nan
+                break
+        return left
 
-    def cycles(self) -> bool:
-        """Return whether contact sets recur."""
-        return self._patience == 0
+    def _solve_free(
+        self, yielded: Mask | None, goals: tuple[float, float], *, checked: bool = True
+    ) -> None:
+        """Run conjugate gradients on the free nodes until their set has to change.
 
-    def ends(self) -> bool:
-        """Return whether further contact sets would gain nothing."""
-        return self.stalls() or self.cycles()
+        The set is checked whenever the residual has fallen by the first of the goals; a residual
+        below the second ends the stage. The residual of all nodes is updated, because the
+        convolution yields it at no extra cost.
+        """
+        patch, residual, (reduction, floor) = self.patch, self.residual, goals
+        base = self.pressure.astype(np.float32)
+        weights = base if yielded is None else base * patch.contact
+        if self.load is not None and not weights.any():
+            weights = patch.contact.copy()
+        carried = float(weights.sum(dtype=np.float64))
+        image, stiffness = self._deflation(weights, yielded)
+        if self.load is not None and carried > 0:
+            self._level(weights, carried)
+        direction, change = np.zeros_like(residual), np.zeros_like(residual)
+        previous, goal = math.inf, 0.0
+        bounded = self._yields and self.load is None and patch.count == residual.size
+        while self.effort.iterations < self.most:
+            largest = patch.in_contact(residual)
+            if not largest > floor:
+                break
+            goal = goal or reduction * largest
+            if largest <= goal:
+                if checked and self._has_to_change(base + change, yielded, floor, largest):
+                    break
+                goal = max(reduction * goal, floor)
+            along = _inner(residual, weights) if stiffness else 0.0
+            correction = patch.correct()
+            if self.load is not None:  # corrections carry no load in all
+                correction -= np.float32(correction.sum(dtype=np.float64) / carried) * weights
+            elif stiffness:  # corrections are conjugate to the pressure
+                along -= _inner(correction, image)
+                correction += np.float32(along / stiffness) * weights
+            product = _inner(residual, correction)
+            direction *= np.float32(product / previous)
+            direction += correction
+            previous = product
+            moved = self._displace(direction)
+            curvature = _inner(direction, moved)
+            if not (product > 0 and curvature > 0):  # only rounding is left
+                break
+            length = np.float32(product / curvature)
+            limit = np.float32(self.hardness / np.abs(direction).max()) if bounded else length
+            length = min(length, limit)
+            moved *= length
+            residual -= moved
+            change += length * direction
+            self.effort += Effort(iterations=1)
+            if self.load is not None:
+                self._level(weights, carried)
+            elif length < product / curvature * 0.999:
+                break  # a uniform pressure displaces nothing without edges: all nodes may yield
+        self.pressure = self.pressure + change
 
-    def stalls(self) -> bool:
-        """Return whether only rounding is left to change."""
-        return self._idle_rounds >= IDLE_ROUNDS or self._idle_renewals >= IDLE_RENEWALS
+    def _deflation(self, weights: Real, yielded: Mask | None) -> tuple[Real, float]:
+        """Return the displacement by an elastic pressure on the free nodes, and their product.
 
+        Rounding puts errors along the pressure back into the residual, and every correction removes
+        them again (A-DEF2 of Tang, Nabben, Vuik and Erlangga 2009). The product is 0 where the
+        displacement is not known, or the load is given.
+        """
+        if self.load is not None or (yielded is not None and yielded.any()):
+            return weights, 0.0
+        image = (self.below + self.shift - self.residual).astype(np.float32)
+        stiffness = _inner(weights, image)
+        image *= self.patch.contact
+        return image, stiffness if stiffness > 0 else 0.0
 
-def _solve_in_contact(
-    operators: Operators,
-    interference: Values,
-    contact: Nodes,
-    iterate: Iterate,
-    goals: tuple[float, float],
-    max_iterations: int,
-) -> None:
-    """Run conjugate gradients on the nodes in contact until their set has to change."""
-    iterate.exact = False
-    deflate = _deflation(operators, interference, contact, iterate)
-    precondition = operators.approximate_inverse(contact)
-    outside = np.ones(iterate.pressure.size, dtype=bool)
-    outside[contact] = False
-
-    def correct(residual: Values) -> Values:
-        return deflate(precondition(residual), residual)
-
-    def has_to_change(pressure: Values, _: float) -> bool:
+    def _has_to_change(
+        self, pressure: Real, yielded: Mask | None, floor: float, largest: float
+    ) -> bool:
+        """Return whether a set has to change: by tension, penetration outside, excess or
+        opening.
+        """
         if pressure.min() < 0:
             return True
-        residual, small = iterate.residual, goals[1]
-        return anywhere(lambda piece: (residual[piece] > small) & outside[piece], residual.size)
+        outside = self.residual * self.patch.outside
+        if yielded is None:
+            return bool(outside.max() > floor)
+        if (pressure * self.patch.contact).max() > self.hardness:
+            return True
+        if -float((outside * yielded).min()) > max(floor, largest):
+            return True
+        return bool((outside * ~yielded).max() > floor)
 
-    run_stage(operators, iterate, contact, correct, has_to_change, goals, max_iterations)
+    @on_one_blas_thread()
+    def _solve_few_free(self) -> bool:
+        """Solve for few free nodes by dense algebra; the residual is left as it is."""
+        if not 0 < self.patch.count <= FEW_FREE * self.patch.few:
+            return False
+        nodes = np.flatnonzero(self.patch.contact)
+        try:
+            with np.errstate(over="raise"):
+                factor = ContactFactor(lambda some: self.patch.entries(some, "float64"), nodes)
+                change = factor.correct(
+                    self.residual.reshape(-1).astype(np.float64), None if self.load is None else 0.0
+                )
+        except (np.linalg.LinAlgError, FloatingPointError):
+            return False
+        self.pressure = self.pressure.copy()
+        self.pressure.reshape(-1)[nodes] += change
+        self.effort += Effort(iterations=1)
+        return True
+
+    def _between_bounds(self, yielded: Mask | None, share: float) -> Field | None:
+        """Cut off tension, cap pressures at the hardness, and step ahead on the next set.
+
+        Returns the pressure, or None where none is out of bounds. The share is that of a step
+        ahead.
+        """
+        patch, pressure = self.patch, self.pressure
+        tension = pressure < 0
+        excess = self._yields and bool((pressure > self.hardness).any())
+        pulled = np.count_nonzero(tension)
+        self._tension = pulled / max(patch.count, 1)
+        if not (pulled or excess):
+            return None
+        ahead = np.maximum(pressure, 0)
+        if excess and yielded is not None:
+            ahead = self._capped(ahead, float(pressure.sum()), yielded)
+        following = ((ahead > 0) | (self.residual > 0)) & ~tension
+        if self._yields:
+            following &= ahead < self.hardness
+        patch.take_contact(following)
+        if share:
+            patch.in_contact(self.residual)
+            share *= ADVANCE_YIELDING if self._yields else ADVANCE
+            ahead += np.float32(share) * patch.correct()
+            np.maximum(ahead, 0, out=ahead)
+        if self._yields:
+            np.minimum(ahead, np.maximum(pressure, BELOW_HARDNESS * self.hardness), out=ahead)
+        self._carry(ahead)
+        return ahead
+
+    def _capped(self, pressure: Field, carried: float, yielded: Mask) -> Field:
+        """Cap pressures at the hardness, and put the load that this takes off on the free nodes.
+
+        Parameters
+        ----------
+        pressure : ndarray, shape (nx, ny)
+            Pressure, not negative.
+        carried : float
+            Load to carry, as far as scaling allows.
+        yielded : ndarray, shape (nx, ny)
+            Nodes at the hardness before.
+        """
+        free = np.where(yielded, 0.0, pressure) if yielded.any() else pressure
+        left, factor = carried - self.hardness * np.count_nonzero(yielded), 1.0
+        for _ in range(4):  # each time more nodes are capped; a few rounds come near enough
+            capped = free >= self.hardness / factor
+            rest = float((free * ~capped).sum())
+            missing = left - self.hardness * np.count_nonzero(capped)
+            if not (rest > 0 and missing > 0):
+                break
+            last, factor = factor, min(max(missing / rest, 1.0), LARGEST_SCALE)
+            if factor == last:
+                break
+        return np.minimum(np.where(yielded, self.hardness, factor * free), self.hardness)
+
+    def _damp(self, pressure: Field, residual: Real, shift: float) -> None:
+        """Go from an earlier pressure towards the present one no farther than the energy falls."""
+        change = self.pressure - pressure
+        image = self._displace(change)
+        slope, curvature = _inner(residual, change), _inner(change, image)
+        step = slope / curvature if curvature > 0 else 1.0
+        step = 1.0 if step >= 0.5 else max(step, 0.0)  # beyond twice the best step it rises
+        self.shift = shift
+        self.residual = residual - np.float32(step) * image
+        if step < 1:
+            self.pressure = pressure + step * change
+            self._snap()
+
+    def _snap(self) -> None:
+        """Take pressures that rounding left just beside zero or the hardness to it."""
+        if self._yields:
+            self.pressure[self.pressure < LOST * self.hardness] = 0
+            self.pressure[self.pressure > (1 - LOST) * self.hardness] = self.hardness
+
+    def _descend(self) -> None:
+        """Take projected gradients, of which each lowers the energy for certain."""
+        for _ in range(SAFE_STEPS):
+            ahead = self._projected(self.pressure + self.residual / self.patch.norm)
+            change = ahead - self.pressure
+            image = self._displace(change)
+            if not (_inner(self.residual, change) > 0 and _inner(change, image) > 0):
+                return
+            self.residual -= image
+            self.pressure = ahead
+            self._balance()
+
+    def _split(self) -> bool:
+        """Solve by waves and bounds in turn, without edges; return whether the patch allows it.
+
+        The alternating direction method of multipliers has no sets that could cycle. It minimises
+        the same energy: in turn over all pressures, which waves do by one transform each way, and
+        over those between the bounds. It converges from any start because the energy is convex
+        (Boyd, Parikh, Chu, Peleato and Eckstein 2011, Foundations and Trends in Machine Learning 3,
+        sections 3.2 and 3.4.3).
+        """
+        splitting = self.patch.splitting()
+        if splitting is None:
+            return False
+        inverse, penalty = splitting
+        interference = self.below + (self.shift if self.load is None else 0.0)
+        within, price = self.pressure, self.residual / penalty
+        for number in range(1, PASSES * self.most + 1):
+            free = filtered(inverse, interference + penalty * (within - price))
+            if self.load is not None:
+                free = free + (self.load / free.size - free.mean())
+            mixed = OVER * free + (1 - OVER) * within
+            within = np.clip(mixed + price, 0, self._most_pressure)
+            price = price + mixed - within
+            if number % CHECKED == 0 and within.any():
+                self.effort += Effort(convolutions=CHECKED)
+                self.pressure = within.copy()
+                self.renew()
+                if self.violation().largest <= self.tolerance:
+                    break
+        return True
+
+    def _projected(self, pressure: Field) -> Field:
+        """Return the nearest pressure between the bounds that carries the load."""
+        if self.load is None:
+            return np.clip(pressure, 0, self._most_pressure)
+        cut = cut_to_load(pressure, self.load, self._most_pressure)
+        self._carry(cut)
+        return cut
 
 
-def _deflation(
-    operators: Operators, interference: Values, contact: Nodes, iterate: Iterate
-) -> Callable[[Values, Values], Values]:
-    """Scale the pressure to the least energy, and keep all corrections conjugate to it.
-
-    Cutting off tension leaves too much load, which shifts the residual of the whole contact. The
-    image of the pressure is known, so that scaling the pressure removes this error at no cost
-    (deflation: Nicolaides 1987). Rounding puts some of it back into the residual, and every
-    correction removes that part again (A-DEF2 of Tang, Nabben, Vuik and Erlangga 2009); otherwise
-    long stages would stagnate. On a compliant far field the contact set depends most on this
-    scale, and conjugate gradients are left to find it. A given load fixes the scale: corrections
-    add up to zero, with the pressure as the direction that absorbs their sum (projected conjugate
-    gradients: Gould, Hribar and Nocedal 2001).
-    """
-    if operators.softening > 0:
-        return lambda correction, _: correction
-    rescale(operators, interference, iterate)
-    if operators.load is not None:
-        share = iterate.pressure[contact] / operators.load
-        return lambda correction, _: correction - float(correction.sum()) * share
-    known, image = take(iterate.pressure, contact), take(interference, contact)
-    image -= take(iterate.residual, contact)
-    stiffness = inner(known, image)
-    if not stiffness > 0:
-        return lambda correction, _: correction
-
-    def deflate(correction: Values, residual: Values) -> Values:
-        along = (inner(residual, known) - inner(correction, image)) / stiffness
-        add_scaled(correction, along, known)
-        return correction
-
-    return deflate
-
-
-def _cut_off_tension(
-    operators: Operators,
-    interference: Values,
-    contact: Nodes,
-    iterate: Iterate,
-    advance: float,
-    renewing: bool,
-) -> Nodes | None:
-    """Set negative pressures to zero, and take a step on the next contact set.
-
-    No pressure outside the present contact set is negative.
-
-    Both together cost one convolution. It is applied to the change of pressure, or to the whole
-    pressure if the residual has to be recomputed because working precision no longer suffices.
-    """
-    pressure, residual = iterate.pressure, iterate.residual
-    held = take(pressure, contact)
-    pulled = where(lambda piece: held[piece] < 0, held.size)
-    if not pulled.size:
-        return None
-    following = where(
-        lambda piece: (pressure[piece] > 0) | ((residual[piece] > 0) & (pressure[piece] == 0)),
-        pressure.size,
-    )
-    step = operators.approximate_inverse(following)(take(residual, following))
-    before = take(pressure, following)
-    advanced = before.copy()
-    add_scaled(advanced, advance, step)
-    keep_positive(advanced)
-    tension = take(contact, pulled)
-    pressure[tension] = 0
-    put(advanced, following, pressure)
-    if renewing:
-        iterate.renew(operators, interference)
-    else:
-        changed = joined(following, tension)
-        change = np.empty(changed.size)
-        combined(np.subtract, advanced, before, change[: following.size])
-        np.negative(take(held, pulled), out=change[following.size :])
-        if operators.softening:  # the last bits of their sum depend on their order
-            changed, change = _ascending(changed, change)
-        operators.image_of(changed, change).add_to(residual, -1.0)
-        iterate.effort += CONVOLUTION
-    if operators.load is not None:
-        rescale(operators, interference, iterate)
-        return following
-    return None
-
-
-def _ascending(nodes: Nodes, values: Values) -> tuple[Nodes, Values]:
-    """Return the nodes whose values are not zero, in ascending order, and their values."""
-    order = np.argsort(nodes)
-    order = order[values[order] != 0]
-    return nodes[order], values[order]
-
-
-def descend(operators: Operators, interference: Values, iterate: Iterate, steps: int) -> None:
-    """Lower the energy by modified proportioning with reduced gradient projections.
-
-    Conjugate gradients run while they stay in p >= 0; a step that would leave it goes to the
-    bound, and a short projected step follows. Nodes are released when their gradient outweighs
-    that of the nodes in contact (Dostal and Schoeberl 2005, algorithm 2 with Gamma = 1). The
-    method converges from any start.
-
-    Parameters
-    ----------
-    operators : Operators
-        The influence matrix.
-    interference : ndarray, shape (m,)
-        Interference u [unit of displacement].
-    iterate : Iterate
-        Pressure and residual, improved in place.
-    steps : int
-        Number of steps to take.
-    """
-    length = 1 / operators.norm
-    last, iterate.exact = iterate.effort.iterations + steps, False
-    direction = _free_gradient(iterate)
-    while iterate.effort.iterations < last and iterate.violation() > 0:
-        free = _free_gradient(iterate)
-        released = np.where(iterate.pressure > 0, 0.0, np.maximum(iterate.residual, 0))
-        reduced = np.maximum(free, -iterate.pressure / length)
-        proportional = inner(released, released) <= inner(reduced, free)
-        if not proportional:
-            direction = released
-        image = operators.displace_some(slice(None), direction)
-        stiffness = inner(direction, image)
-        if not stiffness > 0:  # only rounding is left
-            return
-        step = inner(iterate.residual, direction) / stiffness
-        shrinking = direction < 0
-        room = np.min(-iterate.pressure[shrinking] / direction[shrinking], initial=np.inf)
-        iterate.pressure += min(step, room) * direction
-        iterate.residual -= min(step, room) * image
-        iterate.effort += STEP
-        if step > room:
-            np.maximum(iterate.pressure, 0, out=iterate.pressure)
-            np.maximum(iterate.pressure + length * _free_gradient(iterate), 0, out=iterate.pressure)
-            iterate.residual = interference - operators.displace(iterate.pressure)
-            iterate.effort += CONVOLUTION
-            direction = _free_gradient(iterate)
-        elif proportional:
-            free = _free_gradient(iterate)
-            direction = free - inner(free, image) / stiffness * direction
+def cut_to_load(pressure: Field, load: float, hardness: float = math.inf) -> Field:
+    """Return p - c between zero and the hardness with the constant c that leaves a load."""
+    high = float(pressure.max())
+    low = high - load if hardness == math.inf else float(pressure.min()) - hardness
+    low = max(low, float(pressure.sum() - load) / pressure.size) if hardness == math.inf else low
+    for _ in range(60):
+        middle = (low + high) / 2
+        if not low < middle < high:
+            break
+        if np.clip(pressure - middle, 0, hardness).sum() > load:
+            low = middle
         else:
-            direction = _free_gradient(iterate)
+            high = middle
+    return np.clip(pressure - low, 0, hardness)
 
 
-def _free_gradient(iterate: Iterate) -> Values:
-    """Return the downhill gradient of the energy on the nodes under pressure."""
-    return np.where(iterate.pressure > 0, iterate.residual, 0.0)
+def _inner(a: Real, b: Real) -> float:
+    """Compute an inner product of fields without BLAS, row by row, then in double precision."""
+    return float(np.einsum("ij,ij->i", a, b).sum(dtype=np.float64))

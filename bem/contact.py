@@ -8,14 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bem.arrays import Field, Mask
-from bem.convolution import FieldFilter, displacement_filter
 from bem.derived.spots import Spots, spots_of
 from bem.derived.stiffness import Punch, patch_stiffness, punch_of, without_patch
-from bem.problem import (
-    Problem,
-)
+from bem.operators.filters import filtered
+from bem.operators.patch import displacement_filter
+from bem.problem import Problem
 from bem.sections import computed_once
-from bem.spectrum import spectral_filter
 
 # Relative difference of its sides up to which a cell is square.
 SQUARE = 1e-9
@@ -72,8 +70,11 @@ class Contact:
     def displacement(self) -> Field:
         """Normal displacement of the half-space's surface, (nx, ny), by one convolution [um]."""
         problem = self.problem
-        operator = _displacement_filter(problem)
-        displacement: Field = operator(self.pressure) * (problem.spacing[0] / problem.modulus)
+        operator = displacement_filter(
+            self.pressure.shape, problem.boundary, problem.kernel, problem.aspect
+        )
+        unit = problem.spacing[0] / problem.modulus
+        displacement: Field = filtered(operator, self.pressure) * unit
         displacement.setflags(write=False)
         return displacement
 
@@ -289,11 +290,3 @@ def mean_conductivity(k1: float, k2: float) -> float:
         raise ValueError(f"conductivities {k1:g} and {k2:g}: both must be above 0, one finite")
     low, high = sorted((k1, k2))
     return 2 * low / (1 + low / high)
-
-
-def _displacement_filter(problem: Problem) -> FieldFilter:
-    """Return the influence matrix of the whole grid in double precision."""
-    shape = problem.heights.shape
-    if problem.boundary == "free":
-        return displacement_filter(shape, problem.kernel, problem.aspect)
-    return spectral_filter(shape, problem.boundary, problem.aspect)

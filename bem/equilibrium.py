@@ -1,15 +1,63 @@
-"""The equilibrium of a problem in reduced units, and the nodes of the grid that it is solved on."""
+"""From a checked problem to its equilibrium: units, starts, and the loads of given displacements.
 
-from dataclasses import dataclass
+Displacements are in units of a length of the problem, and pressures in units of this length times
+E* over the cell's first side. Few nodes that may touch are solved by dense algebra alone. Every
+other problem is solved by one active set (`bem.active_set`), which begins from a pressure near by,
+from a loose solution on a coarser grid, or from a first guess.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from bem.arrays import Field, Mask, Nodes, Values
-from bem.half_space import HalfSpace
-from bem.iterate import CONVOLUTION, Iterate
+from bem.active_set import ActiveSet, Effort, cut_to_load
+from bem.arrays import Field, Mask, Nodes
+from bem.dense import MOST_SETS, ContactFactor
+from bem.influence import InfluenceMatrix, Kernel
+from bem.operators.patch import Patch
 from bem.problem import NoSolution, Problem
-from bem.vectors import take
+from bem.sections import on_one_blas_thread
+
+# Largest number of nodes that may touch for which dense algebra alone is faster than convolutions
+# (`pytest bench -k few_candidates`).
+FEW_NODES = 250
+
+# Nodes a side from which on a solve starts from a loose solve on a coarser grid, and the tolerance
+# of that one (`python -m bench growth`).
+NESTED, NESTED_RTOL = 500, 3e-2
+
+# Mean pressure, over E* times the rms slope, up to which a start on the highest nodes of a patch
+# without edges is nearer to the solution than one from full contact; and the share of nodes that it
+# takes, over this pressure. The slope is that of rows and columns some nodes apart.
+LIGHT, PEAKS, SAMPLED = 0.1, 8.0, 16
+
+# Unit of length under the smallest loads, over the displacement of one cell that carries all of the
+# load. Single precision holds pressures and depths at once only where they are not too far apart.
+REACH = 1e3
+
+# Depth, in that unit, that deeper nodes count as: they stay open whatever the surface, and products
+# of two such depths have to stay within single precision.
+DEEPEST = 1e10
+
+# Displacement, over the unit of length, that the tolerance refers to while a load has brought none.
+LEAST = 1e-3
+
+# Largest violation [Delta] of first steps, or of a start, from which a displacement without edges
+# is solved at once, and the iterations of that solve.
+CLOSE, CLOSE_ITERATIONS = 0.15, 25
+
+# Largest residual [Delta] of a start that is better than none.
+FARTHEST = 10.0
+
+# Trial loads at most, the tolerance of the first of them, and the longest step of the load's
+# logarithm.
+TRIALS, TRIAL_RTOL, LONGEST_STEP = 60, 2e-2, 1.0
+
+# Tolerance of a flat punch, close to rounding because every compliant solve uses it.
+FLAT_PUNCH_RTOL, FLAT_PUNCH_ITERATIONS = 1e-13, 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,22 +74,32 @@ class Equilibrium:
         Far-field displacement Delta [um].
     approach : float
         Total displacement of the far field [um].
-    iterate : Iterate
-        Last state of the solver, in units of `length`.
+    violation : float
+        Largest violation of complementarity, over the approach, or over Delta if that was given
+        [1].
+    effort : Effort
+        Work that it took.
     converged : bool
-        Whether that state is the solution.
+        Whether the tolerance is met.
+    stalled : bool
+        Whether rounding leaves no step that would come nearer.
     displacement : ndarray, shape (nx, ny), or None
         Displacement of the half-space under that pressure, nan outside the box that was solved;
-        None if it was not asked for [length].
+        None if it is not known [length].
+    presumably_elastic : bool
+        Whether a hardness was taken into account that no node is certain to have reached.
     """
 
     pressure: Field
     length: float
     delta: float
     approach: float
-    iterate: Iterate
+    violation: float
+    effort: Effort
     converged: bool
+    stalled: bool = False
     displacement: Field | None = None
+    presumably_elastic: bool = False
 
 
 class Start(NamedTuple):
@@ -53,13 +111,10 @@ class Start(NamedTuple):
         Pressure [E*].
     displacement : ndarray, shape (nx, ny), or None
         Displacement under that pressure, nan where it is unknown; it saves a convolution [um].
-    approach : float or None
-        Total displacement of the far field; a given Delta takes precedence [um].
     """
 
     pressure: Field
     displacement: Field | None = None
-    approach: float | None = None
 
 
 class BeyondCriticalDelta(NoSolution):
@@ -82,41 +137,176 @@ class BeyondCriticalDelta(NoSolution):
         )
 
 
+def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium | None:
+    """Solve a checked problem.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    near : Start, optional
+        A pressure to start from.
+
+    Returns
+    -------
+    Equilibrium or None
+        None if the bodies are apart or just touch.
+    """
+    if not (problem.force if problem.delta is None else problem.delta > 0):
+        return None
+    compliant = problem.far_field == "compliant"
+    if problem.delta is not None and compliant:
+        critical = critical_delta(problem.heights, problem.kernel, problem.aspect)
+        if problem.delta >= critical:
+            raise BeyondCriticalDelta(problem.delta, critical)
+        return _through_loads(problem, None)
+    found = _on_few_nodes(problem) if problem.boundary == "free" else None
+    if found is None:
+        at = _under_load if problem.delta is None else _at_displacement
+        found = at(problem, near)
+        if found.presumably_elastic and (problem.delta is None or _has_elastic(problem)):
+            found = _elastic_after_all(problem, found, at(replace(problem, hardness=None), near))
+    if compliant:
+        assert problem.force is not None
+        found = replace(
+            found, delta=max(found.approach - _give(problem, _reduced_load(problem)), 0.0)
+        )
+    return found
+
+
+def _has_elastic(problem: Problem) -> bool:
+    """Return whether elastic bodies have an equilibrium at the displacement."""
+    depth = float((problem.heights.max() - problem.heights).mean())
+    return problem.boundary == "free" or (problem.delta or 0.0) < depth
+
+
+def _elastic_after_all(problem: Problem, found: Equilibrium, elastic: Equilibrium) -> Equilibrium:
+    """Return the elastic solution, to the last bit, unless it exceeds the hardness within
+    rounding.
+    """
+    largest = float(elastic.pressure.max())
+    effort = found.effort + elastic.effort
+    if elastic.converged and not largest > problem.reduced_hardness(elastic.length):
+        return replace(elastic, effort=effort)
+    return replace(found, effort=effort)
+
+
+def _give(problem: Problem, load: float) -> float:
+    """Return how far a compliant far field gives way under a reduced load [um]."""
+    if problem.far_field == "rigid":
+        return 0.0
+    punch = flat_punch(problem.heights.shape, problem.kernel, problem.aspect)
+    return load / float(punch.sum())
+
+
+def _reduced_load(problem: Problem) -> float:
+    """Return the force over E* and the second side of a cell [um]."""
+    assert problem.force is not None
+    return problem.force / problem.modulus / problem.spacing[1]
+
+
+# Few nodes that may touch
+
+
+def _on_few_nodes(problem: Problem) -> Equilibrium | None:
+    """Solve by dense algebra where few nodes of a free patch may touch; None if more may.
+
+    Nothing touches where the undeformed bodies do not overlap: pressure displaces every node
+    downwards.
+    """
+    delta = problem.delta
+    if delta is None:
+        heights = problem.heights.reshape(-1)
+        many = min(FEW_NODES + 1, heights.size)
+        delta = float(heights.max() - np.partition(heights, -many)[-many])
+        if not delta > 0:
+            return None
+    touching = overlap(problem, delta)
+    if touching.nodes.size > FEW_NODES:
+        return None
+    return _solve_densely(problem, touching, delta)
+
+
+@on_one_blas_thread()
+def _solve_densely(problem: Problem, touching: "Overlap", delta: float) -> Equilibrium | None:
+    """Solve on all nodes that may touch; None if the load needs more, or no solution is found."""
+    load = None if problem.delta is not None else _reduced_load(problem) / delta
+    hardness = problem.reduced_hardness(delta)
+    matrix = InfluenceMatrix(touching.shape, problem.kernel, problem.aspect)
+    below = touching.below.reshape(-1)
+    interference = below + (1.0 if load is None else 0.0)
+    sets = min(MOST_SETS, problem.max_iterations)
+    nodes = touching.nodes[np.argsort(-below[touching.nodes], kind="stable")]
+    try:
+        with np.errstate(over="raise"):
+            factor = ContactFactor(matrix.among, nodes)  # elastic bodies, to the last bit
+            solution = factor.solve(interference, load, sets)
+            if float(solution.pressure.max()) > hardness:
+                factor = ContactFactor(matrix.among, nodes, hardness)
+                solution = factor.solve(interference, load, sets)
+    except (np.linalg.LinAlgError, FloatingPointError):
+        return None
+    shift = 1.0 if load is None else solution.shift
+    if not solution.settled or not 0 < shift <= 1:
+        return None
+    values = np.zeros(below.size)
+    values[factor.nodes] = solution.pressure
+    entries = matrix.between(nodes, nodes)
+    residual = below[nodes] + shift - np.einsum("ij,j->i", entries, values[nodes])
+    loaded, yielded = values[nodes] > 0, values[nodes] >= hardness
+    wrong = np.where(loaded, np.abs(residual), residual)
+    wrong[yielded] = -residual[yielded]
+    violation = max(float(wrong.max()), 0.0) / shift
+    if not violation <= problem.rtol:
+        return None
+    return Equilibrium(
+        pressure=touching.unfolded(values.reshape(touching.shape)),
+        length=delta,
+        delta=shift * delta if problem.delta is None else delta,
+        approach=shift * delta if problem.delta is None else delta,
+        violation=violation,
+        effort=Effort(solution.sets, solution.sets),
+        converged=True,
+    )
+
+
 class Overlap(NamedTuple):
-    """The nodes that may touch at a displacement of the far field.
+    """The part of a grid in which the undeformed bodies overlap at a displacement.
 
     Attributes
     ----------
+    grid : tuple of int
+        Nodes (nx, ny) of the grid.
     box : tuple of slice
         Rows and columns of a box that holds these nodes.
     nodes : ndarray, shape (m,)
         Flat indices of the nodes in the box.
-    interference : ndarray, shape (m,)
-        Overlap of the undeformed bodies [displacement of the far field].
+    below : ndarray, shape of the box
+        Heights less the highest [displacement].
     """
 
+    grid: tuple[int, ...]
     box: tuple[slice, slice]
     nodes: Nodes
-    interference: Values
+    below: Field
 
     @property
     def shape(self) -> tuple[int, int]:
         """Number of rows and columns of the box."""
-        return self.box[0].stop - self.box[0].start, self.box[1].stop - self.box[1].start
+        return self.below.shape[0], self.below.shape[1]
 
-    def select(self, field: Field) -> Values:
-        """Return the values of an (nx, ny) field at the nodes."""
-        return take(field[self.box].reshape(-1), self.nodes)
+    def unfolded(self, values: Field, beyond: float = 0.0) -> Field:
+        """Put the values of the box back on the grid."""
+        whole = np.full(self.grid, beyond)
+        whole[self.box] = values
+        return whole
 
 
 def overlap(problem: Problem, delta: float) -> Overlap:
     """Find the nodes that may touch at a displacement of the far field [um]."""
     below = problem.heights - problem.heights.max()
     box, nodes = boxed(below > -delta)
-    interference = take(below[box].reshape(-1), nodes)
-    interference += delta  # above 0, as below > -delta is
-    interference /= delta
-    return Overlap(box, nodes, interference)
+    return Overlap(below.shape, box, nodes, np.maximum(below[box], -DEEPEST * delta) / delta)
 
 
 def boxed(marked: Mask) -> tuple[tuple[slice, slice], Nodes]:
@@ -142,46 +332,6 @@ def boxed(marked: Mask) -> tuple[tuple[slice, slice], Nodes]:
     return box, np.flatnonzero(marked[box])
 
 
-def started(
-    operators: HalfSpace, interference: Values, pressure: Values, displacement: Values | None = None
-) -> Iterate:
-    """Return an iterate with its residual, for one convolution unless the displacement is known."""
-    if displacement is not None and np.isfinite(displacement).all():
-        return Iterate(pressure, interference - displacement)
-    with np.errstate(over="ignore", invalid="ignore"):  # the caller refuses starts that far away
-        residual = interference - operators.displace_some(slice(None), pressure)
-    return Iterate(pressure, residual, CONVOLUTION)
-
-
-def unfold(
-    problem: Problem,
-    delta: float,
-    touching: Overlap,
-    iterate: Iterate,
-    *,
-    converged: bool = True,
-    displacement: Field | None = None,
-) -> Equilibrium:
-    """Put the pressure on the nodes, and the displacement of their box, back on the grid."""
-    reduced = np.zeros(problem.heights.shape)
-    values = np.zeros(touching.shape)
-    values.reshape(-1)[touching.nodes] = iterate.pressure
-    reduced[touching.box] = values
-    whole = None
-    if displacement is not None:
-        whole = np.full(reduced.shape, np.nan)
-        whole[touching.box] = displacement
-    return Equilibrium(
-        pressure=reduced,
-        length=delta,
-        delta=delta,
-        approach=delta,
-        iterate=iterate,
-        converged=converged,
-        displacement=whole,
-    )
-
-
 def _span(first: int, last: int, size: int) -> slice:
     """Return a slice from first to last, widened to one of a few lengths to reuse FFT plans.
 
@@ -193,3 +343,416 @@ def _span(first: int, last: int, size: int) -> slice:
         return slice(0, size)
     start = min(first, size - nodes)
     return slice(start, start + nodes)
+
+
+# At a given displacement
+
+
+def _at_displacement(problem: Problem, near: Start | None) -> Equilibrium:
+    """Solve at a given displacement of a rigid far field."""
+    delta = problem.delta
+    assert delta is not None
+    whole = problem.boundary != "free"
+    if whole and problem.hardness is not None and np.ptp(problem.heights) <= delta:
+        return _all_yielded(problem, delta)
+    touching = _whole(problem, delta) if whole else overlap(problem, delta)
+    near, spent = (near, Effort()) if near is not None else _on_coarser_grid(problem)
+    below, patch = touching.below, Patch.of(problem, touching.shape)
+    solve = _new(problem, patch, below, delta, shift=1.0)
+    if near is not None:
+        with np.errstate(over="ignore", invalid="ignore"):
+            solve.begin(*_reduced(problem, near, touching, delta))
+        if not solve.violation().largest <= FARTHEST:
+            near, solve = None, _new(problem, patch, below, delta, shift=1.0)
+    settled = False
+    if whole and problem.hardness is not None:
+        solve.expect_yielding()  # elastic contacts may be full before this displacement
+    if near is None:
+        solve.take_first_steps(patch.few / 2)
+        settled = solve.settle_few()
+    if whole and problem.hardness is None and not settled:
+        if solve.violation().largest > CLOSE:
+            return _through_loads(problem, solve)
+        solve.most = min(solve.effort.iterations + CLOSE_ITERATIONS, problem.max_iterations)
+        if not solve.run() and solve.most < problem.max_iterations:
+            return _through_loads(problem, solve)
+        settled = True
+    if not settled:
+        solve.run()
+    solve.effort += spent
+    return _result(problem, solve, touching, delta)
+
+
+def _reduced(
+    problem: Problem, near: Start, touching: Overlap, length: float
+) -> tuple[Field, Field | None]:
+    """Return a start's pressure and displacement in units of a length, in the part solved."""
+    pressure = near.pressure[touching.box] * (problem.spacing[0] / length)
+    inside = np.count_nonzero(pressure) == np.count_nonzero(near.pressure)
+    if near.displacement is None or not inside:
+        return pressure, None
+    return pressure, near.displacement[touching.box] / length
+
+
+def _all_yielded(problem: Problem, delta: float) -> Equilibrium:
+    """Return the hardness on all nodes, which displaces nothing: all of the surface penetrates."""
+    pressure = np.full(problem.heights.shape, problem.reduced_hardness(delta))
+    return Equilibrium(pressure, delta, delta, delta, 0.0, Effort(), converged=True)
+
+
+def _new(
+    problem: Problem,
+    patch: Patch,
+    below: Field,
+    length: float,
+    *,
+    shift: float | None = None,
+    load: float | None = None,
+) -> ActiveSet:
+    """Return an active set for a problem in units of a length, without any pressure."""
+    return ActiveSet(
+        patch,
+        below,
+        shift=shift,
+        load=load,
+        hardness=problem.reduced_hardness(length),
+        rtol=problem.rtol,
+        most=problem.max_iterations,
+        least=LEAST,
+    )
+
+
+def _result(problem: Problem, solve: ActiveSet, touching: Overlap, length: float) -> Equilibrium:
+    """Put the result of an active set on the grid."""
+    if not solve.exact:
+        solve.renew()
+    unit = 1.0 if problem.delta is not None else solve.shift if solve.shift > 0 else LEAST
+    violation = solve.exact_violation().largest / unit
+    known = solve.displacement
+    return Equilibrium(
+        pressure=touching.unfolded(solve.pressure),
+        length=length,
+        delta=problem.delta if problem.delta is not None else solve.shift * length,
+        approach=solve.shift * length,
+        violation=violation,
+        effort=solve.effort,
+        converged=violation <= problem.rtol,
+        stalled=solve.stalled,
+        displacement=None if known is None else touching.unfolded(known, np.nan),
+        presumably_elastic=solve.presumably_elastic(),
+    )
+
+
+# Under a given load
+
+
+def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
+    """Solve under a given force; the displacement follows from the balance of the free nodes."""
+    load = _reduced_load(problem)
+    depth = float((problem.heights.max() - problem.heights).mean())
+    length = min(depth or problem.spacing[0], REACH * load)
+    touching = _whole(problem, length)
+    near, spent = (near, Effort()) if near is not None else _on_coarser_grid(problem)
+    patch = Patch.of(problem)
+    solve = _new(problem, patch, touching.below, length, load=load / length)
+    if near is not None and near.pressure.any():
+        solve.begin(*_reduced(problem, near, touching, length))
+    else:
+        pressure, closed = _first_pressure(problem, patch, touching.below, load / length)
+        if closed:
+            return _full_contact(problem, pressure, length)
+        solve.begin(pressure)
+        solve.approach()
+    if near is not None or not solve.settle_few():
+        solve.run()
+    solve.effort += spent
+    return _result(problem, solve, touching, length)
+
+
+def _whole(problem: Problem, length: float) -> Overlap:
+    """Return the whole grid as the part in which bodies may touch."""
+    below = np.maximum(problem.heights - problem.heights.max(), -DEEPEST * length) / length
+    whole = slice(0, below.shape[0]), slice(0, below.shape[1])
+    return Overlap(below.shape, whole, np.zeros(0, np.intp), below)
+
+
+def _first_pressure(
+    problem: Problem, patch: Patch, below: Field, load: float
+) -> tuple[Field, bool]:
+    """Guess a pressure that carries a load; also return whether it is that of full contact.
+
+    Without edges, the pressure of full contact is known, and its projection onto pressures that are
+    not negative is near under larger loads. Otherwise the highest nodes are pressed as deep as a
+    plane at their foot would, and a constant is subtracted from their pressure until it carries the
+    load.
+    """
+    hardness = math.inf
+    if problem.hardness is not None:
+        hardness = problem.hardness / _mean_pressure(problem) * load / below.size
+    light = _relative_load(below, load, problem.aspect)
+    if problem.boundary != "free" and light >= LIGHT:
+        full = patch.unbalanced(below) + load / below.size
+        if full.min() >= 0 and full.max() <= hardness:
+            return full, True
+        return cut_to_load(full, load), False
+    share = min(PEAKS * light, 1.0)
+    number = min(int(share * below.size) + 1, below.size)
+    foot = np.partition(below, -number, axis=None)[-number]
+    high = below >= foot
+    patch.take_contact(high)
+    patch.in_contact((below - foot).astype(np.float32))
+    pressed: Field = np.zeros(below.shape)
+    pressed[high] = cut_to_load(patch.correct()[high].astype(np.float64), load)
+    if not pressed.any():
+        pressed[high] = 1.0
+    return pressed, False
+
+
+def _mean_pressure(problem: Problem) -> float:
+    """Return the mean pressure over all cells [MPa]."""
+    assert problem.force is not None
+    return problem.force / (problem.heights.size * problem.spacing[0] * problem.spacing[1])
+
+
+def _relative_load(below: Field, load: float, aspect: float) -> float:
+    """Return the mean pressure over E* times the rms slope of some rows and columns [1]."""
+    along, across = np.diff(below[:, ::SAMPLED], axis=0), np.diff(below[::SAMPLED], axis=1)
+    rows, columns = (float((d * d).sum()) / max(d.size, 1) for d in (along, across))
+    slope = math.sqrt(rows + columns / aspect**2)
+    return load / below.size / slope if slope > 0 else math.inf
+
+
+def _full_contact(problem: Problem, pressure: Field, length: float) -> Equilibrium:
+    """Return the pressure of full contact as the solution that it is where it pushes."""
+    below = (problem.heights - problem.heights.max()) / length
+    depth = -float(below.mean()) * length
+    return Equilibrium(
+        pressure=pressure,
+        length=length,
+        delta=depth,
+        approach=depth,
+        violation=0.0,
+        effort=Effort(convolutions=1),
+        converged=True,
+        displacement=below - below.mean(),
+    )
+
+
+# Starts on coarser grids
+
+
+def _on_coarser_grid(problem: Problem) -> tuple[Start | None, Effort]:
+    """Solve loosely on a grid with twice the spacing; None where that gains nothing.
+
+    The effort is in convolutions of the whole grid.
+    """
+    rows, columns = problem.heights.shape
+    free = problem.boundary == "free"
+    if min(rows, columns) < NESTED or (not free and (rows % 2 or columns % 2)):
+        return None, Effort()
+    if free:
+        heights = problem.heights[::2, ::2]
+    else:
+        heights = problem.heights.reshape(rows // 2, 2, columns // 2, 2).mean(axis=(1, 3))
+    delta = problem.delta
+    if delta is not None:
+        delta -= float(problem.heights.max() - heights.max())
+        full = float((heights.max() - heights).mean())
+        if delta <= 0 or (not free and problem.hardness is None and delta >= 0.97 * full):
+            return None, Effort()
+    spacing = 2 * problem.spacing[0], 2 * problem.spacing[1]
+    coarse = replace(problem, heights=heights, spacing=spacing, delta=delta, rtol=NESTED_RTOL)
+    loose = equilibrium_of(coarse)
+    assert loose is not None
+    pressure = loose.pressure * (loose.length / spacing[0])
+    for axis, nodes in enumerate(problem.heights.shape):
+        pressure = _between(pressure, axis, nodes) if free else pressure.repeat(2, axis=axis)
+    share = heights.size / problem.heights.size
+    return Start(pressure), Effort(convolutions=math.ceil(share * loose.effort.convolutions))
+
+
+def _between(values: Field, axis: int, nodes: int) -> Field:
+    """Insert means of neighbours along an axis; repeat the last value if it has no neighbour."""
+    here = np.moveaxis(values, axis, 0)
+    filled = np.empty((nodes, *here.shape[1:]))
+    filled[::2] = here
+    filled[1::2] = here[: nodes // 2]
+    inner = (nodes - 1) // 2
+    filled[1 : 2 * inner : 2] += here[1 : inner + 1]
+    filled[1 : 2 * inner : 2] /= 2
+    return np.moveaxis(filled, 0, axis)
+
+
+# Displacements through loads
+
+
+def _through_loads(problem: Problem, start: ActiveSet | None) -> Equilibrium:
+    """Find the load whose displacement, less what a far field gives way, is the given one.
+
+    Secants on a scale on which that displacement rises nearly as the logarithm of the load.
+    """
+    delta = problem.delta
+    assert delta is not None
+    touching = _whole(problem, delta)
+    load = 0.0 if start is None else float(start.pressure.sum())
+    give = _give(problem, delta) / delta  # what the far field gives way under a unit load
+    search = _Loads(problem, touching.below, load)
+    solve = _new(problem, Patch.of(problem), touching.below, delta, load=search.load)
+    if start is None or not load > 0:
+        force = search.load * delta * problem.modulus * problem.spacing[1]
+        guess = replace(problem, delta=None, force=force)
+        solve.begin(_first_pressure(guess, solve.patch, touching.below, search.load)[0])
+        solve.approach()
+    else:
+        solve.effort = start.effort
+        solve.begin(start.pressure)
+    solve.rtol, solve.reference, excess = TRIAL_RTOL, 1.0, math.inf
+    for _ in range(TRIALS):
+        solve.run()
+        assert solve.load is not None
+        excess = solve.shift - give * solve.load - 1
+        tight = solve.rtol <= problem.rtol / 2
+        if (tight and abs(excess) <= problem.rtol / 4) or solve.effort.iterations >= solve.most:
+            break
+        solve.rtol = max(min(solve.rtol, abs(excess) / 10), problem.rtol / 4)
+        error = solve.violation().largest
+        if abs(excess) > problem.rtol / 8 and not search.follow(excess, error):
+            search.forget()  # trials have led astray, as loose as they were
+            solve.rtol = max(solve.rtol / 100, problem.rtol / 4)
+        solve.reload(search.load)
+    solve.residual -= np.float32(excess)
+    solve.shift -= excess
+    found = _result(problem, solve, touching, delta)
+    return replace(found, approach=found.approach if problem.far_field == "compliant" else delta)
+
+
+class _Loads:
+    """Trial loads, each from the displacements of those before.
+
+    Attributes
+    ----------
+    load : float
+        The load to try next [reduced].
+    """
+
+    def __init__(self, problem: Problem, below: Field, load: float) -> None:
+        # The mean gap of elastic bodies without edges falls exponentially with the load (Persson
+        # 2007).
+        self._depth = -float(below.mean()) if problem.boundary != "free" else math.inf
+        self._low, self._high = 0.0, math.inf
+        self._slope = float(below.std()) / 2
+        if self._depth < math.inf:
+            self._slope /= self._depth - 1
+        self._last: tuple[float, float] | None = None
+        self._least = math.inf
+        self.load = self._here = load if load > 0 else 0.5
+
+    def _scaled(self, excess: float) -> float:
+        """Return an excess on a scale on which it rises nearly as the logarithm of the load."""
+        if self._depth == math.inf:
+            return excess
+        share = 1 - excess / (self._depth - 1)
+        return -math.log(share) if share > 0 else math.inf
+
+    def forget(self) -> None:
+        """Forget all trials but the last load."""
+        self._low, self._high, self._last, self._least = 0.0, math.inf, None, math.inf
+        self.load = self._here
+
+    def follow(self, excess: float, error: float) -> bool:
+        """Choose the next load; return False if no other is left.
+
+        Parameters
+        ----------
+        excess : float
+            Displacement under the last load less the one wanted [the one wanted].
+        error : float
+            Largest violation under that load: a smaller excess does not tell on which side it is.
+        """
+        self._here = here = self.load
+        value = self._scaled(excess)
+        if excess > error:
+            self._high = min(self._high, here)
+        elif excess < -error:
+            self._low = max(self._low, here)
+        if self._last is not None and math.isfinite(value) and math.log(here) != self._last[0]:
+            slope = (value - self._last[1]) / (math.log(here) - self._last[0])
+            self._slope = slope if slope > 0 else self._slope
+        if math.isfinite(value):
+            self._last = math.log(here), value
+        step = value / self._slope if self._slope > 0 else math.copysign(math.inf, value)
+        self.load = here * math.exp(-min(max(step, -LONGEST_STEP), LONGEST_STEP))
+        slow = abs(excess) > self._least / 2
+        self._least = min(self._least, abs(excess))
+        between = self._low > 0 and self._high < math.inf
+        if not self._low < self.load < self._high or (slow and between):
+            middle = math.sqrt(self._low * self._high) if self._low else self._high / 2
+            self.load = middle if self._high < math.inf else 2 * self._low
+        return self.load != here and self._low < self.load < self._high
+
+
+# The compliant far field
+
+
+@lru_cache(maxsize=8)
+def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> Field:
+    """Compute the pressure that displaces every node of a free patch by one.
+
+    As in MIRCO, a compliant far field gives way by F / K under the force F, where K is the
+    stiffness of a flat punch that fills the patch.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Nodes (nx, ny) of the patch.
+    kernel : str
+        Influence coefficients, see `bem.influence.influence_coefficients`.
+    aspect : float
+        Second side of a cell over its first [1].
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Pressure, read-only [E* / first side of a cell].
+
+    Raises
+    ------
+    ArithmeticError
+        If the iteration does not reach `FLAT_PUNCH_RTOL`.
+    """
+    patch = Patch(shape, "free", kernel, aspect)
+    solve = ActiveSet(
+        patch, np.zeros(shape), shift=1.0, rtol=FLAT_PUNCH_RTOL, most=FLAT_PUNCH_ITERATIONS
+    )
+    if not solve.run():
+        raise ArithmeticError(
+            f"flat punch on {shape[0]} x {shape[1]} nodes, kernel {kernel}: residual"
+            f" {solve.violation().largest:.1e} after {solve.effort.iterations} iterations"
+        )
+    pressure = solve.pressure
+    pressure.setflags(write=False)
+    return pressure
+
+
+def shape_factor(shape: tuple[int, int], kernel: Kernel) -> float:
+    """Compute MIRCO's alpha = L E* Delta / F of the flat punch, with its spacing L / n [1]."""
+    return float(shape[0] / flat_punch(shape, kernel).sum())
+
+
+def critical_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> float:
+    """Compute Delta*, at which the force on a compliant far field grows without bound [um].
+
+    The flat punch's pressure is the null vector of H - 1 1^T / K. The gap is not negative, so that
+    its product with that pressure bounds Delta by the pressure-weighted mean of z_max - z.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights of the surface [um].
+    kernel : str
+        Influence coefficients, see `bem.influence.influence_coefficients`.
+    aspect : float
+        Second side of a cell over its first [1].
+    """
+    pressure = flat_punch(heights.shape, kernel, aspect)
+    return float((pressure * (heights.max() - heights)).sum() / pressure.sum())

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bem.arrays import Field, Nodes, Real, Values
-from bem.vectors import each_row
+from bem.workers import workers
 
 Kernel = Literal["uniform-pressure", "concentrated-force"]
 KERNELS: tuple[Kernel, ...] = get_args(Kernel)
@@ -98,7 +98,8 @@ def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
         def tabulate(some: slice) -> None:
             table[some] = _uniform_pressure(rows[some], columns, aspect)
 
-        each_row(tabulate, *shape)
+        slices = [slice(first, first + ROWS) for first in range(0, shape[0], ROWS)]
+        workers().share(tabulate, slices)
     elif kernel == "concentrated-force":
         table = _concentrated_force(rows, columns, aspect)
     else:

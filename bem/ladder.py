@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 
 from bem.arrays import Field, refuse_masked
 from bem.contact import Contact
-from bem.equilibrium import Equilibrium, Start
+from bem.equilibrium import Equilibrium, Start, equilibrium_of
 from bem.problem import checked_heights, pose
-from bem.solving import contact_of, equilibrium_of
+from bem.solving import contact_of
 from bem.workers import checked_threads, on_threads
 
 # A load and its equilibrium.
@@ -96,9 +96,9 @@ class _Ladder(Iterator[Contact]):
         problem = pose(self._heights, self._side, **given, **self._settings)
         near = _extrapolated(self._last, load, problem.spacing[0])
         with on_threads(self._threads):
-            equilibrium = equilibrium_of(problem, near, keep_displacement=True)
+            equilibrium = equilibrium_of(problem, near)
             if near is not None and equilibrium is not None and not equilibrium.converged:
-                equilibrium = equilibrium_of(problem, None, keep_displacement=True)
+                equilibrium = equilibrium_of(problem, None)
         contact = contact_of(problem, equilibrium)
         if equilibrium is not None:
             others = [rung for rung in self._last if rung[0] != load]
@@ -126,20 +126,17 @@ def _extrapolated(last: list[Rung], load: float, spacing: float) -> Start | None
     if len(last) < 2:
         return None
     pressure, displacement = (np.zeros_like(last[-1][1].pressure) for _ in range(2))
-    approach = 0.0
     with np.errstate(over="ignore", invalid="ignore"):
         for mine, equilibrium in last:
-            weight = math.prod(
+            weight = equilibrium.length * math.prod(
                 (load - other) / (mine - other) for other, _ in last if other != mine
             )
-            approach += weight * equilibrium.approach
-            weight *= equilibrium.length
             pressure += weight / spacing * equilibrium.pressure
             known = equilibrium.displacement
             displacement += weight * (np.nan if known is None else known)
-    if not np.isfinite(pressure).all() or not math.isfinite(approach):
+    if not np.isfinite(pressure).all():
         nearest = last[-1][1]
-        return Start(nearest.pressure * (nearest.length / spacing), None, nearest.approach)
+        return Start(nearest.pressure * (nearest.length / spacing))
     if pressure.min() >= 0:
-        return Start(pressure, displacement, approach)
-    return Start(np.maximum(pressure, 0), None, approach)
+        return Start(pressure, displacement)
+    return Start(np.maximum(pressure, 0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations  # short signatures in help()
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +10,8 @@ from numpy.typing import ArrayLike
 
 from bem.arrays import Field
 from bem.contact import Contact
-from bem.displacement_control import on_compliant_far_field, on_rigid_far_field
-from bem.edgeless import without_edges
-from bem.equilibrium import Equilibrium, Start
+from bem.equilibrium import Equilibrium, Start, equilibrium_of
 from bem.influence import Kernel
-from bem.load_control import under_given_force
 from bem.problem import (
     MAX_ITERATIONS,
     RTOL,
@@ -184,36 +182,6 @@ def solve(
         return contact_of(problem, equilibrium_of(problem, start))
 
 
-def equilibrium_of(
-    problem: Problem, near: Start | None = None, *, keep_displacement: bool = False
-) -> Equilibrium | None:
-    """Solve a checked problem with the method that its load and far field need.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    near : Start, optional
-        A pressure to start from; it is ignored for a given Delta on a compliant far field.
-    keep_displacement : bool
-        Whether the result has the displacement of the half-space, where the solve yields it.
-
-    Returns
-    -------
-    Equilibrium or None
-        None if the bodies are apart or just touch.
-    """
-    if not (problem.force if problem.delta is None else problem.delta > 0):
-        return None
-    if problem.boundary != "free":
-        return without_edges(problem, near, keep_displacement=keep_displacement)
-    if problem.delta is None:
-        return under_given_force(problem, near)
-    if problem.far_field == "compliant":
-        return on_compliant_far_field(problem, problem.delta)
-    return on_rigid_far_field(problem, problem.delta, near, keep_displacement=keep_displacement)
-
-
 def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:
     """Convert an equilibrium from reduced units to a `Contact`.
 
@@ -245,17 +213,18 @@ def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:
         contact_nodes=touching,
         delta=equilibrium.delta,
         approach=equilibrium.approach,
-        residual=equilibrium.iterate.violation(),
-        iterations=equilibrium.iterate.effort.iterations,
-        convolutions=equilibrium.iterate.effort.convolutions,
+        residual=equilibrium.violation,
+        iterations=equilibrium.effort.iterations,
+        convolutions=equilibrium.effort.convolutions,
     )
     if equilibrium.converged:
         return contact
     # Without convergence, nodes that the solver left aside count too.
-    contact = replace(contact, residual=_violation(contact) / equilibrium.length)
+    unit = problem.delta or contact.approach
+    contact = replace(contact, residual=_violation(contact) / unit if unit > 0 else math.inf)
     exceeded = problem.hardness is not None and contact.largest_pressure > problem.hardness
     if exceeded or not contact.residual <= problem.rtol:  # a residual that is nan is refused too
-        raise NotConverged(contact, equilibrium.iterate.stalled)
+        raise NotConverged(contact, equilibrium.stalled)
     return contact
 
 

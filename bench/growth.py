@@ -23,8 +23,8 @@ import numpy as np
 from scipy import optimize
 
 import bem
-from bem import half_space
-from bem.convolution import fast_period
+from bem.operators import patch
+from bem.operators.patch import fast_period
 from bench.picture import draw_curves, new_figure
 from bench.report import Report, remark
 from bench.table import formatted
@@ -232,8 +232,9 @@ def _solve(nodes: int, seed: int, percent: float) -> tuple[float, float, float, 
     began = time.perf_counter()
     contact = bem.solve(heights, SIDE, delta, rtol=RTOL)
     seconds = time.perf_counter() - began
-    if contact.contact_nodes <= half_space.FEW_PER_ROOT * np.cbrt(heights.size):
-        with mock.patch.object(half_space, "FEW_PER_ROOT", 0.0):
+    ((factor, power),) = patch.FEW_FREE
+    if contact.contact_nodes <= factor * heights.size**power:
+        with mock.patch.object(patch, "FEW_FREE", ((0.0, 1.0),)):
             contact = bem.solve(heights, SIDE, delta, rtol=RTOL)
     field_bytes = 8 * fast_period(nodes) ** 2
     return contact.area_percent, contact.convolutions, seconds, memory / field_bytes

@@ -20,7 +20,7 @@ import numpy as np
 
 import bem
 from bem.contact import Contact
-from bem.convolution import displacement_filter
+from bem.operators.patch import displacement_filter
 from bem.workers import Workers, led_by
 from bench import peer_threads
 from bench.growth import RTOL, SIDE, displacement_at, require_nested, surface
@@ -99,7 +99,8 @@ def _transform_copies(nodes: int, threads: int, turns: int) -> float:
 
     def transform() -> tuple[float, float]:
         try:
-            operator = displacement_filter((nodes, nodes), "uniform-pressure", dtype="float32")
+            shape = nodes, nodes
+            operator = displacement_filter(shape, "free", "uniform-pressure", 1.0, "float32")
             operator.field.fill(0)
             operator.transform()
         except BaseException:  # raised again below; the other threads do not wait for this one

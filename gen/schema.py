@@ -23,51 +23,15 @@ PART = 2
 """Number of the layout of parts, which add the attributes `first_row` and `rows`. It differs from
 `SCHEMA` so that versions that know whole databases only refuse parts."""
 
-PHYSICS = 4
+PHYSICS = 11
 """Number of the results: raised whenever a change of the code changes a deterministic column."""
 
-EDGELESS_PHYSICS = 9
-"""The same for scenes of patches without edges, on grids of any size."""
-
-LARGE_PHYSICS = 10
-"""The same for other scenes of `LARGE_NODES` or more."""
-
-LARGE_NODES = 10**6
-"""Nodes of a grid from which on it is a large one: `bem.large_filter.LARGE_NODES`."""
-
 PHYSICS_CHANGES: dict[int, str] = {
-    2: "a new preconditioner and a default tolerance of 3e-7 (before: 1e-6): areas differ by single"
-    " nodes, forces within the tolerance, iterations and convolutions are fewer",
-    3: "conjugate gradients of another pace and a default tolerance of 2e-7 (before: 3e-7): forces"
-    " differ within the tolerance, iterations and convolutions are fewer",
-    4: "contacts of few nodes are solved by dense algebra: forces differ within the tolerance,"
-    " iterations count the contact sets that it tries",
+    11: "one active set on masks solves all contacts: areas differ by single nodes, forces within"
+    " the tolerance, and iterations and convolutions are counted anew",
 }
-"""For each physics number, how it changed the results, in one sentence."""
-
-EDGELESS_CHANGES: dict[int, str] = {
-    5: "patches without edges of few nodes in contact, or of few gaps, are solved by dense algebra:"
-    " pressures differ within the tolerance, iterations and convolutions are fewer",
-    7: "patches without edges are approached by projected steps, small contacts on lists of nodes:"
-    " pressures differ within the tolerance, iterations and convolutions are fewer",
-    8: "patches without edges begin on their highest nodes under light loads, and close few gaps by"
-    " dense algebra: pressures differ within the tolerance, convolutions are fewer",
-    9: "transforms of periodic patches round in another order, and few gaps open with neighbours up"
-    " to three cells away instead of four: pressures differ within the tolerance",
-}
-"""The same for changes of patches without edges only."""
-
-LARGE_CHANGES: dict[int, str] = {
-    6: "grids of a million nodes or more start from a looser solve of a coarser grid; transforms"
-    " and long sums round in another order: forces differ within the tolerance",
-}
-"""The same for changes of large grids only."""
-
-LARGE_FREE_CHANGES: dict[int, str] = {
-    10: "where nearly all nodes overlap, the looser solve of a coarser grid starts from one on a"
-    " yet coarser grid: forces differ within the tolerance, convolutions are fewer",
-}
-"""The same for changes of large grids with edges only."""
+"""For each physics number since the solver is one, how it changed the results, in one sentence.
+Earlier numbers, up to 4 for all scenes and up to 10 for some, are those of earlier solvers."""
 
 SHARE, AMOUNT = (0.0, 100.0), (0.0, math.inf)
 """Bounds of percentages, and of quantities that cannot be negative."""
@@ -441,25 +405,12 @@ def parameter_columns(scene: Scene) -> dict[str, str]:
     return {name: DRAWN_NAMES.get(name, name) for name in scene.drawn_parameters}
 
 
-def physics_of(scene: Scene) -> int:
-    """Return the number of the results that this version computes for a scene."""
-    if scene.edgeless:
-        return EDGELESS_PHYSICS
-    return LARGE_PHYSICS if _is_large(scene) else PHYSICS
-
-
-def changes_since(physics: int, scene: Scene) -> dict[int, str]:
-    """Return how a scene's results differ from those of an earlier number, by the later numbers."""
-    changes = PHYSICS_CHANGES | (EDGELESS_CHANGES if scene.edgeless else {})
-    if _is_large(scene):
-        changes |= LARGE_CHANGES | ({} if scene.edgeless else LARGE_FREE_CHANGES)
-    return {number: changes[number] for number in sorted(changes) if number > physics}
-
-
-def _is_large(scene: Scene) -> bool:
-    """Return whether the grid of a scene is a large one."""
-    rows, columns = scene.shape
-    return rows * columns >= LARGE_NODES
+def made_by_another(physics: int) -> str:
+    """Say that another solver made results of a number; an empty text if it was this one."""
+    if physics == PHYSICS:
+        return ""
+    which = "an earlier" if physics < PHYSICS else "a later"
+    return f"made by {which} solver (physics {physics}, this version computes {PHYSICS})"
 
 
 RESERVED = frozenset(

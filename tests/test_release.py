@@ -72,10 +72,7 @@ def test_the_table_of_formats_is_that_of_the_code():
     assert table == [
         ("database", str(schema.SCHEMA), str(schema.SCHEMA)),
         ("part", str(schema.PART), str(schema.PART)),
-        *(
-            ("results", str(number), f"any; continued only with {number}")
-            for number in (schema.PHYSICS, schema.EDGELESS_PHYSICS, schema.LARGE_PHYSICS)
-        ),
+        ("results", str(schema.PHYSICS), f"any; continued only with {schema.PHYSICS}"),
         ("surrogate", str(storage.FORMAT), f"{', '.join(older)} and {newest}"),
     ]
 

@@ -10,24 +10,15 @@ from functools import lru_cache
 
 import numpy as np
 
+from bem.active_set import ActiveSet, Effort
 from bem.arrays import Nodes, Values
-from bem.equilibrium import boxed
-from bem.far_field import flat_punch
-from bem.gradients import run_stage
-from bem.half_space import HalfSpace
+from bem.equilibrium import boxed, flat_punch
 from bem.influence import Kernel
-from bem.interface import Interface
-from bem.iterate import Effort, Iterate, Operators, inner
+from bem.operators.patch import Patch
 from bem.problem import Problem
 
 # Largest residual of the punch's unit displacement. The stiffness is right to about its square.
 PUNCH_RTOL = 1e-6
-
-# Factor by which conjugate gradients reduce the residual between looks at it.
-REDUCTION = 0.1
-
-# Renewals of the residual in double precision, each after a stage in single precision.
-RENEWALS = 8
 
 # Bound on the steps of conjugate gradients: ten times what the hardest sets of the tests need.
 MAX_ITERATIONS = 2000
@@ -75,20 +66,28 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
         return Punch(0.0, np.zeros(0), 0.0, Effort())
     if nodes.size == problem.heights.size and problem.boundary != "free":
         return Punch(np.inf, np.full(nodes.size, np.inf), 0.0, Effort())
-    iterate = _solve(_operators(problem, nodes), nodes.size)
-    residual = float(np.abs(iterate.residual).max())
+    marked = np.zeros(problem.heights.shape, dtype=bool)
+    marked.reshape(-1)[nodes] = True
+    box, _ = boxed(marked) if problem.boundary == "free" else ((slice(None), slice(None)), nodes)
+    marked = marked[box]
+    patch = Patch.of(problem, (marked.shape[0], marked.shape[1]))
+    solve = ActiveSet(
+        patch, np.zeros(marked.shape), shift=1.0, rtol=PUNCH_RTOL, most=MAX_ITERATIONS
+    )
+    residual = solve.solve_on(marked, PUNCH_RTOL)
     if not residual <= PUNCH_RTOL:
         raise ArithmeticError(
             f"stiffness of {nodes.size} nodes in contact: residual {residual:.1e} after"
-            f" {iterate.effort.iterations} iterations, asked for {PUNCH_RTOL:g}"
+            f" {solve.effort.iterations} iterations, asked for {PUNCH_RTOL:g}"
         )
     # The pressure is wrong in proportion to the residual r, the energy p (1 + r) in its square.
-    force = float(iterate.pressure.sum()) + inner(iterate.pressure, iterate.residual)
+    pressure = solve.pressure[marked]
+    force = float((pressure * (1 + solve.residual[marked].astype(np.float64))).sum())
     return Punch(
         stiffness=force * problem.modulus * problem.spacing[1],
-        pressure=iterate.pressure * (problem.modulus / problem.spacing[0]),
+        pressure=pressure * (problem.modulus / problem.spacing[0]),
         residual=residual,
-        effort=iterate.effort,
+        effort=solve.effort,
     )
 
 
@@ -130,36 +129,3 @@ def without_patch(stiffness: float, patch: float) -> float:
 def _flat_punch_force(shape: tuple[int, int], kernel: Kernel, aspect: float) -> float:
     """Sum the pressure that displaces every node of the patch by one [reduced]."""
     return float(flat_punch(shape, kernel, aspect).sum())
-
-
-def _operators(problem: Problem, nodes: Nodes) -> Operators:
-    """Return the influence matrix of some nodes, on the smallest box if the patch is free."""
-    shape = problem.heights.shape
-    if problem.boundary != "free":
-        return Interface(shape, problem.boundary, problem.aspect, nodes)
-    marked = np.zeros(shape, dtype=bool)
-    marked.reshape(-1)[nodes] = True
-    box, inside = boxed(marked)
-    small = box[0].stop - box[0].start, box[1].stop - box[1].start
-    return HalfSpace(small, problem.kernel, problem.aspect, inside)
-
-
-def _solve(operators: Operators, size: int) -> Iterate:
-    """Find the pressure that displaces all nodes by one, with its residual in double precision."""
-    interference, everywhere = np.ones(size), np.arange(size)
-    iterate = Iterate.from_zero(interference)
-    correct = operators.approximate_inverse(everywhere)
-    for _ in range(RENEWALS):
-        run_stage(
-            operators,
-            iterate,
-            everywhere,
-            correct,
-            lambda _pressure, _largest: False,
-            (REDUCTION, PUNCH_RTOL / 2),
-            MAX_ITERATIONS,
-        )
-        iterate.renew(operators, interference)
-        if not float(np.abs(iterate.residual).max()) > PUNCH_RTOL:  # also where it is nan
-            break
-    return iterate

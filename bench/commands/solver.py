@@ -20,7 +20,7 @@ def solver(
     """Measure the solver's error against its cost.
 
     Force, area and pressure over wall time and over applications of the influence matrix, for the
-    tolerance, the grid, both kernels, both precisions and other solvers where they are installed:
+    tolerance, the grid, both kernels and other solvers where they are installed:
     DIR/solver.csv, DIR/solver.png, and DIR/solver.json for where and with what.
     """
     if default_tolerance:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 import bem
-from bem.convolution import displacement_filter
 from bem.influence import Kernel
+from bem.operators.filters import filtered
+from bem.operators.patch import displacement_filter
 from bem.spacing import node_spacing
 from bench.references import half_space
 from bench.references.dense import influence_matrix
@@ -89,7 +90,9 @@ class Case:
     def displacement(self, pressure: Field) -> Field:
         """Return the (n, n) displacement [um] under a pressure [MPa]."""
         if self.load is None:
-            return displacement_filter(pressure.shape, self.kernel)(pressure) * self.spacing
+            shape = self.nodes, self.nodes
+            operator = displacement_filter(shape, "free", self.kernel, 1.0)
+            return filtered(operator, pressure) * self.spacing
         along = np.fft.fftfreq(self.nodes, self.spacing)
         orders = np.hypot.outer(along, np.abs(along[: self.nodes // 2 + 1]))
         orders[0, 0] = np.inf  # of zero mean

@@ -8,8 +8,8 @@ from unittest import mock
 import numpy as np
 
 import bem
-from bem import half_space
 from bem.influence import Kernel
+from bem.operators import patch
 from bem.problem import RTOL as DEFAULT_RTOL
 from bench.references import dense, yielding
 from bench.references.half_space import Field
@@ -100,8 +100,8 @@ def beside_least_squares(seeds: range) -> Answer:
     tally, shares = Tally(SECONDS), []
     for seed in seeds:
         asked = problem(seed)
-        for few_per_root in (half_space.FEW_PER_ROOT, 0.0):
-            with mock.patch.object(half_space, "FEW_PER_ROOT", few_per_root):
+        for few in (patch.FEW_FREE, ((0.0, 1.0),)):
+            with mock.patch.object(patch, "FEW_FREE", few):
                 contact = tally.solve(asked, f"seed {seed}")
             if contact is not None:
                 tally.note(judge(asked, contact))

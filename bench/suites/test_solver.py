@@ -19,12 +19,13 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from scipy import optimize
 
 import bem
-from bem import displacement_control, half_space, influence
-from bem.convolution import displacement_filter
+from bem import equilibrium, influence
 from bem.derived.stiffness import punch_of
-from bem.direct import FEW_NODES
+from bem.equilibrium import FEW_NODES
 from bem.influence import KERNELS, Kernel
-from bem.preconditioner import circulant_inverse
+from bem.operators import patch
+from bem.operators.filters import filtered
+from bem.operators.patch import Patch, displacement_filter
 from bem.problem import RTOL
 from bem.spacing import BOUNDARIES, Boundary
 from bench.references import half_space as references
@@ -91,7 +92,8 @@ def record_effort(benchmark: BenchmarkFixture, contacts: list[bem.Contact]) -> N
     benchmark.extra_info["convolutions"] = convolutions(contacts) / len(contacts)
     benchmark.extra_info["residual"] = max(c.residual for c in contacts)
     if benchmark.stats is not None:
-        operator = displacement_filter(contacts[0].pressure.shape, contacts[0].problem.kernel)
+        rows, columns = contacts[0].pressure.shape
+        operator = displacement_filter((rows, columns), "free", contacts[0].problem.kernel, 1.0)
         operator.field.fill(0)  # in place, any other field would grow from one time to the next
         bare = min(seconds_of(operator.transform, 50))
         benchmark.extra_info["seconds_per_solve"] = benchmark.stats["mean"] / len(contacts)
@@ -124,22 +126,28 @@ def test_influence_coefficients(benchmark: BenchmarkFixture, kernel: Kernel, nod
 @precisions
 def test_convolution(benchmark: BenchmarkFixture, dtype: str, nodes: int) -> None:
     pressure = random_field(nodes).astype(dtype)
-    operator = displacement_filter((nodes, nodes), "uniform-pressure", dtype=dtype)
-    displacement = benchmark(operator, pressure)
+    operator = displacement_filter((nodes, nodes), "free", "uniform-pressure", 1.0, dtype)
+    displacement = benchmark(filtered, operator, pressure)
     expected = references.displacement(pressure.astype(np.float64), "uniform-pressure")
     accepted = {"float64": 1e-12, "float32": 1e-5}[dtype] * np.abs(expected).max()
     np.testing.assert_allclose(displacement, expected, rtol=0, atol=accepted)
 
 
 @sizes
-@precisions
-def test_circulant_inverse(benchmark: BenchmarkFixture, dtype: str, nodes: int) -> None:
-    """It is symmetric and positive definite, so conjugate gradients may use it."""
-    residual, other = random_field(nodes, 1), random_field(nodes, 2)
-    operator = circulant_inverse((nodes, nodes), "uniform-pressure", dtype=dtype)
-    correction = benchmark(operator, residual)
-    products = (other * correction).sum(), (operator(other) * residual).sum()
-    accepted = {"float64": 1e-12, "float32": 1e-5}[dtype] * np.abs(correction * other).sum()
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+def test_approximate_inverse(benchmark: BenchmarkFixture, boundary: Boundary, nodes: int) -> None:
+    """It is symmetric and positive definite on half the nodes: conjugate gradients may use it."""
+    operator = Patch((nodes, nodes), boundary, "uniform-pressure", 1.0)
+    operator.take_contact(random_field(nodes) > 0)
+    residual, other = (random_field(nodes, seed) * operator.contact for seed in (1, 2))
+
+    def correct(given: NDArray[np.float64]) -> NDArray[np.float64]:
+        operator.in_contact(given)
+        return operator.correct()
+
+    correction = benchmark(correct, residual).astype(np.float64)
+    products = (other * correction).sum(), (correct(other) * residual).sum()
+    accepted = 1e-5 * np.abs(correction * other).sum()
     assert (residual * correction).sum() > 0
     assert products[0] == pytest.approx(products[1], rel=0, abs=accepted)
 
@@ -176,7 +184,7 @@ def test_solve_few_candidates(benchmark: BenchmarkFixture, candidates: int) -> N
     solve, full = (partial(bem.solve, case.heights, SIDE, delta) for delta in (few, case.delta))
 
     def iterate() -> bem.Contact:
-        with mock.patch.object(displacement_control, "FEW_NODES", 0):
+        with mock.patch.object(equilibrium, "FEW_NODES", 0):
             return solve()
 
     contact = benchmark(solve)
@@ -198,7 +206,7 @@ def test_solve_few_in_contact(benchmark: BenchmarkFixture, nodes: int, percent: 
     solve = partial(bem.solve, heights, SIDE, delta)
 
     def iterate() -> bem.Contact:
-        with mock.patch.object(half_space, "FEW_PER_ROOT", 0.0):
+        with mock.patch.object(patch, "FEW_FREE", ((0.0, 1.0),)):
             return solve()
 
     contact, iterated = benchmark(solve), iterate()

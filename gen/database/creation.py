@@ -11,7 +11,7 @@ from gen.database.making import new_file
 from gen.database.opening import checked_for, open_file
 from gen.runtime.errors import InputError
 from gen.scene import Scene
-from gen.schema import columns_for, physics_of
+from gen.schema import PHYSICS, columns_for
 
 
 class Opened(NamedTuple):
@@ -89,10 +89,10 @@ def open_or_create(
     with open_file(path) as file:
         checked_for(file, path, scene, force=force)
         there = rows_of(read_attributes(file))
-        other_physics = int(file.attrs["physics"]) != physics_of(scene)
+        other_physics = int(file.attrs["physics"]) != PHYSICS
     if other_physics:
         with open_file(path, writing=True) as file:
-            file.attrs.modify("physics_forced", physics_of(scene))
+            file.attrs.modify("physics_forced", PHYSICS)
     if _hull(there, wanted) == there:
         return Opened("resumed", len(there))
     return Opened("extended", len(extend(path, scene, wanted, force=force)))

@@ -15,6 +15,7 @@ from gen.runtime.provenance import git_commit, versions
 from gen.scene import Scene
 from gen.schema import (
     PART,
+    PHYSICS,
     REASON,
     REASONS,
     RUNTIME,
@@ -23,7 +24,6 @@ from gen.schema import (
     Column,
     Status,
     columns_for,
-    physics_of,
 )
 
 PART_NUMBERS = ("first_row", "rows")
@@ -212,7 +212,7 @@ def provenance(scene: Scene) -> dict[str, str | int]:
         "Conventions": "CF-1.11",
         **identity(scene),
         "schema": SCHEMA,
-        "physics": physics_of(scene),
+        "physics": PHYSICS,
         "physics_forced": 0,
         "versions": json.dumps(_versions()),
         "git_commit": git_commit(),

@@ -16,7 +16,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.input_file import require_file
 from gen.runtime.output import require_writable
 from gen.scene import Scene, differences
-from gen.schema import PART, SCHEMA, STATUS, Column, Status, columns_for, physics_of
+from gen.schema import PART, PHYSICS, SCHEMA, STATUS, Column, Status, columns_for
 
 
 class Counts(NamedTuple):
@@ -253,10 +253,9 @@ def checked_for(file: h5py.File, path: Path, scene: Scene, *, force: bool) -> Sc
             "give another name, or the file's own scene"
         )
     physics = int(file.attrs["physics"])
-    current = physics_of(scene)
-    if physics != current and not force:
+    if physics != PHYSICS and not force:
         raise InputError(
-            f"{path} holds results of physics {physics}, this version computes physics {current}; "
+            f"{path} holds results of physics {physics}, this version computes physics {PHYSICS}; "
             "give another name, or --force to have rows of both in one file"
         )
     return present

@@ -14,7 +14,7 @@ from gen.runtime.invocation import to_type
 from gen.runtime.memory import size
 from gen.scene.distribution import limits
 from gen.scene.load import UNITS
-from gen.schema import REASONS, RUNTIME, Column, Status, changes_since
+from gen.schema import PHYSICS_CHANGES, REASONS, RUNTIME, Column, Status, made_by_another
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -85,7 +85,7 @@ def print_database(reader: Reader) -> None:
         f"  made      {attributes['created']}, commit {attributes['git_commit'] or 'unknown'},"
         f" layout {attributes['schema']}, physics {attributes['physics']}"
     )
-    for line in _changes_since(int(attributes["physics"]), reader.scene):
+    for line in _changes_since(int(attributes["physics"])):
         console.print(f"            {line}")
     if counts.done:
         papers = _is_papers(reader.scene)
@@ -174,11 +174,12 @@ def _map_in_words(found: dict[str, Any]) -> str:
     return f"{nx} x {ny} nodes, SHA-256 {found['sha256'][:12]}..., {found['file']}"
 
 
-def _changes_since(physics: int, scene: Scene) -> list[str]:
-    """Say in one line each how today's results differ from those of an earlier physics number."""
-    changes = changes_since(physics, scene)
-    lines = [f"physics {number}: {change}" for number, change in changes.items()]
-    return ["what has changed since then:", *lines] if lines else []
+def _changes_since(physics: int) -> list[str]:
+    """Say that another solver made a database, and in one line each what has changed since."""
+    later = [number for number in PHYSICS_CHANGES if number > physics]
+    changes = [f"since physics {number}, {PHYSICS_CHANGES[number]}" for number in later]
+    another = made_by_another(physics)
+    return [another, *changes] if another else []
 
 
 def _times(reader: Reader) -> str:

@@ -25,7 +25,7 @@ from gen.runtime.input_file import require_file
 from gen.runtime.output import atomic
 from gen.runtime.progress import RunProgress
 from gen.scene import Scene
-from gen.schema import PHYSICS, Status, physics_of
+from gen.schema import PHYSICS, Status
 from learn.arrays import Values
 from learn.executor import Executor
 from learn.features.hardness import hardness_ratios
@@ -178,12 +178,6 @@ class _Job:
             done = reader.column("status") == Status.DONE
             columns = [reader.column(name) for name in _inputs(self.scene)]
             self.inputs = np.stack(columns, axis=1)
-            physics = reader.attributes.get("physics")
-        if physics not in {PHYSICS, physics_of(self.scene)}:  # the same surfaces
-            raise InputError(
-                f"{path}: was made with physics {physics}, this version has {PHYSICS}: its surfaces"
-                " cannot be generated anew; use --features paper or dimensionless"
-            )
         finer = "" if blocks == BLOCKS else f"-{blocks}"
         self.path, self.cache = path, path.with_name(f"{path.name}.pressed{finer}.npz")
         self.shared = self.scene, path.parent, blocks

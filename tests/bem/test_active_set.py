@@ -11,12 +11,9 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 
 import bem
-from bem.active_set import FROM_NEAR, descend, solve_complementarity
-from bem.factor import ContactFactor
-from bem.far_field import critical_delta
+from bem.active_set import ActiveSet, cut_to_load
+from bem.equilibrium import critical_delta
 from bem.influence import Kernel
-from bem.iterate import Iterate
-from bem.selection import PlainImage
 from bench.references import dense
 from bench.references.surfaces import SURFACES, Shape, surface
 from gen.runtime.overtime import at_most
@@ -116,52 +113,109 @@ def test_patches_with_two_sides(shape: Shape, side: tuple[float, float]) -> None
 
 
 class Dense:
-    """Operators with every entry written out, and a preconditioner that knows the diagonal only."""
+    """A matrix with every entry written out, and a preconditioner that knows the diagonal only."""
 
-    def __init__(self, matrix: np.ndarray) -> None:
-        self._matrix = matrix
-        self.softening = 0.0
-        self.load = None
+    few = 0
+
+    def __init__(self, shape: Shape, matrix: np.ndarray) -> None:
+        self.shape, self.matrix = shape, matrix
         self.norm = float(np.abs(matrix).sum(axis=1).max())
-        self.few_nodes = 0
+        self.exact = 0
+
+    def splitting(self) -> None:
+        """No waves are known."""
 
     def displace(self, pressure: np.ndarray) -> np.ndarray:
-        return self._matrix @ pressure
+        self.exact += 1
+        return self.displace_exactly(pressure)
 
-    def displace_some(self, nodes: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        return self._matrix[:, nodes] @ pressure
+    def displace_exactly(self, pressure: np.ndarray) -> np.ndarray:
+        return (self.matrix @ pressure.reshape(-1)).reshape(self.shape)
 
-    def image_of(self, nodes: np.ndarray, pressure: np.ndarray) -> PlainImage:
-        return PlainImage(self.displace_some(nodes, pressure), nodes)
+    def displace_roughly(self, pressure: np.ndarray) -> np.ndarray:
+        return self.displace_exactly(pressure).astype(np.float32)
 
-    def approximate_inverse(self, nodes: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        return lambda residual: residual / self._matrix.diagonal()[nodes]
+    def take_contact(self, nodes: np.ndarray) -> None:
+        self.count = int(nodes.sum())
+        self.contact = nodes.astype(np.float32)
+        self.outside = 1 - self.contact
 
-    def factor(self, nodes: np.ndarray) -> ContactFactor:
-        raise AssertionError("no set is few")
+    def in_contact(self, residual: np.ndarray) -> float:
+        self._residual = residual * self.contact
+        return float(np.abs(self._residual).max())
+
+    def correct(self) -> np.ndarray:
+        diagonal = self.matrix.diagonal().reshape(self.shape)
+        return (self._residual / diagonal).astype(np.float32)
 
 
-@settings(max_examples=30)
-@given(kind=st.sampled_from(list(SURFACES)), seed=st.integers(0, 2**32 - 1), data=st.data())
-def test_other_operators_have_the_same_solution(kind: str, seed: int, data: st.DataObject) -> None:
-    """By the active set, and by the projected gradients that break its cycles."""
-    shape = data.draw(st.tuples(st.integers(1, 12), st.integers(1, 12)))
-    kernel = data.draw(st.sampled_from(KERNELS))
-    heights = surface(kind, shape, seed).reshape(-1)
-    matrix = dense.influence_matrix(shape, kernel).reshape(heights.size, heights.size)
-    delta = data.draw(st.floats(0.01, 3)) * (np.ptp(heights) or 1.0)
-    interference = (heights - heights.max()) / delta + 1
-    expected = dense.solve(matrix, interference)
-    operators = Dense(matrix)
-    iterate, converged = solve_complementarity(
-        operators, interference, rtol=1e-12, max_iterations=2000
-    )
-    assert converged
-    np.testing.assert_allclose(iterate.pressure, expected, rtol=0, atol=1e-9)
-    slow = Iterate(np.zeros_like(interference), interference.copy())
-    while slow.violation() > 1e-12:
-        descend(operators, interference, slow, steps=8)
-    np.testing.assert_allclose(slow.pressure, expected, rtol=0, atol=1e-9)
+def written_out(kind: str, shape: Shape, seed: int, kernel: Kernel) -> tuple[Dense, np.ndarray]:
+    """A matrix and heights less the highest."""
+    heights = surface(kind, shape, seed)
+    nodes = heights.size
+    matrix = dense.influence_matrix(shape, kernel).reshape(nodes, nodes)
+    return Dense(shape, matrix), heights - heights.max()
+
+
+def complementary(patch: Dense, pressure: np.ndarray, gaps: np.ndarray, hardness: float) -> float:
+    """Return the largest violation of a pressure between its bounds; gaps where nothing presses."""
+    assert pressure.min() >= 0
+    assert pressure.max() <= hardness
+    gap = patch.displace_exactly(pressure) - gaps
+    wrong = np.where(pressure > 0, np.abs(gap), -gap)
+    return float(np.where(pressure >= hardness, gap, wrong).max())
+
+
+@settings(max_examples=60)
+@given(
+    kind=st.sampled_from(list(SURFACES)),
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.tuples(st.integers(1, 12), st.integers(1, 12)),
+    kernel=st.sampled_from(KERNELS),
+    depth=st.floats(0.01, 3),
+    hardness=st.sampled_from([np.inf, 1.0, 0.1, 0.01]),
+)
+def test_other_matrices_have_their_solution(
+    kind: str, seed: int, shape: Shape, kernel: Kernel, depth: float, hardness: float
+) -> None:
+    """By rounds of sets, and by the projected gradients that take over where sets cycle."""
+    patch, below = written_out(kind, shape, seed, kernel)
+    below /= depth * (float(np.ptp(below)) or 1.0)
+    how = {"shift": 1.0, "hardness": hardness, "rtol": 1e-11, "most": 2000}
+    solve = ActiveSet(patch, below, **how)  # type: ignore[arg-type]
+    assert solve.run()
+    assert complementary(patch, solve.pressure, below + 1, hardness) <= 1.1e-11
+    slow = ActiveSet(patch, below, **how)  # type: ignore[arg-type]
+    slow.expect_yielding()
+    energy = 0.0
+    for _ in range(60):
+        slow._descend()
+        assert slow._energy() <= energy + 1e-6 * abs(energy)
+        energy = slow._energy()
+    assert energy >= solve._energy() - 1e-6 * abs(energy)
+
+
+@settings(max_examples=60)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    share=st.floats(0.001, 0.99),
+    whole=st.booleans(),
+    hardness=st.sampled_from([np.inf, 3.0, 0.3, 0.01]),
+)
+def test_loads_are_carried_to_the_last_digit(
+    seed: int, share: float, whole: bool, hardness: float
+) -> None:
+    """Whole multiples of the hardness on a node, too, are ordinary loads."""
+    patch, below = written_out("self-affine", (9, 8), seed, "uniform-pressure")
+    load = share * 72 * min(hardness, 1.0)
+    if whole and hardness < np.inf:
+        load = hardness * max(round(share * 71), 1)
+    solve = ActiveSet(patch, below, load=load, hardness=hardness, rtol=1e-10, most=2000)  # type: ignore[arg-type]
+    solve.begin(np.ones(below.shape))
+    assert solve.run()
+    assert solve.pressure.sum() == pytest.approx(load, rel=1e-13)
+    largest = complementary(patch, solve.pressure, below + solve.shift, hardness)
+    assert largest <= 1.1e-10 * solve.shift
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -175,94 +229,74 @@ def test_the_first_step_from_a_start_is_the_best_in_its_plane(seed: int) -> None
     plane = np.array([near, residual / matrix.diagonal()]).T
     best = plane @ np.linalg.solve(plane.T @ matrix @ plane, plane.T @ interference)
     assert best.min() > 0
-    start = Iterate(near.copy(), interference - matrix @ near)
-    iterate, converged = solve_complementarity(
-        Dense(matrix), interference, rtol=1e-12, max_iterations=1, start=start, pace=FROM_NEAR
-    )
-    assert not converged
-    np.testing.assert_allclose(iterate.pressure, best, rtol=0, atol=1e-12)
-    assert near @ iterate.residual == pytest.approx(0, abs=1e-12)
-
-
-class Rounded(Dense):
-    """Search directions in single precision; counts the products in double precision."""
-
-    exact = 0
-
-    def displace(self, pressure: np.ndarray) -> np.ndarray:
-        self.exact += 1
-        return super().displace(pressure)
-
-    def displace_some(self, nodes: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        return super().displace_some(nodes, pressure).astype(np.float32).astype(np.float64)
+    below = interference.reshape(5, 6) - 1
+    solve = ActiveSet(Dense((5, 6), matrix), below, shift=1.0, rtol=1e-12, most=1)  # type: ignore[arg-type]
+    solve.begin(near.reshape(5, 6))
+    assert not solve.run()
+    np.testing.assert_allclose(solve.pressure.reshape(-1), best, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 2e-7, 1e-11])
 @pytest.mark.parametrize("depth", [0.2, 0.5, 5.0])
 def test_few_exact_products_are_enough(depth: float, rtol: float) -> None:
     """One product confirms the solution; tight tolerances need one or two before it."""
-    shape = (20, 20)
-    matrix = dense.influence_matrix(shape, "uniform-pressure").reshape(400, 400)
-    heights = surface("self-affine", shape, seed=3).reshape(-1)
-    interference = (heights - heights.max()) / (depth * np.ptp(heights)) + 1
-    operators = Rounded(matrix)
-    iterate, converged = solve_complementarity(
-        operators, interference, rtol=rtol, max_iterations=500
-    )
-    assert converged
-    assert iterate.exact
-    assert operators.exact <= (1 if rtol == 1e-4 else 3)
-    residual = interference - matrix @ iterate.pressure
-    np.testing.assert_allclose(iterate.residual, residual, rtol=0, atol=1e-14)
-    assert residual.max() <= rtol
-    assert np.abs(residual[iterate.pressure > 0]).max() <= rtol
+    patch, below = written_out("self-affine", (20, 20), 3, "uniform-pressure")
+    below /= depth * np.ptp(below)
+    solve = ActiveSet(patch, below, shift=1.0, rtol=rtol, most=500)  # type: ignore[arg-type]
+    assert solve.run()
+    assert solve.exact
+    assert patch.exact <= (1 if rtol == 1e-4 else 3)
+    assert complementary(patch, solve.pressure, below + 1, np.inf) <= rtol * (1 + 1e-6)
 
 
 class Spoiled(Dense):
-    """Operators whose exact displacements differ from those in conjugate gradients."""
+    """A matrix whose exact displacements differ from those in conjugate gradients."""
 
-    def __init__(self, matrix: np.ndarray, spoil: Callable[[np.ndarray], np.ndarray]) -> None:
-        super().__init__(matrix)
+    def __init__(self, spoil: Callable[[np.ndarray], np.ndarray]) -> None:
+        matrix = dense.influence_matrix((9, 9), "uniform-pressure").reshape(81, 81)
+        super().__init__((9, 9), matrix)
         self._spoil = spoil
-        self.applied = 0
 
     def displace(self, pressure: np.ndarray) -> np.ndarray:
-        self.applied += 1
         return self._spoil(super().displace(pressure))
 
-    def displace_some(self, nodes: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        return np.asarray(self._matrix[:, nodes] @ pressure)
 
-
-def spoiled(spoil: Callable[[np.ndarray], np.ndarray]) -> tuple[Iterate, bool, Spoiled]:
+def spoiled(spoil: Callable[[np.ndarray], np.ndarray]) -> tuple[ActiveSet, bool]:
     """Solve with exact residuals that differ from those in conjugate gradients."""
     heights = surface("self-affine", (9, 9))
-    operators = Spoiled(dense.influence_matrix((9, 9), "uniform-pressure").reshape(81, 81), spoil)
-    overlap = (heights - heights.max()).reshape(-1) / 0.4 + 1
+    below = (heights - heights.max()) / 0.4
+    solve = ActiveSet(Spoiled(spoil), below, shift=1.0, rtol=1e-9, most=10**6)  # type: ignore[arg-type]
     with at_most(20):
-        iterate, converged = solve_complementarity(
-            operators, overlap, rtol=1e-9, max_iterations=10**6
-        )
-    return iterate, converged, operators
+        return solve, solve.run()
 
 
 def test_residuals_that_rounding_keeps_up_end_the_solve() -> None:
     """Recomputed residuals are off by some 1e-6; no step corrects that, and the solve ends."""
     random = np.random.default_rng(0)
-    iterate, converged, operators = spoiled(
-        lambda displacement: displacement + 1e-6 * random.random(81)
-    )
+    solve, converged = spoiled(lambda displacement: displacement + 1e-6 * random.random((9, 9)))
     assert not converged
-    assert iterate.stalled
-    assert operators.applied < 20
-    assert iterate.violation() < 1e-5
+    assert solve.stalled
+    assert solve.patch.exact < 20  # type: ignore[attr-defined]
+    assert solve.violation().largest < 1e-5
 
 
 def test_residuals_that_are_nan_end_the_solve() -> None:
-    iterate, converged, operators = spoiled(lambda exact: exact * np.nan)
+    solve, converged = spoiled(lambda exact: exact * np.nan)
     assert not converged
-    assert operators.applied < 5
-    assert np.isnan(iterate.residual).all()
+    assert solve.patch.exact < 8  # type: ignore[attr-defined]
+    assert np.isnan(solve.residual).all()
+
+
+@pytest.mark.parametrize("load", [0.001, 0.5, 3.0, 70.0, 100.0])
+@pytest.mark.parametrize("hardness", [np.inf, 2.0])
+def test_a_cut_pressure_carries_the_load_and_keeps_the_order(load: float, hardness: float) -> None:
+    pressure = np.random.default_rng(3).normal(size=(12, 11))
+    cut = cut_to_load(pressure, load, hardness)
+    assert cut.sum() == pytest.approx(load, rel=1e-9)
+    assert cut.min() >= 0
+    assert cut.max() <= hardness
+    free = (cut > 0) & (cut < hardness)
+    assert np.ptp((pressure - cut)[free]) < 1e-12 * max(load, 1)
 
 
 @pytest.mark.parametrize("kernel", KERNELS)

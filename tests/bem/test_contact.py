@@ -12,8 +12,8 @@ import pytest
 from scipy.signal import fftconvolve
 
 import bem
-from bem.convolution import fast_period
 from bem.influence import Kernel, influence_coefficients
+from bem.operators.patch import fast_period
 from bem.problem import FarField
 from gen.surface import generate
 

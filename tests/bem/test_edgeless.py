@@ -202,7 +202,7 @@ def test_a_start_from_coarser_cells_leads_to_the_same_contact(
 ) -> None:
     heights = rough((64, 96), seed=8)
     alone = press(heights, boundary, load, rtol=1e-9)
-    monkeypatch.setattr("bem.edgeless.NESTED", 32)
+    monkeypatch.setattr("bem.equilibrium.NESTED", 32)
     nested = press(heights, boundary, load, rtol=1e-9)
     assert nested.contact_nodes == alone.contact_nodes
     assert nested.delta == pytest.approx(alone.delta, rel=1e-8)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.signal import fftconvolve
 
 import bem
-from bem.far_field import critical_delta, flat_punch, shape_factor
+from bem.equilibrium import critical_delta, flat_punch, shape_factor
 from bem.influence import Kernel, influence_coefficients
 from bench.references import dense
 

@@ -1,6 +1,5 @@
 """Contacts under a given force, against contacts at the displacement that belongs to it."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bem
-from bem import load_control
 from bem.influence import KERNELS
 from bem.problem import FAR_FIELDS
 from bench.references.surfaces import SURFACES, surface
@@ -90,24 +88,6 @@ def test_flat_surfaces_and_single_nodes_have_a_displacement() -> None:
     assert bem.solve(np.zeros((9, 9)), 80.0, flat.delta).force == pytest.approx(5.0, rel=1e-5)
     one = bem.solve(np.zeros((1, 1)), 1.0, force=5.0, spacing=2.0)
     assert bem.solve(np.zeros((1, 1)), 1.0, one.delta, spacing=2.0).force == pytest.approx(5.0)
-
-
-def test_a_root_is_found_where_contact_sets_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The test rejects the solver's result and moves it to another displacement."""
-    expected = bem.solve(ROUGH, 1000.0, 25.0, rtol=1e-12)
-    solved = load_control._on_few_nodes_or_all
-
-    def cycling(*arguments: Any) -> Any:
-        equilibrium = solved(*arguments)
-        return replace(equilibrium, converged=False, approach=0.3 * equilibrium.approach)
-
-    monkeypatch.setattr(load_control, "_on_few_nodes_or_all", cycling)
-    contact = bem.solve(ROUGH, 1000.0, force=expected.force)
-    assert contact.force == pytest.approx(expected.force, rel=1e-14)
-    assert contact.delta == pytest.approx(25.0, rel=1e-6)
-    with pytest.raises(bem.NotConverged) as stopped:
-        bem.solve(ROUGH, 1000.0, force=expected.force, max_iterations=12, rtol=1e-12)
-    assert stopped.value.contact.residual > 1e-12
 
 
 @pytest.mark.filterwarnings("ignore:divide by zero", "ignore:invalid value")

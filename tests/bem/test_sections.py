@@ -11,13 +11,14 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 import bem
-from bem import factor, sections
+from bem import dense, sections
 from gen.runtime.overtime import Overtime, at_most
 from gen.surface import generate
 
@@ -34,13 +35,13 @@ def test_dense_algebra_has_one_thread_and_leaves_the_others_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     seen: list[set[int]] = []
-    factorised = factor.ContactFactor._factorised
+    factorised = dense.ContactFactor._factorised
 
-    def watched(self: factor.ContactFactor, matrix: np.ndarray) -> np.ndarray:
+    def watched(self: dense.ContactFactor, matrix: np.ndarray) -> np.ndarray:
         seen.append(blas_threads())
         return factorised(self, matrix)
 
-    monkeypatch.setattr(factor.ContactFactor, "_factorised", watched)
+    monkeypatch.setattr(dense.ContactFactor, "_factorised", watched)
     bem.solve(ROUGH, 1000.0, 10.0)  # everything is loaded
     with threadpool_limits(limits=2, user_api="blas"):
         before = blas_threads()
@@ -168,14 +169,14 @@ def test_a_child_forked_while_a_contact_computes_computes_too(
     contacts = [bem.solve(ROUGH, 1000.0, delta, boundary="mirror") for delta in (4.0, 5.0)]
     inside, leave, parent = threading.Event(), threading.Event(), os.getpid()
 
-    def slow(problem: bem.Problem) -> object:
+    def slow(*problem: Any) -> object:
         if os.getpid() == parent:
             inside.set()
             leave.wait(60)
-        return original(problem)
+        return original(*problem)
 
-    original = bem.contact._displacement_filter
-    monkeypatch.setattr(bem.contact, "_displacement_filter", slow)
+    original = bem.contact.displacement_filter
+    monkeypatch.setattr(bem.contact, "displacement_filter", slow)
     thread = threading.Thread(target=lambda: contacts[0].gap)
     thread.start()
     try:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import bem
-from bem import convolution
-from bem.convolution import Filter
+from bem.operators import filters
 from bem.workers import Helpers, Workers, checked_threads, default_threads, on_threads, workers
 from gen.surface import generate
 
@@ -129,7 +128,7 @@ def test_contacts_are_the_same_bits_on_any_number_of_threads(
 
 
 def test_ladders_have_threads_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(convolution, "SHARED_ENTRIES", 0)
+    monkeypatch.setattr(filters, "LARGE", 0)
     share, teams = Workers.share, set()
 
     def watched(team: Workers, *work: Any) -> None:
@@ -145,45 +144,3 @@ def test_ladders_have_threads_too(monkeypatch: pytest.MonkeyPatch) -> None:
     assert one == two
     assert teams == {1, 2}
     assert workers().threads == 1
-
-
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
-@pytest.mark.parametrize("shape", [(33, 20), (129, 65), (150, 40)])
-def test_shared_and_packed_filters_are_those_of_small_grids(
-    monkeypatch: pytest.MonkeyPatch, shape: tuple[int, int], dtype: str
-) -> None:
-    """Columns that do without their rows of zeros, in more batches than there are threads."""
-    spectrum = np.random.default_rng(1).uniform(1, 2, (2 * shape[0] - 2, shape[1]))
-    field = np.random.default_rng(2).standard_normal(shape).astype(dtype)
-    plain = Filter(shape, spectrum, dtype)
-    expected = [plain(field), plain(2 * field)]
-    monkeypatch.setattr(convolution, "SHARED_ENTRIES", 0)
-    monkeypatch.setattr(convolution, "SHARED_ROWS", 8)
-    monkeypatch.setattr(convolution, "BATCH_BYTES", 2**14)
-    found = []
-    for threads in (1, 3, 2):
-        with on_threads(threads):
-            shared = Filter(shape, spectrum, dtype)
-            found.append([shared(field), shared(2 * field)])
-    for one in found:
-        np.testing.assert_array_equal(one, found[0])
-    scale = np.abs(expected[0]).max()
-    np.testing.assert_allclose(found[0], expected, rtol=0, atol=scale * 20 * np.finfo(dtype).eps)
-
-
-@pytest.mark.parametrize("entries", [0, 2**30])
-def test_a_filter_and_its_copy_in_single_precision_take_turns(
-    monkeypatch: pytest.MonkeyPatch, entries: int
-) -> None:
-    """Buffers of large ones lie in the same memory."""
-    monkeypatch.setattr(convolution, "SHARED_ENTRIES", entries)
-    spectrum = np.random.default_rng(1).uniform(1, 2, (64, 20))
-    first, second = np.random.default_rng(2).standard_normal((2, 33, 15))
-    double = Filter((33, 15), spectrum)
-    single = double.in_single_precision()
-    for field in (first, second, first):
-        expected = Filter((33, 15), spectrum)(field)
-        np.testing.assert_array_equal(double(field), expected)
-        rounded = Filter((33, 15), spectrum, "float32")(field)
-        np.testing.assert_array_equal(single(field), rounded)
-    assert np.shares_memory(single.field, double.field) == (entries == 0)

@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bem
-from bem import displacement_control, half_space, yielding
-from bem.active_set import solve_complementarity
+from bem import equilibrium
+from bem.active_set import ActiveSet
 from bem.analytic import PowerLaw
+from bem.operators import patch as patches
 from bem.spacing import BOUNDARIES, Boundary
 from bench.references.surfaces import SURFACES
 
@@ -38,10 +39,11 @@ def loads_of(contact: bem.Contact) -> dict[str, float]:
 def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """The three ways in which a contact is solved, each made to take all problems."""
     if request.param == "dense":
-        monkeypatch.setattr(displacement_control, "FEW_NODES", 10_000)
+        monkeypatch.setattr(equilibrium, "FEW_NODES", 10_000)
     else:
-        monkeypatch.setattr(displacement_control, "FEW_NODES", 0)
-    monkeypatch.setattr(half_space, "FEW_PER_ROOT", 1e3 if request.param == "factor" else 0.0)
+        monkeypatch.setattr(equilibrium, "FEW_NODES", 0)
+    few = ((1e3, 1 / 3),) if request.param == "factor" else ((0.0, 1.0),)
+    monkeypatch.setattr(patches, "FEW_FREE", few)
     return request.param
 
 
@@ -63,8 +65,8 @@ def test_a_hardness_above_all_pressures_changes_no_byte(seed: int, load: str, ab
 
 def test_elastic_bodies_never_ask_for_the_hardness(monkeypatch: pytest.MonkeyPatch):
     """Without one, the solver goes straight to the elastic solve."""
-    monkeypatch.setattr(yielding, "YieldingIterate", None)
-    monkeypatch.setattr(yielding, "_solve_elastically", None)
+    monkeypatch.setattr(ActiveSet, "_let_yield", None)
+    monkeypatch.setattr(ActiveSet, "_capped", None)
     heights = self_affine(1, 65)
     contact = bem.solve(heights, SIDE, 0.3 * np.ptp(heights))
     assert contact.yielded_percent == 0
@@ -169,21 +171,6 @@ def test_a_sphere_yields_first_at_the_hertz_pressure_and_ends_at_the_hardness():
     assert contact.contact_nodes * spacing**2 == pytest.approx(circle, rel=0.05)
 
 
-def test_the_growing_set_finds_what_the_exchange_of_sets_does(monkeypatch: pytest.MonkeyPatch):
-    """The way out of a cycle, asked to solve whole problems."""
-    heights = self_affine(2, 65)
-    delta = 0.4 * np.ptp(heights)
-    for hardness in (0.003, 0.02, 0.1):
-        quick = bem.solve(heights, SIDE, delta, hardness=hardness)
-        with monkeypatch.context() as patch:
-            patch.setattr(yielding, "_exchange_sets", lambda *_: False)
-            grown = bem.solve(heights, SIDE, delta, hardness=hardness)
-        np.testing.assert_array_equal(grown.pressure > 0, quick.pressure > 0)
-        np.testing.assert_array_equal(grown.pressure >= hardness, quick.pressure >= hardness)
-        assert grown.force == pytest.approx(quick.force, rel=1e-6)
-        assert grown.yielded_percent > 0
-
-
 def test_a_ladder_gives_the_contacts_of_single_solves():
     heights = self_affine(3, 65)
     deltas = np.linspace(0.05, 0.5, 10) * np.ptp(heights)
@@ -204,7 +191,7 @@ def test_a_large_grid_starts_from_a_coarser_one_that_yields_too(monkeypatch: pyt
     heights = self_affine(4, 97)
     delta = 0.4 * np.ptp(heights)
     plain = bem.solve(heights, SIDE, delta, hardness=0.02)
-    monkeypatch.setattr(displacement_control, "NESTED", 50)
+    monkeypatch.setattr(equilibrium, "NESTED", 50)
     nested = bem.solve(heights, SIDE, delta, hardness=0.02)
     assert nested.force == pytest.approx(plain.force, rel=1e-6)
     np.testing.assert_array_equal(nested.pressure > 0, plain.pressure > 0)
@@ -292,20 +279,3 @@ def test_a_start_with_yielded_nodes_is_taken():
     again = bem.solve(heights, SIDE, contact.delta, hardness=0.02, near=contact.pressure)
     assert again.convolutions < contact.convolutions
     np.testing.assert_array_equal(again.pressure > 0, contact.pressure > 0)
-
-
-def test_the_elastic_solve_ends_early_once_a_pressure_is_certain_to_exceed():
-    heights = self_affine(6, 65)
-    problem_of = bem.solve(heights, SIDE, 0.4 * np.ptp(heights))
-    touching = displacement_control.overlap(problem_of.problem, problem_of.delta)
-    operators = half_space.HalfSpace(
-        touching.shape, "uniform-pressure", 1.0, touching.nodes, few_per_root=0.0
-    )
-    bounds = {"rtol": 2e-7, "max_iterations": 1000}
-    whole, arrived = solve_complementarity(operators, touching.interference, **bounds)
-    part, ended = solve_complementarity(
-        operators, touching.interference, **bounds, hardness=whole.pressure.max() / 2
-    )
-    assert arrived
-    assert not ended
-    assert part.effort.convolutions < whole.effort.convolutions

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import bench.threads
-from bem.convolution import displacement_filter
+from bem.operators.patch import displacement_filter
 from bench import peer_threads
 from bench.commands.solver import threads
 from bench.threads import gain_of_copies, measure, report, verdict
@@ -81,7 +81,7 @@ def test_an_error_on_one_thread_ends_the_others_and_is_raised(
     def fails_once(*arguments: object, **options: object) -> object:
         if next(calls) == 0:
             raise MemoryError("no room")
-        return displacement_filter((17, 17), "uniform-pressure", dtype="float32")
+        return displacement_filter((17, 17), "free", "uniform-pressure", 1.0, "float32")
 
     monkeypatch.setattr(bench.threads, "displacement_filter", fails_once)
     with pytest.raises(MemoryError, match="no room"):

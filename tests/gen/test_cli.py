@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from launch import launch
 
-from bem import half_space
+from bem.operators import patch
 from gen import cli, schema
 
 SMALL = "samples = 24\n[surface]\nnodes = 17\n"
@@ -70,7 +70,7 @@ def test_running_again_changes_nothing(folder, capsys):
 
 
 def test_failed_rows_warn_and_say_why(folder, capsys, monkeypatch):
-    monkeypatch.setattr(half_space, "FEW_PER_ROOT", 0.0)  # contact sets may do with one iteration
+    monkeypatch.setattr(patch, "FEW_FREE", ((0.0, 1.0),))  # contact sets may do with one iteration
     deep = "[contact]\nmax_iterations = 1\n[delta]\npieces = [{ share = 1.0, range = [30, 45] }]\n"
     (folder / "starved.toml").write_text(SMALL + deep)
     assert cli.main(["run", "starved.toml", "-o", "starved.h5"]) == 0

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import bem
-from bem import half_space
 from bem.influence import KERNELS
+from bem.operators import patch
 from bench.stability.case import Case, Refusal, run_case
 from bench.stability.solver import checks, topographies
 from bench.stability.solver.case import contact_case, judge, solve
@@ -146,7 +146,7 @@ def failed(asked: Setup, contact: bem.Contact, reason: str = "") -> list[str]:
 def test_an_unconverged_answer_that_claims_to_be_converged_fails(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(half_space, "FEW_PER_ROOT", 0.0)  # else two iterations may be enough
+    monkeypatch.setattr(patch, "FEW_FREE", ((0.0, 1.0),))  # else two iterations may be enough
     with pytest.raises(bem.NotConverged) as stopped:
         replace(ASKED, max_iterations=2).solve()
     unfinished = stopped.value.contact

@@ -7,9 +7,6 @@ import numpy as np
 import pytest
 from small_databases import PHYSICS, raise_physics, small
 
-from bem.displacement_control import NESTED
-from bem.iterate import LONG
-from bem.large_filter import LARGE_NODES
 from gen import database, schema
 from gen.database import Reader, Writer, create, merge, open_or_create
 from gen.runtime.errors import InputError
@@ -132,37 +129,3 @@ def test_other_physics_is_refused_unless_forced(path, monkeypatch):
     with Reader(path) as reader:
         assert reader.attributes["physics"] == PHYSICS
         assert reader.attributes["physics_forced"] == PHYSICS + 1
-
-
-def test_patches_without_edges_have_a_number_of_their_own(tmp_path):
-    """Their results have changed where those of free patches have not."""
-    free, periodic = small(), small(contact={"boundary": "periodic"})
-    for scene, number in ((free, schema.PHYSICS), (periodic, schema.EDGELESS_PHYSICS)):
-        path = tmp_path / f"{number}.h5"
-        create(path, scene)
-        with Reader(path) as reader:
-            assert reader.attributes["physics"] == number
-        assert schema.changes_since(number, scene) == {}
-    with h5py.File(path, "r+") as file:
-        file.attrs.modify("physics", schema.PHYSICS)
-    with pytest.raises(InputError, match="physics 4, this version computes physics 9"):
-        open_or_create(path, periodic)
-    changes = list(schema.changes_since(schema.PHYSICS, periodic))
-    assert changes == [5, 7, 8, schema.EDGELESS_PHYSICS]
-
-
-@pytest.mark.parametrize("boundary", ["free", "periodic"])
-def test_large_grids_have_a_number_of_their_own(boundary):
-    """From the number of nodes on at which the solver sums and transforms in another order."""
-    assert schema.LARGE_NODES == LARGE_NODES == LONG == NESTED**2
-    edgeless = boundary == "periodic"
-    below, above = (
-        Scene(samples=1, surface=DisplacedSurface(nodes=nodes), contact={"boundary": boundary})
-        for nodes in (513, 1025)
-    )
-    newest = schema.EDGELESS_PHYSICS if edgeless else schema.LARGE_PHYSICS
-    assert schema.physics_of(below) == (newest if edgeless else schema.PHYSICS)
-    assert schema.physics_of(above) == newest
-    since = [list(schema.changes_since(schema.PHYSICS, scene)) for scene in (below, above)]
-    assert since == ([[5, 7, 8, 9], [5, 6, 7, 8, 9]] if edgeless else [[], [6, 10]])
-    assert not schema.changes_since(newest, above)

@@ -6,6 +6,7 @@ import pytest
 import bem
 import gen.generation.sample
 import gen.runtime.overtime
+from bem.operators import patch
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows, solve_contact, surface_of
 from gen.runtime.errors import InputError
@@ -206,7 +207,7 @@ def test_the_second_body_is_another_one_for_each_surface():
 
 
 def test_failures_are_rows_with_a_reason(monkeypatch):
-    monkeypatch.setattr(bem.half_space, "FEW_PER_ROOT", 0.0)  # else one iteration may be enough
+    monkeypatch.setattr(patch, "FEW_FREE", ((0.0, 1.0),))  # else one iteration may be enough
     starved = scene("[contact]\nmax_iterations = 1")
     rows = compute_rows(starved, 0, 4)
     assert set(rows["status"]) == {Status.FAILED}

@@ -3,6 +3,7 @@
 import io
 import zipfile
 
+import h5py
 import numpy as np
 import pytest
 
@@ -145,6 +146,14 @@ def test_an_interrupted_run_keeps_what_was_finished(database):
     with np.load(database.with_name(f"{database.name}.pressed.npz")) as file:
         np.testing.assert_array_equal(np.isfinite(file["values"]).all(axis=1), finished)
     assert np.isfinite(hybrid_rows(database, Executor(), never)).all()
+
+
+def test_surfaces_of_an_earlier_solver_are_generated_anew(database):
+    expected = hybrid_rows(database, Executor(), never)
+    with h5py.File(database, "r+") as file:
+        file.attrs.modify("physics", 4)
+    database.with_name(f"{database.name}.pressed.npz").unlink()
+    np.testing.assert_array_equal(hybrid_rows(database, Executor(), never), expected)
 
 
 def test_surfaces_that_cannot_be_generated_anew_are_refused(database, change):

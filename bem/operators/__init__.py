@@ -1,0 +1,3 @@
+"""The influence matrix of a patch, free or without edges: coefficients, filters, approximate
+inverse.
+"""

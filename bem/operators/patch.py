@@ -1,0 +1,458 @@
+"""The influence matrix H of all nodes of a grid, and an approximate inverse on any set of them.
+
+Lengths are in units of the cell's first side and E* = 1. The nodes of a free patch displace one
+another by `bem.influence.influence_coefficients`. A patch without edges repeats itself or its
+mirror images without end: a wave of pressure p with the wave number q displaces it by 2 p / (E*
+|q|) (Johnson 1985, section 13.2), and the mean pressure displaces nothing. What the mean does to
+the far field depends on the body behind, so that displacements count from the mean of the deformed
+surface.
+
+The approximate inverse. Let C be near H on the whole grid and easily inverted. The inverse of C_AA
+on a set A is the minimum of v^T C^-1 v over all fields v that equal the residual on A. The usual
+choice of zero outside A overestimates this minimum, the more so the more fragmented A is, and the
+condition number then grows like the number of nodes a side. Here v continues the residual by
+weighted means of its values nearby, block by block. With this extension E, the condition number of
+M = E^T C^-1 E stays near 4 on rough surfaces of any size (`tests/bem/test_patch.py` measures it).
+"""
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from scipy import fft
+
+from bem.arrays import Field, Mask, Nodes, Real
+from bem.influence import InfluenceMatrix, Kernel, influence_coefficients
+from bem.operators.filters import (
+    CosineFilter,
+    FieldFilter,
+    filtered,
+    kept_filter,
+    spectral_filter,
+)
+from bem.problem import Problem
+from bem.spacing import Boundary
+from bem.workers import workers
+
+# The following four were chosen by the iterations of conjugate gradients on the paper's surfaces,
+# k = 7 to 9, at 1, 10 and 50 % contact; none of them matters much.
+
+# Nodes a side of the blocks whose means extend the residual.
+BLOCK = 4
+
+# Power of the distance between blocks by which the weight of a block falls.
+DECAY = 2.5
+
+# Weight of a node's own block, over that of a neighbouring block.
+OWN_BLOCK = 10.0
+
+# Weight of the value zero for the nodes outside the set: far from the set the extension falls to
+# zero.
+VACANT = np.float32(0.05)
+
+# Penalty for the distance of both pressures of a splitting, over the geometric mean of the stiffest
+# and the softest wave's compliance. Shares from 0.3 to 1 take about as many passes, 3 three times
+# as many.
+PENALTY = 0.5
+
+# Largest contact set worth factorising, as a factor and a power of the number of nodes: the cost of
+# a factor grows with the cube of the set, that of iterations with the grid (`pytest bench -k
+# few_in_contact`). The least of several counts.
+FEW_FREE, FEW_EDGELESS = ((27.0, 1 / 3),), ((0.105, 5 / 6), (9.0, 0.4))
+
+# Rows of a spectrum or of a dense matrix that are tabulated at a time: they fit into the cache.
+ROWS, TABULATED_ROWS, TABULATED_COLUMNS = 64, 64, 16
+
+
+class Patch:
+    """The influence matrix of a grid: it displaces, and corrects pressures on a contact set.
+
+    Search directions go through single precision, because the next direction corrects their last
+    digits. Displacements that decide on convergence go through double precision.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Nodes (nx, ny) of the grid.
+    boundary : str
+        "free", "periodic" or "mirror".
+    kernel : str
+        Influence coefficients of a free patch, see `bem.influence.influence_coefficients`.
+    aspect : float
+        Second side of a cell over its first [1].
+
+    Attributes
+    ----------
+    norm : float
+        Upper bound of the matrix's largest eigenvalue.
+    few : int
+        Largest contact set worth factorising.
+    count : int
+        Number of nodes of the contact set that was taken last.
+    contact, outside : ndarray, shape (nx, ny)
+        One on the contact set that was taken last and zero elsewhere; and the reverse.
+    """
+
+    def __init__(
+        self, shape: tuple[int, int], boundary: Boundary, kernel: Kernel, aspect: float
+    ) -> None:
+        self.shape, self.boundary = shape, boundary
+        self._grid = shape, kernel, aspect
+        self._double = displacement_filter(shape, boundary, kernel, aspect)
+        self._single = displacement_filter(shape, boundary, kernel, aspect, "float32")
+        self._inverse = kept_filter(_make_inverse, *inverse_of(shape, boundary, kernel, aspect))
+        self._means = kept_filter(_make_means, shape, boundary, aspect)
+        self.norm = self._double.largest
+        limits = FEW_FREE if boundary == "free" else FEW_EDGELESS
+        self.few = min(int(factor * (shape[0] * shape[1]) ** power) for factor, power in limits)
+        self._contact, self._outside, self._correction = (
+            np.zeros(self._inverse.field.shape, np.float32) for _ in range(3)
+        )
+        inside = slice(0, shape[0]), slice(0, shape[1])
+        self._outside.fill(1)
+        self.contact, self.outside = self._contact[inside], self._outside[inside]
+        self._corrected, self.count = self._correction[inside], 0
+
+    @classmethod
+    def of(cls, problem: Problem, shape: tuple[int, int] | None = None) -> "Patch":
+        """Return the influence matrix of a problem's grid, or of another one with its cells."""
+        shape = (problem.heights.shape[0], problem.heights.shape[1]) if shape is None else shape
+        return cls(shape, problem.boundary, problem.kernel, problem.aspect)
+
+    def displace(self, pressure: Real) -> Real:
+        """Compute the (nx, ny) displacement in double precision; the next call overwrites it."""
+        return filtered(self._double, pressure)
+
+    def displace_roughly(self, pressure: Real) -> Real:
+        """Compute the (nx, ny) displacement to 1e-7; the next call overwrites it."""
+        return filtered(self._single, pressure)
+
+    def take_contact(self, nodes: Mask) -> None:
+        """Take a set of nodes, an (nx, ny) mask, for `in_contact` and `correct`."""
+        self.count = int(np.count_nonzero(nodes))
+        self.contact[:] = nodes
+        np.subtract(1, self.contact, out=self.outside)
+        means = self._means
+        means.field[:] = BLOCK**2 - _block_sums(self._outside)
+        means.transform()
+        self._weights = 1 / (means.field + VACANT)
+
+    def in_contact(self, residual: Real) -> float:
+        """Keep an (nx, ny) residual in contact for `correct`; return its largest magnitude."""
+        field, (rows, columns) = self._inverse.field, self.shape
+        field[rows:], field[:, columns:] = 0, 0
+        here = field[:rows, :columns]
+        np.multiply(residual, self.contact, out=here)
+        return max(float(here.max()), -float(here.min()))
+
+    def correct(self) -> Real:
+        """Apply the approximate inverse to the residual in contact.
+
+        Returns
+        -------
+        ndarray, shape (nx, ny)
+            Correction of the pressure, zero outside; the next call overwrites it.
+        """
+        field, means = self._inverse.field, self._means
+        blocks, outside, contact, correction = (
+            array.reshape(-1, BLOCK, field.shape[1])
+            for array in (field, self._outside, self._contact, self._correction)
+        )
+        means.field[:] = _block_sums(field)
+        means.transform()
+        means.field[:] *= self._weights
+        np.multiply(outside, _columns(means.field), out=correction)
+        blocks += correction
+        self._inverse.transform()
+        np.multiply(self._weights, _block_sums(field, self._outside), out=means.field)
+        means.transform()
+        np.add(blocks, _columns(means.field), out=correction)
+        correction *= contact
+        return self._corrected
+
+    def unbalanced(self, displacement: Field) -> Field:
+        """Compute the pressure of zero mean that displaces a patch without edges so but for a
+        mean.
+        """
+        inverse = edgeless_filter(self.shape, self.boundary, self._grid[2], inverse=True)
+        pressure: Field = filtered(inverse, displacement).copy()
+        return pressure
+
+    def splitting(self) -> tuple[FieldFilter, float] | None:
+        """Return (H + c)^-1 of a patch without edges as a filter, and c; None for a free patch.
+
+        The penalty c is a share of the geometric mean of the largest and the least compliance.
+        """
+        if self.boundary == "free":
+            return None
+        return kept_filter(_make_splitting, self.shape, self.boundary, self._grid[2]), _penalty(
+            self.shape, self.boundary, self._grid[2]
+        )
+
+    def entries(self, nodes: Nodes, dtype: str) -> Real:
+        """Return the lower triangle of the (n, n) matrix of (n,) nodes, in Fortran's order."""
+        if self.boundary == "free":
+            return InfluenceMatrix(*self._grid, dtype).among(nodes)
+        return _edgeless_entries(self.shape, self.boundary, self._grid[2], dtype, nodes)
+
+
+def displacement_filter(
+    shape: tuple[int, int],
+    boundary: Boundary,
+    kernel: Kernel,
+    aspect: float,
+    dtype: str = "float64",
+) -> FieldFilter:
+    """Return H as a filter, which all callers on one thread share.
+
+    Parameters
+    ----------
+    shape, boundary, kernel, aspect
+        See `Patch`.
+    dtype : str
+        Precision, "float64" or "float32".
+    """
+    if boundary == "free":
+        return kept_filter(_make_free, shape, kernel, aspect, dtype)
+    return edgeless_filter(shape, boundary, aspect, dtype)
+
+
+def edgeless_filter(
+    shape: tuple[int, int],
+    boundary: Boundary,
+    aspect: float,
+    dtype: str = "float64",
+    *,
+    inverse: bool = False,
+) -> FieldFilter:
+    """Return H of a patch without edges, or its inverse on fields of zero mean, as a filter."""
+    return kept_filter(_make_edgeless, shape, boundary, aspect, dtype, inverse)
+
+
+def fast_period(nodes: int) -> int:
+    """Return the smallest even period with small prime factors that a grid's kernel allows.
+
+    The kernel is even, so that 2 nodes - 2 is exact, a power of two for 2^k + 1 nodes.
+    """
+    return 2 * int(fft.next_fast_len(max(nodes - 1, 1), real=True))
+
+
+def wave_numbers(shape: tuple[int, int], boundary: Boundary, aspect: float) -> Field:
+    """Return |q| of the waves that a patch without edges holds [1 / first side of a cell].
+
+    Returns
+    -------
+    ndarray, shape (nx, ny // 2 + 1) or (nx, ny)
+        In the order of a real Fourier transform if the patch repeats itself, of a cosine transform
+        if its mirror images continue it.
+    """
+    if boundary == "periodic":
+        along, across = fft.fftfreq(shape[0]), fft.rfftfreq(shape[1])
+    else:
+        along, across = (np.arange(cells) / (2 * cells) for cells in shape)
+    length: Field = 2 * math.pi * np.hypot(along[:, np.newaxis], across / aspect)
+    return length
+
+
+def _make_free(shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str) -> FieldFilter:
+    """Tabulate the spectrum of H, a real transform of its even table in both directions."""
+    if dtype == "float32":
+        double: Any = displacement_filter(shape, "free", kernel, aspect)
+        return double.in_single_precision()
+    table = influence_coefficients(shape, kernel, aspect)
+    periods = fast_period(shape[0]), fast_period(shape[1])
+    # Offsets beyond the grid never connect two nodes, so that any value will do there.
+    along, across = (
+        np.minimum(np.minimum(index, len(index) - index), nodes - 1)
+        for nodes, index in zip(shape, map(np.arange, periods), strict=True)
+    )
+    rows = np.empty((shape[0], periods[1] // 2 + 1), np.complex128)
+    spectrum = np.empty((rows.shape[1], periods[0]))
+
+    def transform_rows(some: slice) -> None:
+        rows[some] = fft.rfft(table[some, across])
+
+    def transform_columns(some: slice) -> None:
+        spectrum[some] = fft.fft(rows[:, some].T[:, along]).real
+
+    workers().share(transform_rows, _slices(len(rows), TABULATED_ROWS))
+    workers().share(transform_columns, _slices(len(spectrum), TABULATED_COLUMNS))
+    return spectral_filter(shape, spectrum.T, dtype, periods[1])
+
+
+def _slices(size: int, length: int) -> list[slice]:
+    """Cut a size into slices of a length."""
+    return [slice(first, first + length) for first in range(0, size, length)]
+
+
+def _make_edgeless(
+    shape: tuple[int, int], boundary: Boundary, aspect: float, dtype: str, inverse: bool
+) -> FieldFilter:
+    """Tabulate 2 / |q|, and zero for the mean; or |q| / 2."""
+    numbers = wave_numbers(shape, boundary, aspect)
+    if not inverse:
+        numbers[0, 0] = math.inf
+    return _even_filter(shape, boundary, numbers / 2 if inverse else 2 / numbers, dtype)
+
+
+def _compliances(shape: tuple[int, int], boundary: Boundary, aspect: float) -> Field:
+    """Return 2 / |q| of the waves of a patch without edges, and zero for the mean."""
+    numbers = wave_numbers(shape, boundary, aspect)
+    numbers[0, 0] = math.inf
+    compliances: Field = 2 / numbers
+    return compliances
+
+
+def _penalty(shape: tuple[int, int], boundary: Boundary, aspect: float) -> float:
+    """Return the penalty of `Patch.splitting`."""
+    waves = _compliances(shape, boundary, aspect)
+    waves = waves[waves > 0]
+    return PENALTY * math.sqrt(waves.min() * waves.max()) if waves.size else 1.0
+
+
+def _make_splitting(shape: tuple[int, int], boundary: Boundary, aspect: float) -> FieldFilter:
+    """Tabulate 1 / (2 / |q| + c)."""
+    waves = _compliances(shape, boundary, aspect) + _penalty(shape, boundary, aspect)
+    return _even_filter(shape, boundary, 1 / waves, "float64")
+
+
+def _even_filter(
+    shape: tuple[int, int], boundary: Boundary, spectrum: Field, dtype: str
+) -> FieldFilter:
+    """Return the filter of a patch without edges that has a spectrum."""
+    if boundary == "mirror":
+        return CosineFilter(spectrum, dtype)
+    return spectral_filter(shape, spectrum, dtype, shape[1])
+
+
+def inverse_of(
+    shape: tuple[int, int], boundary: Boundary, kernel: Kernel, aspect: float
+) -> tuple[tuple[int, int], Boundary, Kernel, float]:
+    """Return the grid of whole blocks, the boundary and the kernel of C^-1."""
+    if boundary == "free":
+        return (_whole_blocks(shape[0]), shape[1]), boundary, kernel, aspect
+    return (_whole_blocks(shape[0]), _whole_blocks(shape[1])), boundary, kernel, aspect
+
+
+def _make_inverse(
+    shape: tuple[int, int], boundary: Boundary, kernel: Kernel, aspect: float
+) -> FieldFilter:
+    """Tabulate the inverse of a matrix near H.
+
+    For a free patch it is the circulant nearest to H in the Frobenius norm (T. Chan 1988), on a
+    grid hardly wider than the patch, a quarter of the grid that H needs. Without edges it is H
+    itself where both sides are whole blocks, else that of the next larger patch.
+    """
+    if boundary != "free":
+        return edgeless_filter(shape, boundary, aspect, "float32", inverse=True)
+    periods = _circulant_periods(shape)
+    table = influence_coefficients(periods, kernel, aspect)
+    for axis, period in enumerate(periods):
+        # Along an axis c_k = ((m - k) t_k + k t_(m - k)) / m, the mean over a wrapped diagonal.
+        steps = np.arange(period)
+        share = (steps / period).reshape([-1 if a == axis else 1 for a in (0, 1)])
+        table = (1 - share) * table + share * np.take(table, -steps % period, axis=axis)
+    whole = shape[0], periods[1]
+    return spectral_filter(whole, 1 / fft.rfft2(table).real, "float32", periods[1])
+
+
+def _make_means(shape: tuple[int, int], boundary: Boundary, aspect: float) -> FieldFilter:
+    """Tabulate the spectrum of weighted means over the blocks of the approximate inverse."""
+    rows, columns = _whole_blocks(shape[0]) // BLOCK, _whole_blocks(shape[1]) // BLOCK
+    if boundary == "free":
+        periods = _circulant_periods((BLOCK * rows, shape[1]))
+        repeating = periods[0] // BLOCK, periods[1] // BLOCK
+        spectrum = _block_means(repeating, aspect)
+        return spectral_filter((rows, repeating[1]), spectrum, "float32", repeating[1])
+    if boundary == "periodic":
+        return _even_filter(
+            (rows, columns), boundary, _block_means((rows, columns), aspect), "float32"
+        )
+    mirrored = _block_means((2 * rows, 2 * columns), aspect)[:rows, :columns]
+    return _even_filter((rows, columns), boundary, mirrored, "float32")
+
+
+def _block_means(blocks: tuple[int, int], aspect: float) -> Field:
+    """Compute the spectrum of weighted means over blocks that repeat themselves.
+
+    The weights add up to one for a mean. Its shape is (rows, columns // 2 + 1).
+    """
+    along, across = (np.minimum(np.arange(many), -np.arange(many) % many) for many in blocks)
+    distance = np.hypot(along[:, np.newaxis], aspect * across)
+    distance[0, 0] = 1
+    weights = distance**-DECAY
+    weights[0, 0] = OWN_BLOCK * min(aspect, 1.0) ** -DECAY
+    weights /= weights.sum() * BLOCK**2
+    spectrum: Field = fft.rfft2(weights).real
+    return spectrum
+
+
+def _whole_blocks(nodes: int) -> int:
+    """Return the nodes of whole blocks that hold some nodes along an axis."""
+    return -(-nodes // BLOCK) * BLOCK
+
+
+def _circulant_periods(shape: tuple[int, int]) -> tuple[int, int]:
+    """Return even periods of whole blocks, at least (nx, ny), that FFTW transforms fast."""
+    return _fast_length(shape[0]), _fast_length(shape[1])
+
+
+def _fast_length(nodes: int) -> int:
+    """Return a multiple of 16; long ones have no factor of 3, which would save FFTW no time."""
+    if nodes <= 256:
+        return 16 * int(fft.next_fast_len(-(-nodes // 16), real=True))
+    return min(odd << (-(-nodes // odd) - 1).bit_length() for odd in (1, 5, 25))
+
+
+def _block_sums(field: Real, factors: Real | None = None) -> Real:
+    """Sum a field, times factors, by whole rows and columns because a block's axes are short."""
+    blocks = field.reshape(-1, BLOCK, field.shape[1])
+    if factors is None:
+        rows = np.add.reduce(blocks, axis=1)
+    else:
+        rows = np.einsum("ijk,ijk->ik", blocks, factors.reshape(blocks.shape))
+    sums: Real = rows[:, ::BLOCK] + rows[:, 1::BLOCK]
+    for node in range(2, BLOCK):
+        sums += rows[:, node::BLOCK]
+    return sums
+
+
+def _columns(blocks: Real) -> Real:
+    """Repeat the values of blocks along their columns, for rows of blocks."""
+    repeated: Real = np.repeat(blocks, BLOCK, axis=1)[:, np.newaxis]
+    return repeated
+
+
+def _edgeless_entries(
+    shape: tuple[int, int], boundary: Boundary, aspect: float, dtype: str, nodes: Nodes
+) -> Real:
+    """Return the lower triangle of the (n, n) matrix between nodes of a patch without edges."""
+    mirrored, count = boundary == "mirror", len(nodes)
+    periods = (2 * shape[0], 2 * shape[1]) if mirrored else shape
+    table, width = _edgeless_coefficients(periods, aspect, dtype), 2 * periods[1]
+    rows, columns = np.divmod(nodes, shape[1])
+    here = rows * width + columns + (periods[0] * width + periods[1])
+    images = [(rows, columns)]
+    if mirrored:
+        images = [
+            (along, across) for along in (rows, -1 - rows) for across in (columns, -1 - columns)
+        ]
+    matrix = np.zeros((count, count), dtype)
+    for first in range(0, count, ROWS):
+        some = slice(first, first + ROWS)
+        for along, across in images:
+            offsets = np.subtract.outer(here[some], (along * width + across)[first:])
+            matrix[some, first:] += table.take(offsets, mode="clip")
+    return matrix.T
+
+
+@lru_cache(maxsize=4)
+def _edgeless_coefficients(periods: tuple[int, int], aspect: float, dtype: str) -> Real:
+    """Tabulate the displacement by a unit pressure that repeats itself, for offsets either way."""
+    symbol = wave_numbers(periods, "periodic", aspect) / 2
+    symbol[0, 0] = math.inf
+    table = fft.irfft2(1 / symbol, s=periods).astype(dtype)
+    twice = np.tile(table, (2, 2)).reshape(-1)
+    twice.setflags(write=False)
+    return twice

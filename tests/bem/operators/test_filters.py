@@ -1,0 +1,191 @@
+"""Filters for small and for large fields, against each other; what they keep and leave behind."""
+
+import gc
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from bem.operators import filters
+from bem.operators.filters import CosineFilter, Filter, LargeFilter, filtered, spectral_filter
+from bem.operators.patch import displacement_filter, fast_period
+from bem.workers import on_threads
+
+SHAPES = [(64, 40), (100, 30), (129, 64), (40, 90), (33, 33), (1, 17), (31, 1)]
+FREE = "free", "uniform-pressure", 1.0
+
+
+def spectrum_of(shape: tuple[int, int], even: bool = True) -> tuple[np.ndarray, int]:
+    """The spectrum of an even kernel with periods that hold the padded field, or those of it."""
+    periods = (fast_period(shape[0]), fast_period(shape[1])) if even else shape
+    distances = [np.minimum(np.arange(p), -np.arange(p) % p) for p in periods]
+    kernel = 1 / (1.0 + np.hypot(distances[0][:, np.newaxis], distances[1]))
+    return np.fft.rfft2(kernel).real, periods[1]
+
+
+def made(
+    monkeypatch: pytest.MonkeyPatch,
+    shape: tuple[int, int],
+    dtype: str,
+    large: int,
+    even: bool = True,
+) -> Filter | LargeFilter:
+    with monkeypatch.context() as patch:
+        patch.setattr(filters, "LARGE", large)
+        spectrum, across = spectrum_of(shape, even)
+        return spectral_filter(shape, spectrum, dtype, across)
+
+
+@pytest.mark.parametrize("even", [True, False])
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_large_fields_are_filtered_as_small_ones(
+    monkeypatch: pytest.MonkeyPatch, shape: tuple[int, int], dtype: str, even: bool
+) -> None:
+    """More rows and columns than are taken at a time, fewer, and a rest; one after the other."""
+    monkeypatch.setattr(filters, "BATCH_BYTES", 2**14)
+    small, large = (made(monkeypatch, shape, dtype, bound, even) for bound in (2**30, 0))
+    assert [type(small), type(large)] == [Filter, LargeFilter]
+    for seed in (1, 2):  # what the first leaves behind is not in the second
+        field = np.random.default_rng(seed).standard_normal(shape).astype(dtype)
+        expected = filtered(small, field).copy()
+        accepted = 20 * np.finfo(dtype).eps * np.abs(expected).max()
+        np.testing.assert_allclose(filtered(large, field), expected, rtol=0, atol=accepted)
+        if not even:
+            spectrum = spectrum_of(shape, even)[0]
+            plain = np.fft.irfft2(np.fft.rfft2(field) * spectrum, s=shape)
+            np.testing.assert_allclose(expected, plain, rtol=0, atol=accepted)
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch, dtype: str) -> None:
+    monkeypatch.setattr(filters, "ROWS", 8)
+    monkeypatch.setattr(filters, "BATCH_BYTES", 2**13)
+    operator = made(monkeypatch, (70, 45), dtype, 0)
+    field = np.random.default_rng(3).standard_normal((70, 45)).astype(dtype)
+    expected = filtered(operator, field).copy()
+    for threads in (3, 1, 2):
+        with on_threads(threads):
+            np.testing.assert_array_equal(filtered(operator, field), expected)
+
+
+@pytest.mark.parametrize("large", [0, 2**30])
+def test_both_precisions_take_turns(monkeypatch: pytest.MonkeyPatch, large: int) -> None:
+    """Buffers of large ones lie in the same memory."""
+    shape = 33, 20
+    double, alone = (made(monkeypatch, shape, "float64", large) for _ in range(2))
+    single, rounded = double.in_single_precision(), alone.in_single_precision()
+    assert np.shares_memory(single.field, double.field) == (large == 0)
+    first, second = np.random.default_rng(4).standard_normal((2, *shape))
+    for field in (first, second, first):
+        here = filtered(double, field).copy()
+        np.testing.assert_array_equal(here, filtered(alone, field))
+        here = filtered(single, field).copy()
+        np.testing.assert_array_equal(here, filtered(rounded, field))
+
+
+@pytest.mark.parametrize("large", [0, 2**30])
+def test_an_interrupted_transform_leaves_nothing_behind(
+    monkeypatch: pytest.MonkeyPatch, large: int
+) -> None:
+    operator = made(monkeypatch, (64, 40), "float64", large)
+    field = np.random.default_rng(5).standard_normal((64, 40))
+    expected = filtered(operator, field).copy()
+
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(filters._Lane, "filter_columns", interrupt)
+        patch.setattr(filters.np, "multiply", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            filtered(operator, 1e9 * field)
+    np.testing.assert_array_equal(filtered(operator, field), expected)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (5, 8), (12, 7)])
+def test_cosines_filter_the_mirrored_field(shape: tuple[int, int]) -> None:
+    field = np.random.default_rng(1).standard_normal(shape)
+    spectrum = np.random.default_rng(2).uniform(1, 2, shape)
+    rows = np.concatenate([field, field[::-1]])
+    mirrored = np.concatenate([rows, rows[:, ::-1]], axis=1)
+    along, across = (np.minimum(np.arange(2 * n), 2 * n - np.arange(2 * n)) for n in shape)
+    whole = np.pad(spectrum, ((0, 1), (0, 1)))[np.ix_(along, across)]
+    expected = np.fft.ifft2(np.fft.fft2(mirrored) * whole).real[: shape[0], : shape[1]]
+    operator = CosineFilter(spectrum)
+    np.testing.assert_allclose(filtered(operator, field), expected, rtol=0, atol=1e-13)
+    single = filtered(operator.in_single_precision(), field)
+    assert single.dtype == np.float32
+    np.testing.assert_allclose(single, expected, rtol=0, atol=2e-6)
+
+
+def test_a_kept_filter_forgets_its_last_field() -> None:
+    operator = displacement_filter((9, 12), *FREE)
+    assert displacement_filter((9, 12), *FREE) is operator
+    field = np.random.default_rng(0).standard_normal((9, 12))
+    first = filtered(operator, field).copy()
+    filtered(operator, 1e6 * np.ones((9, 12)))
+    np.testing.assert_array_equal(filtered(operator, field), first)
+
+
+@pytest.mark.parametrize("large", [0, 2**30])
+def test_kept_filters_count_all_that_they_hold(monkeypatch: pytest.MonkeyPatch, large: int) -> None:
+    """Whatever is reachable from one, its buffers and views of them included."""
+    for nodes in (9, 33, 129):
+        bases: dict[int, np.ndarray] = {}
+        operator = made(monkeypatch, (nodes, nodes), "float64", large)
+        reachable: list[object] = list(vars(operator).values())
+        while reachable:
+            item = reachable.pop()
+            if isinstance(item, list | tuple):
+                reachable += item
+            elif isinstance(item, dict):
+                reachable += item.values()
+            elif isinstance(item, filters._Lane):
+                reachable += vars(item).values()
+            elif isinstance(item, np.ndarray):
+                base = item
+                while isinstance(base.base, np.ndarray):
+                    base = base.base
+                bases[id(base)] = base
+        held = sum(base.nbytes for base in bases.values())
+        assert held <= operator.bytes + 4 * 1024
+        assert operator.bytes <= 1.1 * held + 60 * 1024
+
+
+def test_what_filters_occupy_is_bounded_for_all_threads_together(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(filters, "KEPT_BYTES", 3 * 2**20)
+    ready, done = threading.Barrier(4), threading.Event()
+    earlier = set(filters._Filters._threads)  # this thread keeps filters of earlier tests
+
+    def occupied_here() -> int:
+        return sum(kept.bytes for kept in filters._Filters._threads if kept not in earlier)
+
+    def solve() -> None:
+        for nodes in range(20, 60):
+            displacement_filter((nodes, nodes), *FREE)
+        ready.wait(30)
+        done.wait(30)
+
+    threads = [threading.Thread(target=solve) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    ready.wait(30)
+    occupied = occupied_here()
+    done.set()
+    for thread in threads:
+        thread.join()
+    fewest = 3 * filters.FEWEST_KEPT * displacement_filter((61, 61), *FREE).bytes
+    assert 0 < occupied <= 3 * 2**20 + fewest
+    del threads, thread
+    gc.collect()
+    assert occupied_here() == 0
+
+
+def test_threads_have_filters_of_their_own() -> None:
+    with ThreadPoolExecutor(1) as other:
+        theirs = other.submit(displacement_filter, (9, 9), *FREE).result()
+    assert theirs is not displacement_filter((9, 9), *FREE)

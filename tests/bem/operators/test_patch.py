@@ -1,0 +1,195 @@
+"""The influence matrix of a patch and its approximate inverse, against matrices written out."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bem
+from bem.influence import KERNELS, Kernel, influence_coefficients
+from bem.operators.patch import Patch, fast_period, wave_numbers
+from bem.spacing import BOUNDARIES, Boundary
+from bench.references import dense
+from gen.surface import generate
+
+EDGELESS: list[Boundary] = ["periodic", "mirror"]
+SHAPES = [(1, 1), (1, 2), (2, 1), (1, 17), (23, 1), (2, 3), (8, 8), (9, 9), (16, 33), (37, 10)]
+
+
+def random_field(shape: tuple[int, int]) -> np.ndarray:
+    return np.random.default_rng(shape).standard_normal(shape)
+
+
+def relative_error(computed: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.abs(computed - expected).max() / np.abs(expected).max())
+
+
+def matrix_of(patch: Patch) -> np.ndarray:
+    """The influence matrix of all nodes, column by column."""
+    units = np.eye(patch.shape[0] * patch.shape[1]).reshape(-1, *patch.shape)
+    return np.array([patch.displace(unit).reshape(-1).copy() for unit in units]).T
+
+
+def approximate_inverse(patch: Patch, nodes: np.ndarray) -> np.ndarray:
+    """The approximate inverse on some nodes, column by column."""
+    mask = np.zeros(patch.shape, bool)
+    mask.reshape(-1)[nodes] = True
+    patch.take_contact(mask)
+    columns = []
+    for node in nodes:
+        unit = np.zeros(patch.shape, np.float32)
+        unit.reshape(-1)[node] = 1
+        patch.in_contact(unit)
+        corrected = patch.correct()
+        assert not corrected[~mask].any()
+        columns.append(corrected.reshape(-1)[nodes].astype(np.float64))
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("shape", [*SHAPES, (65, 65), (128, 65)])
+def test_displacement_is_the_dense_product(shape: tuple[int, int], kernel: Kernel) -> None:
+    pressure, patch = random_field(shape), Patch(shape, "free", kernel, 1.0)
+    expected = dense.displace(pressure, kernel)
+    assert relative_error(patch.displace(pressure), expected) < 1e-12
+    single = patch.displace_roughly(pressure)
+    assert single.dtype == np.float32
+    assert relative_error(single, expected) < 1e-6
+
+
+@pytest.mark.parametrize("aspect", [2.0, 0.5, 7.3, 1 / 64])
+@pytest.mark.parametrize("shape", [(1, 17), (16, 33), (65, 20)])
+def test_displacement_on_oblong_cells(shape: tuple[int, int], aspect: float) -> None:
+    pressure = random_field(shape)
+    expected = dense.displace(pressure, "uniform-pressure", aspect)
+    displacement = Patch(shape, "free", "uniform-pressure", aspect).displace(pressure)
+    assert relative_error(displacement, expected) < 1e-12
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_unit_pressures_give_back_the_coefficients(kernel: Kernel) -> None:
+    """A load in a corner sees every offset once, and nothing comes round from the other side."""
+    pressure = np.zeros((20, 33))
+    pressure[0, -1] = 1
+    displacement = Patch(pressure.shape, "free", kernel, 1.0).displace(pressure)
+    expected = influence_coefficients(pressure.shape, kernel)
+    np.testing.assert_allclose(displacement[:, ::-1], expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("k", [1, 4, 7, 10])
+def test_grids_of_a_power_of_two_and_one_have_that_period(k: int) -> None:
+    assert fast_period(2**k + 1) == 2 ** (k + 1)
+
+
+def test_periods_are_even_and_hold_every_offset() -> None:
+    for nodes in range(1, 600):
+        period = fast_period(nodes)
+        assert period % 2 == 0
+        assert period >= max(2 * nodes - 2, 2)
+
+
+@pytest.mark.parametrize("aspect", [1.0, 0.3, 5.0])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_periodic_displacement_is_that_of_numpys_transform(
+    shape: tuple[int, int], aspect: float
+) -> None:
+    pressure = random_field(shape)
+    along, across = (np.fft.fftfreq(cells) for cells in shape)
+    numbers = 2 * np.pi * np.hypot(along[:, np.newaxis], across / aspect)
+    numbers[0, 0] = np.inf
+    expected = np.fft.ifft2(np.fft.fft2(pressure) * 2 / numbers).real
+    tolerance = 1e-13 * (np.abs(expected).max() + 1)
+    patch = Patch(shape, "periodic", "uniform-pressure", aspect)
+    np.testing.assert_allclose(patch.displace(pressure), expected, rtol=0, atol=tolerance)
+    single = patch.displace_roughly(pressure)
+    np.testing.assert_allclose(single, expected, rtol=0, atol=1e7 * tolerance)
+
+
+@pytest.mark.parametrize("boundary", EDGELESS)
+@pytest.mark.parametrize("aspect", [1.0, 0.3])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_inverse_gives_back_a_pressure_but_for_its_mean(
+    shape: tuple[int, int], aspect: float, boundary: Boundary
+) -> None:
+    pressure, patch = random_field(shape), Patch(shape, boundary, "uniform-pressure", aspect)
+    displacement = patch.displace(pressure).copy()
+    assert displacement.mean() == pytest.approx(0, abs=1e-13)
+    back = patch.unbalanced(displacement)
+    np.testing.assert_allclose(back, pressure - pressure.mean(), rtol=0, atol=1e-12)
+
+
+def test_wave_numbers_count_whole_periods_or_half_ones() -> None:
+    periodic = wave_numbers((4, 5), "periodic", aspect=2.0)
+    np.testing.assert_allclose(periodic[:, 0], 2 * np.pi * np.array([0, 1, 2, 1]) / 4)
+    np.testing.assert_allclose(periodic[0], 2 * np.pi * np.arange(3) / 10)
+    mirror = wave_numbers((4, 5), "mirror", aspect=2.0)
+    np.testing.assert_allclose(mirror[:, 0], np.pi * np.arange(4) / 4)
+    np.testing.assert_allclose(mirror[0], np.pi * np.arange(5) / 10)
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+@pytest.mark.parametrize(("shape", "aspect"), [((1, 9), 1.0), ((8, 8), 1.0), ((13, 10), 0.3)])
+def test_entries_are_those_of_the_transforms(
+    shape: tuple[int, int], aspect: float, boundary: Boundary
+) -> None:
+    patch = Patch(shape, boundary, "uniform-pressure", aspect)
+    matrix = matrix_of(patch)
+    nodes = np.random.default_rng(2).permutation(matrix.shape[0])[: 2 * matrix.shape[0] // 3]
+    expected = np.tril(matrix[np.ix_(nodes, nodes)])
+    np.testing.assert_allclose(np.tril(patch.entries(nodes, "float64")), expected, atol=1e-12)
+    assert np.linalg.eigvalsh(matrix).max() <= patch.norm * (1 + 1e-12)
+
+
+@settings(max_examples=40)
+@given(data=st.data())
+def test_the_inverse_is_symmetric_and_positive_definite_on_any_nodes(data: st.DataObject) -> None:
+    shape = data.draw(st.tuples(st.integers(1, 14), st.integers(1, 14)))
+    kernel = data.draw(st.sampled_from(KERNELS))
+    aspect = data.draw(st.sampled_from([1.0, 0.25, 5.0])) if kernel == "uniform-pressure" else 1.0
+    everywhere = st.integers(0, shape[0] * shape[1] - 1)
+    nodes = np.array(sorted(data.draw(st.sets(everywhere, min_size=1))))
+    matrix = approximate_inverse(Patch(shape, "free", kernel, aspect), nodes)
+    assert relative_error(matrix, matrix.T) < 2e-5
+    assert np.linalg.eigvalsh((matrix + matrix.T) / 2)[0] > 0
+
+
+@pytest.mark.parametrize("level", [4, 5, 6])
+@pytest.mark.parametrize("delta", [15.0, 60.0])
+def test_it_is_near_the_inverse_on_rough_contacts_of_any_size(level: int, delta: float) -> None:
+    """Eigenvalues of the preconditioned matrix from 0.8 to 6, on 17 to 65 nodes a side."""
+    heights = generate("diamond-square", 2**level + 1, 0.7, 12.0, np.random.default_rng(3))
+    contact = np.flatnonzero(bem.solve(heights, 1000.0, delta).pressure)
+    matrix = dense.influence_matrix(heights.shape, "uniform-pressure")
+    matrix = matrix.reshape(heights.size, heights.size)
+    inverse = approximate_inverse(Patch(heights.shape, "free", "uniform-pressure", 1.0), contact)
+    factor = np.linalg.cholesky(matrix[np.ix_(contact, contact)])
+    similar = factor.T @ inverse @ factor  # with the eigenvalues of inverse @ matrix
+    identity = np.eye(contact.size)
+    np.linalg.cholesky(similar - 0.8 * identity)  # LinAlgError if an eigenvalue is below 0.8
+    np.linalg.cholesky(6 * identity - similar)  # or above 6
+
+
+@pytest.mark.parametrize("boundary", EDGELESS)
+@pytest.mark.parametrize("percent", [5, 25, 60])
+@pytest.mark.parametrize(("shape", "most"), [((32, 32), 2.1), ((21, 26), 4.0)])
+def test_it_is_near_the_inverse_without_edges_too(
+    shape: tuple[int, int], most: float, percent: float, boundary: Boundary
+) -> None:
+    """Among pressures of a given load, eigenvalues of M H are at most 2 on whole blocks."""
+    heights = generate("diamond-square", 33, 0.7, 12.0, np.random.default_rng(3))
+    heights = heights[: shape[0], : shape[1]]
+    patch = Patch(shape, boundary, "uniform-pressure", 1.0)
+    contact = np.arange(heights.size)
+    for pressure in np.geomspace(1e-3, 1e3, 60):
+        solved = bem.solve(heights, 1.0, spacing=1.0, pressure=pressure, boundary=boundary)
+        contact = np.flatnonzero(solved.pressure)
+        if solved.area_percent >= percent:
+            break
+    inverse = approximate_inverse(patch, contact)
+    assert np.abs(inverse - inverse.T).max() < 1e-5 * np.abs(inverse).max()
+    matrix = matrix_of(patch)[np.ix_(contact, contact)]
+    values, vectors = np.linalg.eigh((inverse + inverse.T) / 2)
+    assert values[0] > 0
+    root = vectors * np.sqrt(values)
+    eigenvalues = np.linalg.eigvalsh(root.T @ matrix @ root)
+    assert eigenvalues[-1] < most
