@@ -174,6 +174,9 @@ class ActiveSet:
         Displacement that the tolerance refers to while a load has brought none.
     reference : float or None
         Displacement that the tolerance refers to whatever the load brings.
+    give : float
+        How far a compliant far field gives way under a unit load, 0 if it is rigid: one term of
+        the matrix, H - give [unit of displacement / reduced load].
 
     Attributes
     ----------
@@ -204,9 +207,10 @@ class ActiveSet:
         rtol: float,
         most: int,
         least: float = 0.0,
+        give: float = 0.0,
     ) -> None:
         self.patch, self.below, self.load, self.hardness = patch, below, load, hardness
-        self.rtol, self.most, self._least = rtol, most, least
+        self.rtol, self.most, self._least, self._give = rtol, most, least, give
         self.reference: float | None = None
         self._yields = False  # bodies count as elastic until the hardness is certain to be exceeded
         self.pressure = np.zeros(below.shape)
@@ -232,7 +236,8 @@ class ActiveSet:
     def exact_violation(self) -> Violation:
         """Measure the departures in double precision, after `renew`."""
         assert self.displacement is not None
-        return self._violation_of(self.below + self.shift - self.displacement)
+        given_way = self._give * float(self.pressure.sum())
+        return self._violation_of(self.below + (self.shift + given_way) - self.displacement)
 
     def violation(self) -> Violation:
         """Measure the departures from equilibrium."""
@@ -282,7 +287,10 @@ class ActiveSet:
         """Compute a displacement to 1e-7; the next call overwrites it."""
         self.effort += Effort(convolutions=1)
         self.exact = False
-        return self.patch.displace_roughly(change)
+        displaced = self.patch.displace_roughly(change)
+        if self._give:
+            displaced -= np.float32(self._give * float(change.sum(dtype=np.float64)))
+        return displaced
 
     def begin(self, pressure: Field, displacement: Field | None = None) -> None:
         """Start from a pressure that is not negative, brought to the bounds and to the load.
@@ -305,6 +313,8 @@ class ActiveSet:
             displacement = self._displace(self.pressure)
         elif self.load is not None:
             displacement = displacement * (self.load / carried)
+        elif self._give:
+            displacement = displacement - self._give * carried
         self.residual = (self.below - displacement).astype(np.float32)
         if self.load is None:
             self.residual += np.float32(self.shift)
@@ -357,6 +367,8 @@ class ActiveSet:
         self.displacement = self.patch.displace(self.pressure).copy()
         self.effort += Effort(convolutions=1)
         gaps = self.below - self.displacement
+        if self._give:
+            gaps += self._give * float(self.pressure.sum())
         if self.load is not None:
             weights = self._free_pressure()
             carried = float(weights.sum())
@@ -539,6 +551,13 @@ class ActiveSet:
             self.pressure, self.residual, self.shift, self.exact, _ = before
         return settled and not self._exceeds()
 
+    def _entries(self, nodes: Nodes, dtype: str) -> Real:
+        """Return the lower triangle of the matrix of some nodes, in Fortran's order."""
+        entries = self.patch.entries(nodes, dtype)
+        if self._give:
+            entries = np.asfortranarray(np.tril(entries) - entries.dtype.type(self._give))
+        return entries
+
     def _settle(self, nodes: Nodes) -> bool:
         """Solve on the candidate set, then check all nodes.
 
@@ -555,7 +574,7 @@ class ActiveSet:
                 order = np.lexsort((-self.residual.flat[nodes], -self.pressure.flat[nodes]))
                 precision = "float64" if nodes.size <= DOUBLE_SHARE * self.patch.few else "float32"
                 factor = ContactFactor(
-                    lambda some, dtype=precision: self.patch.entries(some, dtype),
+                    lambda some, dtype=precision: self._entries(some, dtype),
                     nodes[order],
                 )
                 sets = min(MOST_SETS, self.most - self.effort.iterations)
@@ -659,6 +678,7 @@ class ActiveSet:
         Returns whether a step ahead was taken on the next set.
         """
         start = self.pressure, self.residual.copy(), self.shift
+        energy = self._energy() if self._give else 0.0
         dense = self._yields and self._solve_few_free()
         solved = self.pressure
         if not dense:
@@ -679,6 +699,10 @@ class ActiveSet:
             self._damp(*start)
         else:
             self.residual -= self._displace(ahead - solved)
+            if self._give:
+                self._rescale()
+                if self._energy() > energy:
+                    self._damp(*start)
         self._balance()
         return changed
 
@@ -799,7 +823,7 @@ class ActiveSet:
         nodes = np.flatnonzero(self.patch.contact)
         try:
             with np.errstate(over="raise"):
-                factor = ContactFactor(lambda some: self.patch.entries(some, "float64"), nodes)
+                factor = ContactFactor(lambda some: self._entries(some, "float64"), nodes)
                 change = factor.correct(
                     self.residual.reshape(-1).astype(np.float64), None if self.load is None else 0.0
                 )

@@ -159,18 +159,15 @@ def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium |
         critical = critical_delta(problem.heights, problem.kernel, problem.aspect)
         if problem.delta >= critical:
             raise BeyondCriticalDelta(problem.delta, critical)
-        return _through_loads(problem, None)
     found = _on_few_nodes(problem) if problem.boundary == "free" else None
     if found is None:
         at = _under_load if problem.delta is None else _at_displacement
         found = at(problem, near)
         if found.presumably_elastic and (problem.delta is None or _has_elastic(problem)):
             found = _elastic_after_all(problem, found, at(replace(problem, hardness=None), near))
-    if compliant:
-        assert problem.force is not None
-        found = replace(
-            found, delta=max(found.approach - _give(problem, _reduced_load(problem)), 0.0)
-        )
+    if compliant and problem.delta is None:
+        given_way = _give(problem) * _reduced_load(problem)
+        found = replace(found, delta=max(found.approach - given_way, 0.0))
     return found
 
 
@@ -191,12 +188,16 @@ def _elastic_after_all(problem: Problem, found: Equilibrium, elastic: Equilibriu
     return replace(found, effort=effort)
 
 
-def _give(problem: Problem, load: float) -> float:
-    """Return how far a compliant far field gives way under a reduced load [um]."""
+def _given_way(problem: Problem, solve: ActiveSet) -> float:
+    """Return how far a compliant far field gives way at a given displacement [reduced]."""
+    return 0.0 if problem.delta is None else _give(problem) * float(solve.pressure.sum())
+
+
+def _give(problem: Problem) -> float:
+    """Return how far a compliant far field gives way under a unit reduced load [1]."""
     if problem.far_field == "rigid":
         return 0.0
-    punch = flat_punch(problem.heights.shape, problem.kernel, problem.aspect)
-    return load / float(punch.sum())
+    return 1 / float(flat_punch(problem.heights.shape, problem.kernel, problem.aspect).sum())
 
 
 def _reduced_load(problem: Problem) -> float:
@@ -215,7 +216,7 @@ def _on_few_nodes(problem: Problem) -> Equilibrium | None:
     downwards.
     """
     delta = problem.delta
-    if delta is None:
+    if delta is None or problem.far_field == "compliant":
         heights = problem.heights.reshape(-1)
         many = min(FEW_NODES + 1, heights.size)
         delta = float(heights.max() - np.partition(heights, -many)[-many])
@@ -231,28 +232,32 @@ def _on_few_nodes(problem: Problem) -> Equilibrium | None:
 def _solve_densely(problem: Problem, touching: "Overlap", delta: float) -> Equilibrium | None:
     """Solve on all nodes that may touch; None if the load needs more, or no solution is found."""
     load = None if problem.delta is not None else _reduced_load(problem) / delta
+    give = 0.0 if problem.delta is None else _give(problem)
     hardness = problem.reduced_hardness(delta)
     matrix = InfluenceMatrix(touching.shape, problem.kernel, problem.aspect)
     below = touching.below.reshape(-1)
-    interference = below + (1.0 if load is None else 0.0)
+    shift = 0.0 if problem.delta is None else problem.delta / delta
+    interference = below + shift
     sets = min(MOST_SETS, problem.max_iterations)
     nodes = touching.nodes[np.argsort(-below[touching.nodes], kind="stable")]
     try:
         with np.errstate(over="raise"):
-            factor = ContactFactor(matrix.among, nodes)  # elastic bodies, to the last bit
+            factor = ContactFactor(lambda some: matrix.among(some) - give, nodes)  # elastic bodies, to the last bit
             solution = factor.solve(interference, load, sets)
             if float(solution.pressure.max()) > hardness:
                 factor = ContactFactor(matrix.among, nodes, hardness)
                 solution = factor.solve(interference, load, sets)
     except (np.linalg.LinAlgError, FloatingPointError):
         return None
-    shift = 1.0 if load is None else solution.shift
-    if not solution.settled or not 0 < shift <= 1:
+    if load is not None:
+        shift = solution.shift
+    approach = shift + give * float(solution.pressure.sum())
+    if not solution.settled or not 0 < approach <= 1:
         return None
     values = np.zeros(below.size)
     values[factor.nodes] = solution.pressure
     entries = matrix.between(nodes, nodes)
-    residual = below[nodes] + shift - np.einsum("ij,j->i", entries, values[nodes])
+    residual = below[nodes] + approach - np.einsum("ij,j->i", entries, values[nodes])
     loaded, yielded = values[nodes] > 0, values[nodes] >= hardness
     wrong = np.where(loaded, np.abs(residual), residual)
     wrong[yielded] = -residual[yielded]
@@ -262,8 +267,8 @@ def _solve_densely(problem: Problem, touching: "Overlap", delta: float) -> Equil
     return Equilibrium(
         pressure=touching.unfolded(values.reshape(touching.shape)),
         length=delta,
-        delta=shift * delta if problem.delta is None else delta,
-        approach=shift * delta if problem.delta is None else delta,
+        delta=shift * delta if problem.delta is None else problem.delta,
+        approach=approach * delta,
         violation=violation,
         effort=Effort(solution.sets, solution.sets),
         converged=True,
@@ -355,7 +360,8 @@ def _at_displacement(problem: Problem, near: Start | None) -> Equilibrium:
     whole = problem.boundary != "free"
     if whole and problem.hardness is not None and np.ptp(problem.heights) <= delta:
         return _all_yielded(problem, delta)
-    touching = _whole(problem, delta) if whole else overlap(problem, delta)
+    everywhere = whole or problem.far_field == "compliant"
+    touching = _whole(problem, delta) if everywhere else overlap(problem, delta)
     near, spent = (near, Effort()) if near is not None else _on_coarser_grid(problem)
     below, patch = touching.below, Patch.of(problem, touching.shape)
     solve = _new(problem, patch, below, delta, shift=1.0)
@@ -419,6 +425,7 @@ def _new(
         rtol=problem.rtol,
         most=problem.max_iterations,
         least=LEAST,
+        give=0.0 if load is not None else _give(problem),
     )
 
 
@@ -433,7 +440,7 @@ def _result(problem: Problem, solve: ActiveSet, touching: Overlap, length: float
         pressure=touching.unfolded(solve.pressure),
         length=length,
         delta=problem.delta if problem.delta is not None else solve.shift * length,
-        approach=solve.shift * length,
+        approach=(solve.shift + _given_way(problem, solve)) * length,
         violation=violation,
         effort=solve.effort,
         converged=violation <= problem.rtol,
@@ -547,6 +554,7 @@ def _on_coarser_grid(problem: Problem) -> tuple[Start | None, Effort]:
     The effort is in convolutions of the whole grid.
     """
     rows, columns = problem.heights.shape
+    compliant = problem.far_field == "compliant"
     free = problem.boundary == "free"
     if min(rows, columns) < NESTED or (not free and (rows % 2 or columns % 2)):
         return None, Effort()
@@ -557,8 +565,12 @@ def _on_coarser_grid(problem: Problem) -> tuple[Start | None, Effort]:
     delta = problem.delta
     if delta is not None:
         delta -= float(problem.heights.max() - heights.max())
-        full = float((heights.max() - heights).mean())
-        if delta <= 0 or (not free and problem.hardness is None and delta >= 0.97 * full):
+        most = math.inf
+        if compliant:
+            most = critical_delta(heights, problem.kernel, problem.aspect)
+        elif not free and problem.hardness is None:
+            most = float((heights.max() - heights).mean())
+        if delta <= 0 or delta >= 0.97 * most:
             return None, Effort()
     spacing = 2 * problem.spacing[0], 2 * problem.spacing[1]
     coarse = replace(problem, heights=heights, spacing=spacing, delta=delta, rtol=NESTED_RTOL)
@@ -586,19 +598,18 @@ def _between(values: Field, axis: int, nodes: int) -> Field:
 # Displacements through loads
 
 
-def _through_loads(problem: Problem, start: ActiveSet | None) -> Equilibrium:
-    """Find the load whose displacement, less what a far field gives way, is the given one.
+def _through_loads(problem: Problem, start: ActiveSet) -> Equilibrium:
+    """Find the load whose displacement is the given one, for elastic bodies without edges.
 
     Secants on a scale on which that displacement rises nearly as the logarithm of the load.
     """
     delta = problem.delta
     assert delta is not None
     touching = _whole(problem, delta)
-    load = 0.0 if start is None else float(start.pressure.sum())
-    give = _give(problem, delta) / delta  # what the far field gives way under a unit load
+    load = float(start.pressure.sum())
     search = _Loads(problem, touching.below, load)
     solve = _new(problem, Patch.of(problem), touching.below, delta, load=search.load)
-    if start is None or not load > 0:
+    if not load > 0:
         force = search.load * delta * problem.modulus * problem.spacing[1]
         guess = replace(problem, delta=None, force=force)
         solve.begin(_first_pressure(guess, solve.patch, touching.below, search.load)[0])
@@ -609,8 +620,7 @@ def _through_loads(problem: Problem, start: ActiveSet | None) -> Equilibrium:
     solve.rtol, solve.reference, excess = TRIAL_RTOL, 1.0, math.inf
     for _ in range(TRIALS):
         solve.run()
-        assert solve.load is not None
-        excess = solve.shift - give * solve.load - 1
+        excess = solve.shift - 1
         tight = solve.rtol <= problem.rtol / 2
         if (tight and abs(excess) <= problem.rtol / 4) or solve.effort.iterations >= solve.most:
             break
@@ -622,8 +632,7 @@ def _through_loads(problem: Problem, start: ActiveSet | None) -> Equilibrium:
         solve.reload(search.load)
     solve.residual -= np.float32(excess)
     solve.shift -= excess
-    found = _result(problem, solve, touching, delta)
-    return replace(found, approach=found.approach if problem.far_field == "compliant" else delta)
+    return replace(_result(problem, solve, touching, delta), approach=delta)
 
 
 class _Loads:
