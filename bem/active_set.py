@@ -15,6 +15,7 @@ projected gradients lower it for certain (Bertsekas 1976), so that every solve e
 """
 
 import math
+from collections.abc import Callable
 from itertools import count
 from typing import NamedTuple
 
@@ -283,11 +284,11 @@ class ActiveSet:
 
     # Pressures and what they displace
 
-    def _displace(self, change: Real) -> Real:
+    def _displace(self, change: Real, by: Callable[[Real], Real] | None = None) -> Real:
         """Compute a displacement to 1e-7; the next call overwrites it."""
         self.effort += Effort(convolutions=1)
         self.exact = False
-        displaced = self.patch.displace_roughly(change)
+        displaced = (by or self.patch.displace_roughly)(change)
         if self._give:
             displaced -= np.float32(self._give * float(change.sum(dtype=np.float64)))
         return displaced
@@ -347,6 +348,12 @@ class ActiveSet:
     def _exceeds(self) -> bool:
         """Return whether bodies that counted as elastic exceed the hardness."""
         return not self._yields and float(self.pressure.max()) > self.hardness
+
+    def _correction(self) -> Field:
+        """Return the preconditioned residual on the set that was taken last, zero elsewhere."""
+        correction = np.zeros_like(self.residual)
+        self.patch.spread(self.patch.correct(self.patch.in_contact(self.residual)), correction)
+        return correction
 
     def expect_yielding(self) -> None:
         """Let bodies yield from the start, whatever their first pressures are."""
@@ -471,8 +478,7 @@ class ActiveSet:
                 return
             free = touching & (self.pressure < self._most_pressure)
             self.patch.take_contact(free)
-            self.patch.in_contact(self.residual)
-            pressure = np.maximum(self.pressure + self.patch.correct(), 0)
+            pressure = np.maximum(self.pressure + self._correction(), 0)
             if step == 0 and self._excess(pressure) > MOSTLY_ELASTIC:
                 self._yields = True
             limit = self._most_pressure
@@ -516,8 +522,7 @@ class ActiveSet:
                 return
             last, before = largest, self.pressure
             self.patch.take_contact(self.touching() & (before < self._most_pressure))
-            self.patch.in_contact(self.residual)
-            ahead = before + np.float32(APPROACH) * self.patch.correct()
+            ahead = before + np.float32(APPROACH) * self._correction()
             ahead = np.clip(ahead, 0, self._most_pressure)
             self._carry(ahead)
             self.pressure = ahead
@@ -736,39 +741,40 @@ class ActiveSet:
         convolution yields it at no extra cost.
         """
         patch, residual, (reduction, floor) = self.patch, self.residual, goals
-        base = self.pressure.astype(np.float32)
-        weights = base if yielded is None else base * patch.contact
-        if self.load is not None and not weights.any():
-            weights = patch.contact.copy()
-        carried = float(weights.sum(dtype=np.float64))
-        image, stiffness = self._deflation(weights, yielded)
-        if self.load is not None and carried > 0:
-            self._level(weights, carried)
-        direction, change = np.zeros_like(residual), np.zeros_like(residual)
-        previous, goal = math.inf, 0.0
+        base = patch.in_contact(self.pressure).astype(np.float32)
+        if self.load is not None and not base.any():
+            base = patch.in_contact(np.ones_like(residual))
+        carried = float(base.sum(dtype=np.float64)) if self.load is not None else 0.0
+        image, stiffness = self._deflation(base, yielded)
+        direction, change = np.zeros_like(base), np.zeros_like(base)
+        previous, goal, mean = math.inf, 0.0, 0.0
         bounded = self._yields and self.load is None and patch.count == residual.size
         while self.effort.iterations < self.most:
-            largest = patch.in_contact(residual)
+            here = patch.in_contact(residual)
+            if carried:
+                mean = _inner(base, here) / carried
+                here -= np.float32(mean) if here.ndim == 1 else np.float32(mean) * patch.contact
+            largest = max(float(here.max()), -float(here.min())) if here.size else 0.0
             if not largest > floor:
                 break
             goal = goal or reduction * largest
             if largest <= goal:
-                if checked and self._has_to_change(base + change, yielded, floor, largest):
+                if checked and self._has_to_change(base + change, yielded, floor, largest, mean):
                     break
                 goal = max(reduction * goal, floor)
-            along = _inner(residual, weights) if stiffness else 0.0
-            correction = patch.correct()
-            if self.load is not None:  # corrections carry no load in all
-                correction -= np.float32(correction.sum(dtype=np.float64) / carried) * weights
+            along = _inner(here, base) if stiffness else 0.0
+            correction = patch.correct(here)
+            if carried:  # corrections carry no load in all
+                correction -= np.float32(correction.sum(dtype=np.float64) / carried) * base
             elif stiffness:  # corrections are conjugate to the pressure
                 along -= _inner(correction, image)
-                correction += np.float32(along / stiffness) * weights
-            product = _inner(residual, correction)
+                correction += np.float32(along / stiffness) * base
+            product = _inner(here, correction)
             direction *= np.float32(product / previous)
             direction += correction
             previous = product
-            moved = self._displace(direction)
-            curvature = _inner(direction, moved)
+            moved = self._displace(direction, patch.displace_by)
+            curvature = _inner(direction, patch.in_contact(moved))
             if not (product > 0 and curvature > 0):  # only rounding is left
                 break
             length = np.float32(product / curvature)
@@ -778,11 +784,14 @@ class ActiveSet:
             residual -= moved
             change += length * direction
             self.effort += Effort(iterations=1)
-            if self.load is not None:
-                self._level(weights, carried)
-            elif length < product / curvature * 0.999:
+            if bounded and length < product / curvature * 0.999:
                 break  # a uniform pressure displaces nothing without edges: all nodes may yield
-        self.pressure = self.pressure + change
+        if carried:
+            mean = _inner(base, patch.in_contact(residual)) / carried
+            residual -= np.float32(mean)
+            self.shift -= mean
+        self.pressure = self.pressure.copy()
+        patch.add_to(self.pressure, change)
 
     def _deflation(self, weights: Real, yielded: Mask | None) -> tuple[Real, float]:
         """Return the displacement by an elastic pressure on the free nodes, and their product.
@@ -793,27 +802,29 @@ class ActiveSet:
         """
         if self.load is not None or (yielded is not None and yielded.any()):
             return weights, 0.0
-        image = (self.below + self.shift - self.residual).astype(np.float32)
+        interference = self.patch.in_contact(self.below + self.shift)
+        image = (interference - self.patch.in_contact(self.residual)).astype(np.float32)
         stiffness = _inner(weights, image)
-        image *= self.patch.contact
         return image, stiffness if stiffness > 0 else 0.0
 
     def _has_to_change(
-        self, pressure: Real, yielded: Mask | None, floor: float, largest: float
+        self, pressure: Real, yielded: Mask | None, floor: float, largest: float, mean: float
     ) -> bool:
         """Return whether a set has to change: by tension, penetration outside, excess or
         opening.
+
+        The residual is above its true value by the mean.
         """
         if pressure.min() < 0:
             return True
         outside = self.residual * self.patch.outside
         if yielded is None:
-            return bool(outside.max() > floor)
-        if (pressure * self.patch.contact).max() > self.hardness:
+            return bool(outside.max() > floor + mean)
+        if pressure.max() > self.hardness:
             return True
-        if -float((outside * yielded).min()) > max(floor, largest):
+        if -float((outside * yielded).min()) > max(floor, largest) - mean:
             return True
-        return bool((outside * ~yielded).max() > floor)
+        return bool((outside * ~yielded).max() > floor + mean)
 
     @on_one_blas_thread()
     def _solve_few_free(self) -> bool:
@@ -855,9 +866,9 @@ class ActiveSet:
             following &= ahead < self.hardness
         patch.take_contact(following)
         if share:
-            patch.in_contact(self.residual)
             share *= ADVANCE_YIELDING if self._yields else ADVANCE
-            ahead += np.float32(share) * patch.correct()
+            residual = patch.in_contact(self.residual)
+            patch.add_to(ahead, np.float32(share) * patch.correct(residual))
             np.maximum(ahead, 0, out=ahead)
         if self._yields:
             np.minimum(ahead, np.maximum(pressure, BELOW_HARDNESS * self.hardness), out=ahead)
@@ -977,4 +988,6 @@ def cut_to_load(pressure: Field, load: float, hardness: float = math.inf) -> Fie
 
 def _inner(a: Real, b: Real) -> float:
     """Compute an inner product of fields without BLAS, row by row, then in double precision."""
+    if a.ndim == 1:
+        return float((a * b).sum(dtype=np.float64))
     return float(np.einsum("ij,ij->i", a, b).sum(dtype=np.float64))
