@@ -45,6 +45,10 @@ AIM, REACHED = 0.9, 0.8
 # single precision carries about seven digits.
 ROUNDING = 1e-6
 
+# Violation, over the displacement, from which a round is ended by an exact residual instead of one
+# in single precision, where that is needed next.
+POLISHED = 0.02
+
 # Exact residuals in a row, none below half of the smallest, after which only rounding is left.
 IDLE = 5
 
@@ -173,8 +177,6 @@ class ActiveSet:
         Bound on the iterations.
     least : float
         Displacement that the tolerance refers to while a load has brought none.
-    reference : float or None
-        Displacement that the tolerance refers to whatever the load brings.
     give : float
         How far a compliant far field gives way under a unit load, 0 if it is rigid: one term of
         the matrix, H - give [unit of displacement / reduced load].
@@ -212,7 +214,6 @@ class ActiveSet:
     ) -> None:
         self.patch, self.below, self.load, self.hardness = patch, below, load, hardness
         self.rtol, self.most, self._least, self._give = rtol, most, least, give
-        self.reference: float | None = None
         self._yields = False  # bodies count as elastic until the hardness is certain to be exceeded
         self.pressure = np.zeros(below.shape)
         self.shift = 0.0 if shift is None else shift
@@ -227,12 +228,20 @@ class ActiveSet:
         """Largest pressure allowed now."""
         return self.hardness if self._yields else math.inf
 
+    @property
+    def _soft(self) -> bool:
+        """Whether a displacement barely fixes the load: on a compliant far field near Delta*, or
+        without edges near full contact.
+        """
+        rigid = self._give == 0 and self.patch.boundary == "free"
+        return self.load is None and not self._yields and not rigid
+
     # What there is
 
     @property
     def tolerance(self) -> float:
         """Largest violation accepted [unit of displacement]."""
-        return self.rtol * (self.reference or (self.shift if self.shift > 0 else self._least))
+        return self.rtol * (self.shift if self.shift > 0 else self._least)
 
     def exact_violation(self) -> Violation:
         """Measure the departures in double precision, after `renew`."""
@@ -321,20 +330,6 @@ class ActiveSet:
             self.residual += np.float32(self.shift)
         else:
             self.shift = 0.0
-            self._balance()
-
-    def reload(self, load: float) -> None:
-        """Take another load: scale the pressure and what it displaces."""
-        assert self.load is not None
-        before, self.load = self.pressure, load
-        factor = load / float(before.sum())
-        self.pressure = factor * before
-        interference = self.below + self.shift
-        self.residual = (interference * (1 - factor) + factor * self.residual).astype(np.float32)
-        self.exact = False
-        if float(self.pressure.max()) > self._most_pressure:
-            self.begin(self.pressure)
-        else:
             self._balance()
 
     def _excess(self, pressure: Real) -> float:
@@ -640,8 +635,8 @@ class ActiveSet:
                     self._descend()
                 smallest, patience, following = math.inf, PATIENCE, False
             yielded = self._take_sets(violation, floor, following, slowly=patience <= PATIENCE // 2)
-            polishing = ROUNDING * renewed > self.tolerance / 2 >= ROUNDING * violation.largest
-            damped = patience <= PATIENCE - DAMPED
+            polishing = ROUNDING * renewed > self.tolerance / 2 and violation.largest <= POLISHED
+            damped = self._soft or patience <= PATIENCE - DAMPED
             following = self._round(yielded, (reduction, REACHED * floor), damped, polishing)
             energy, last = self._energy(), energy
             reduction *= TIGHTENING if energy > last else 1.0
@@ -683,7 +678,7 @@ class ActiveSet:
         Returns whether a step ahead was taken on the next set.
         """
         start = self.pressure, self.residual.copy(), self.shift
-        energy = self._energy() if self._give else 0.0
+        energy = self._energy() if damped else 0.0
         dense = self._yields and self._solve_few_free()
         solved = self.pressure
         if not dense:
@@ -700,14 +695,11 @@ class ActiveSet:
         if polishing and not self._yields:
             self.renew()
             return True
-        if damped:
-            self._damp(*start)
-        else:
-            self.residual -= self._displace(ahead - solved)
-            if self._give:
-                self._rescale()
-                if self._energy() > energy:
-                    self._damp(*start)
+        self.residual -= self._displace(ahead - solved)
+        if self._soft:
+            self._rescale()
+        if damped and self._energy() > energy:
+            self._shorten(*start, self.pressure if dense else solved)
         self._balance()
         return changed
 
@@ -900,18 +892,24 @@ class ActiveSet:
                 break
         return np.minimum(np.where(yielded, self.hardness, factor * free), self.hardness)
 
-    def _damp(self, pressure: Field, residual: Real, shift: float) -> None:
-        """Go from an earlier pressure towards the present one no farther than the energy falls."""
-        change = self.pressure - pressure
-        image = self._displace(change)
+    def _shorten(self, pressure: Field, residual: Real, shift: float, solved: Field) -> None:
+        """Take a shorter step from an earlier pressure towards the one that equations gave.
+
+        Its length is that of the least energy on the line to the present pressure, but it goes
+        along the bounds, so that nodes leave the contact.
+        """
+        change, image = self.pressure - pressure, residual - self.residual
+        if self.load is not None:
+            image = image + np.float32(self.shift - shift)
         slope, curvature = _inner(residual, change), _inner(change, image)
-        step = slope / curvature if curvature > 0 else 1.0
-        step = 1.0 if step >= 0.5 else max(step, 0.0)  # beyond twice the best step it rises
+        step = min(max(slope / curvature, 0.0), 1.0) if curvature > 0 else 1.0
+        self.pressure = np.clip(pressure + step * (solved - pressure), 0, self._most_pressure)
+        self._carry(self.pressure)
+        self._snap()
         self.shift = shift
-        self.residual = residual - np.float32(step) * image
-        if step < 1:
-            self.pressure = pressure + step * change
-            self._snap()
+        self.residual = residual - self._displace(self.pressure - pressure)
+        if self._soft:
+            self._rescale()
 
     def _snap(self) -> None:
         """Take pressures that rounding left just beside zero or the hardness to it."""

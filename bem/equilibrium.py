@@ -45,16 +45,8 @@ DEEPEST = 1e10
 # Displacement, over the unit of length, that the tolerance refers to while a load has brought none.
 LEAST = 1e-3
 
-# Largest violation [Delta] of first steps, or of a start, from which a displacement without edges
-# is solved at once, and the iterations of that solve.
-CLOSE, CLOSE_ITERATIONS = 0.15, 25
-
 # Largest residual [Delta] of a start that is better than none.
 FARTHEST = 10.0
-
-# Trial loads at most, the tolerance of the first of them, and the longest step of the load's
-# logarithm.
-TRIALS, TRIAL_RTOL, LONGEST_STEP = 60, 2e-2, 1.0
 
 # Tolerance of a flat punch, close to rounding because every compliant solve uses it.
 FLAT_PUNCH_RTOL, FLAT_PUNCH_ITERATIONS = 1e-13, 10_000
@@ -242,7 +234,9 @@ def _solve_densely(problem: Problem, touching: "Overlap", delta: float) -> Equil
     nodes = touching.nodes[np.argsort(-below[touching.nodes], kind="stable")]
     try:
         with np.errstate(over="raise"):
-            factor = ContactFactor(lambda some: matrix.among(some) - give, nodes)  # elastic bodies, to the last bit
+            factor = ContactFactor(
+                lambda some: matrix.among(some) - give, nodes
+            )  # elastic bodies, to the last bit
             solution = factor.solve(interference, load, sets)
             if float(solution.pressure.max()) > hardness:
                 factor = ContactFactor(matrix.among, nodes, hardness)
@@ -376,13 +370,6 @@ def _at_displacement(problem: Problem, near: Start | None) -> Equilibrium:
     if near is None:
         solve.take_first_steps(patch.few / 2)
         settled = solve.settle_few()
-    if whole and problem.hardness is None and not settled:
-        if solve.violation().largest > CLOSE:
-            return _through_loads(problem, solve)
-        solve.most = min(solve.effort.iterations + CLOSE_ITERATIONS, problem.max_iterations)
-        if not solve.run() and solve.most < problem.max_iterations:
-            return _through_loads(problem, solve)
-        settled = True
     if not settled:
         solve.run()
     solve.effort += spent
@@ -594,111 +581,6 @@ def _between(values: Field, axis: int, nodes: int) -> Field:
     filled[1 : 2 * inner : 2] += here[1 : inner + 1]
     filled[1 : 2 * inner : 2] /= 2
     return np.moveaxis(filled, 0, axis)
-
-
-# Displacements through loads
-
-
-def _through_loads(problem: Problem, start: ActiveSet) -> Equilibrium:
-    """Find the load whose displacement is the given one, for elastic bodies without edges.
-
-    Secants on a scale on which that displacement rises nearly as the logarithm of the load.
-    """
-    delta = problem.delta
-    assert delta is not None
-    touching = _whole(problem, delta)
-    load = float(start.pressure.sum())
-    search = _Loads(problem, touching.below, load)
-    solve = _new(problem, Patch.of(problem), touching.below, delta, load=search.load)
-    if not load > 0:
-        force = search.load * delta * problem.modulus * problem.spacing[1]
-        guess = replace(problem, delta=None, force=force)
-        solve.begin(_first_pressure(guess, solve.patch, touching.below, search.load)[0])
-        solve.approach()
-    else:
-        solve.effort = start.effort
-        solve.begin(start.pressure)
-    solve.rtol, solve.reference, excess = TRIAL_RTOL, 1.0, math.inf
-    for _ in range(TRIALS):
-        solve.run()
-        excess = solve.shift - 1
-        tight = solve.rtol <= problem.rtol / 2
-        if (tight and abs(excess) <= problem.rtol / 4) or solve.effort.iterations >= solve.most:
-            break
-        solve.rtol = max(min(solve.rtol, abs(excess) / 10), problem.rtol / 4)
-        error = solve.violation().largest
-        if abs(excess) > problem.rtol / 8 and not search.follow(excess, error):
-            search.forget()  # trials have led astray, as loose as they were
-            solve.rtol = max(solve.rtol / 100, problem.rtol / 4)
-        solve.reload(search.load)
-    solve.residual -= np.float32(excess)
-    solve.shift -= excess
-    return replace(_result(problem, solve, touching, delta), approach=delta)
-
-
-class _Loads:
-    """Trial loads, each from the displacements of those before.
-
-    Attributes
-    ----------
-    load : float
-        The load to try next [reduced].
-    """
-
-    def __init__(self, problem: Problem, below: Field, load: float) -> None:
-        # The mean gap of elastic bodies without edges falls exponentially with the load (Persson
-        # 2007).
-        self._depth = -float(below.mean()) if problem.boundary != "free" else math.inf
-        self._low, self._high = 0.0, math.inf
-        self._slope = float(below.std()) / 2
-        if self._depth < math.inf:
-            self._slope /= self._depth - 1
-        self._last: tuple[float, float] | None = None
-        self._least = math.inf
-        self.load = self._here = load if load > 0 else 0.5
-
-    def _scaled(self, excess: float) -> float:
-        """Return an excess on a scale on which it rises nearly as the logarithm of the load."""
-        if self._depth == math.inf:
-            return excess
-        share = 1 - excess / (self._depth - 1)
-        return -math.log(share) if share > 0 else math.inf
-
-    def forget(self) -> None:
-        """Forget all trials but the last load."""
-        self._low, self._high, self._last, self._least = 0.0, math.inf, None, math.inf
-        self.load = self._here
-
-    def follow(self, excess: float, error: float) -> bool:
-        """Choose the next load; return False if no other is left.
-
-        Parameters
-        ----------
-        excess : float
-            Displacement under the last load less the one wanted [the one wanted].
-        error : float
-            Largest violation under that load: a smaller excess does not tell on which side it is.
-        """
-        self._here = here = self.load
-        value = self._scaled(excess)
-        if excess > error:
-            self._high = min(self._high, here)
-        elif excess < -error:
-            self._low = max(self._low, here)
-        if self._last is not None and math.isfinite(value) and math.log(here) != self._last[0]:
-            slope = (value - self._last[1]) / (math.log(here) - self._last[0])
-            self._slope = slope if slope > 0 else self._slope
-        if math.isfinite(value):
-            self._last = math.log(here), value
-        step = value / self._slope if self._slope > 0 else math.copysign(math.inf, value)
-        self.load = here * math.exp(-min(max(step, -LONGEST_STEP), LONGEST_STEP))
-        slow = abs(excess) > self._least / 2
-        self._least = min(self._least, abs(excess))
-        between = self._low > 0 and self._high < math.inf
-        if not self._low < self.load < self._high or (slow and between):
-            middle = math.sqrt(self._low * self._high) if self._low else self._high / 2
-            self.load = middle if self._high < math.inf else 2 * self._low
-        return self.load != here and self._low < self.load < self._high
 
 
 # The compliant far field
