@@ -49,6 +49,9 @@ ROUNDING = 1e-6
 # in single precision, where that is needed next.
 POLISHED = 0.02
 
+# Share of the contact that leaves in one round at most where a displacement barely fixes the load.
+MOST_LEAVING = 0.4
+
 # Exact residuals in a row, none below half of the smallest, after which only rounding is left.
 IDLE = 5
 
@@ -265,6 +268,17 @@ class ActiveSet:
         penetration = float((residual * ~yielded).max())
         return Violation(max(penetration, 0.0), max(gap, 0.0), max(opening, 0.0))
 
+    def worthless(self, farthest: float) -> bool:
+        """Return whether no pressure at all is a better start than this one.
+
+        Parameters
+        ----------
+        farthest : float
+            Largest violation of a start that is better than none [unit of displacement].
+        """
+        work = _inner(self.pressure, self.below + self.shift)
+        return not (work > 0 and self.violation().largest <= farthest)
+
     def depth(self) -> float:
         """Return the largest penetration of a node at the hardness: the depth that it has
         yielded.
@@ -452,9 +466,10 @@ class ActiveSet:
             return
         interference = self.below + self.shift
         stiffness = _inner(self.pressure, interference - self.residual)
-        if not stiffness > 0:
+        work = _inner(self.pressure, interference)
+        if not (stiffness > 0 and work > 0):
             return
-        factor = _inner(self.pressure, interference) / stiffness
+        factor = work / stiffness
         self.pressure = factor * self.pressure
         self.residual = (interference * (1 - factor) + factor * self.residual).astype(np.float32)
 
@@ -683,6 +698,8 @@ class ActiveSet:
         solved = self.pressure
         if not dense:
             self._solve_free(yielded, goals)
+            if self._soft:
+                self._hold_back(*start[:2])
             solved = self.pressure
         ahead = self._between_bounds(yielded, 0.0 if dense else 1.0)
         changed = ahead is not None
@@ -730,7 +747,8 @@ class ActiveSet:
 
         The set is checked whenever the residual has fallen by the first of the goals; a residual
         below the second ends the stage. The residual of all nodes is updated, because the
-        convolution yields it at no extra cost.
+        convolution yields it at no extra cost. On all nodes of a patch without edges a uniform
+        pressure displaces nothing, so that a stage ends with the first pressure out of bounds.
         """
         patch, residual, (reduction, floor) = self.patch, self.residual, goals
         base = patch.in_contact(self.pressure).astype(np.float32)
@@ -740,7 +758,8 @@ class ActiveSet:
         image, stiffness = self._deflation(base, yielded)
         direction, change = np.zeros_like(base), np.zeros_like(base)
         previous, goal, mean = math.inf, 0.0, 0.0
-        bounded = self._yields and self.load is None and patch.count == residual.size
+        singular = self.load is None and patch.singular
+        bounded = self._yields and singular
         while self.effort.iterations < self.most:
             here = patch.in_contact(residual)
             if carried:
@@ -776,8 +795,8 @@ class ActiveSet:
             residual -= moved
             change += length * direction
             self.effort += Effort(iterations=1)
-            if bounded and length < product / curvature * 0.999:
-                break  # a uniform pressure displaces nothing without edges: all nodes may yield
+            if singular and (length < product / curvature * 0.999 or (base + change).min() < 0):
+                break
         if carried:
             mean = _inner(base, patch.in_contact(residual)) / carried
             residual -= np.float32(mean)
@@ -891,6 +910,21 @@ class ActiveSet:
             if factor == last:
                 break
         return np.minimum(np.where(yielded, self.hardness, factor * free), self.hardness)
+
+    def _hold_back(self, pressure: Field, residual: Real) -> None:
+        """Go back towards an earlier pressure until no more than a share of the contact leaves.
+
+        Where a displacement barely fixes the load, equations on a set that is too large let all of
+        it go.
+        """
+        leaving = self.pressure < 0
+        most = int(MOST_LEAVING * self.patch.count)
+        if np.count_nonzero(leaving) <= most:
+            return
+        before, after = pressure[leaving], self.pressure[leaving]
+        step = float(np.partition(before / (before - after), most)[most])
+        self.pressure = pressure + step * (self.pressure - pressure)
+        self.residual = residual + np.float32(step) * (self.residual - residual)
 
     def _shorten(self, pressure: Field, residual: Real, shift: float, solved: Field) -> None:
         """Take a shorter step from an earlier pressure towards the one that equations gave.

@@ -133,6 +133,11 @@ class Patch:
         """Compute the (nx, ny) displacement to 1e-7; the next call overwrites it."""
         return filtered(self._single, pressure)
 
+    @property
+    def singular(self) -> bool:
+        """Whether the set that was taken last is all of a patch without edges."""
+        return self.boundary != "free" and self.count == self.shape[0] * self.shape[1]
+
     def take_contact(self, nodes: Mask) -> None:
         """Take a set of nodes, an (nx, ny) mask, for `in_contact` and `correct`."""
         self.count = int(np.count_nonzero(nodes))
