@@ -87,7 +87,7 @@ NEAR, NEARER, FIRST_STEPS = 5e-3, 0.7, 4
 
 # Share of the preconditioned residual that a first step under a load adds: eigenvalues between 1
 # and 2 then leave a third of an error at most.
-APPROACH = 2 / 3
+APPROACH = 0.55
 
 # Nodes outside with the smallest gaps that are factorised with a contact set, as its share, and the
 # exact residuals that are computed before iterations take over.
@@ -110,8 +110,9 @@ FEW_FREE = 0.4
 # takes about a quarter of a step of conjugate gradients with its preconditioner.
 OVER, CHECKED, PASSES = 1.6, 10, 4
 
-# Relative distance from the hardness at which a node of a start counts as yielded.
-CLOSE_TO_HARDNESS = 1e-9
+# Distance from zero or the hardness, over the hardness, at which a pressure of a start or of a
+# splitting is taken to be there.
+CLOSE = 1e-9
 
 # Share of a load that is lost to rounding.
 LOST = 1e-12
@@ -326,7 +327,7 @@ class ActiveSet:
         displacement : ndarray, shape (nx, ny), optional
             Displacement by it, nan where it is not known; it saves a convolution.
         """
-        at_hardness = float(pressure.max()) >= self.hardness * (1 - CLOSE_TO_HARDNESS)
+        at_hardness = float(pressure.max()) >= self.hardness * (1 - CLOSE)
         if self._excess(pressure) > MOSTLY_ELASTIC or at_hardness:
             self._yields = True
         self.pressure = np.minimum(pressure, self._most_pressure)
@@ -522,13 +523,14 @@ class ActiveSet:
         if (self.pressure < before).any():
             self.residual -= self._displace(self.pressure - before)
 
-    def approach(self) -> None:
-        """Take preconditioned steps between the bounds under a load, while they come nearer
-        fast.
+    def approach(self, enough: float = 0.0) -> None:
+        """Take preconditioned steps between the bounds under a load, while they come nearer fast.
+
+        None is taken once the contact set is as small as `enough`.
         """
         largest = self.violation().largest
         for _ in range(FIRST_STEPS):
-            if largest <= NEAR * self.shift:
+            if largest <= NEAR * self.shift or np.count_nonzero(self.touching()) <= enough:
                 return
             last, before = largest, self.pressure
             self.patch.take_contact(self.touching() & (before < self._most_pressure))
@@ -945,11 +947,11 @@ class ActiveSet:
         if self._soft:
             self._rescale()
 
-    def _snap(self) -> None:
+    def _snap(self, share: float = LOST) -> None:
         """Take pressures that rounding left just beside zero or the hardness to it."""
         if self._yields:
-            self.pressure[self.pressure < LOST * self.hardness] = 0
-            self.pressure[self.pressure > (1 - LOST) * self.hardness] = self.hardness
+            self.pressure[self.pressure < share * self.hardness] = 0
+            self.pressure[self.pressure > (1 - share) * self.hardness] = self.hardness
 
     def _descend(self) -> None:
         """Take projected gradients, of which each lowers the energy for certain."""
@@ -988,6 +990,7 @@ class ActiveSet:
             if number % CHECKED == 0 and within.any():
                 self.effort += Effort(convolutions=CHECKED)
                 self.pressure = within.copy()
+                self._snap(CLOSE)
                 self.renew()
                 if self.violation().largest <= self.tolerance:
                     break
@@ -1003,18 +1006,26 @@ class ActiveSet:
 
 
 def cut_to_load(pressure: Field, load: float, hardness: float = math.inf) -> Field:
-    """Return p - c between zero and the hardness with the constant c that leaves a load."""
-    high = float(pressure.max())
-    low = high - load if hardness == math.inf else float(pressure.min()) - hardness
-    low = max(low, float(pressure.sum() - load) / pressure.size) if hardness == math.inf else low
-    for _ in range(60):
-        middle = (low + high) / 2
-        if not low < middle < high:
-            break
-        if np.clip(pressure - middle, 0, hardness).sum() > load:
-            low = middle
-        else:
-            high = middle
+    """Return p - c between zero and the hardness with the constant c that leaves a load.
+
+    The load falls with c along straight lines between the pressures, and those less the hardness.
+    """
+    values = np.sort(pressure, axis=None)[::-1]
+    sums = np.cumsum(values)
+    # With c at the k-th largest pressure and no hardness, the larger ones carry this load.
+    carried = sums - values * np.arange(1, values.size + 1)
+    many = int(np.searchsorted(carried, load, side="right"))
+    low = (float(sums[many - 1]) - load) / many
+    if hardness < math.inf:
+        low, high = float(values[-1]) - hardness, low
+        for _ in range(60):
+            middle = (low + high) / 2
+            if not low < middle < high:
+                break
+            if np.clip(pressure - middle, 0, hardness).sum() > load:
+                low = middle
+            else:
+                high = middle
     return np.clip(pressure - low, 0, hardness)
 
 

@@ -482,7 +482,7 @@ def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
         if closed:
             return _full_contact(problem, pressure, length)
         solve.begin(pressure)
-        solve.approach()
+        solve.approach(patch.few / 2)
     if near is not None or not solve.settle_few():
         solve.run()
     solve.effort += spent

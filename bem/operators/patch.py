@@ -143,7 +143,7 @@ class Patch:
         self.count = int(np.count_nonzero(nodes))
         self._listed = None
         if self.count <= LISTED * nodes.size:
-            rows, columns = np.nonzero(nodes)
+            rows, columns = np.divmod(np.flatnonzero(nodes), self.shape[1])
             self._listed = rows, columns
         self.contact[:] = nodes
         np.subtract(1, self.contact, out=self.outside)
