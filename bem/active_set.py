@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bem.arrays import Field, Mask, Nodes, Real
+from bem.arrays import Field, Mask, Nodes, Real, Values
 from bem.dense import MOST_SETS, ContactFactor
 from bem.operators.filters import filtered
 from bem.operators.patch import Patch
@@ -115,7 +115,7 @@ OVER, CHECKED, PASSES = 1.6, 10, 4
 CLOSE = 1e-9
 
 # Share of a load that is lost to rounding.
-LOST = 1e-12
+LOST = 1e-11
 
 
 class Effort(NamedTuple):
@@ -434,28 +434,44 @@ class ActiveSet:
     def _carry_within(self, pressure: Field) -> None:
         """Scale the free pressures; all of them where the yielded nodes alone carry too much."""
         assert self.load is not None
-        limit = BELOW_HARDNESS * self.hardness
+        limit, flat = BELOW_HARDNESS * self.hardness, pressure.reshape(-1)
+        loaded = np.flatnonzero(flat)
+        values = flat[loaded]
         for _ in range(6):  # each time more nodes are at the limit
-            yielded = pressure >= self.hardness
+            yielded = values >= self.hardness
             fixed = self.hardness * np.count_nonzero(yielded)
-            free = float(pressure[~yielded].sum())
+            before = values[~yielded]
+            free = float(before.sum())
             left = self.load - fixed
-            if left <= free / 2 and fixed + free >= self.load:
-                pressure *= self.load / (fixed + free)
+            if left < 0:
+                order = np.argsort(self.residual.reshape(-1)[loaded], kind="stable")
+                over, taken = fixed + free - self.load, values[order]
+                values[order] -= np.minimum(taken, np.maximum(over - (np.cumsum(taken) - taken), 0))
+                flat[loaded] = values
                 return
             if not free > 0:
                 break
-            before = pressure[~yielded]
             scaled = before * (left / free)
-            pressure[~yielded] = np.minimum(scaled, np.maximum(before, limit))
+            values[~yielded] = np.minimum(scaled, np.maximum(before, limit))
             if not (scaled > np.maximum(before, limit)).any():
+                flat[loaded] = values
                 return
-        missing = self.load - float(pressure.sum())
-        if missing > LOST * self.load:  # the nodes next to touch take what is left
-            order = np.argsort(-self.residual, axis=None, kind="stable")
-            room = self.hardness - pressure.reshape(-1)[order]
-            taken = np.minimum(room, np.maximum(missing - (np.cumsum(room) - room), 0))
-            pressure.reshape(-1)[order] += taken
+        flat[loaded] = values
+        missing = self.load - float(values.sum())
+        if missing > LOST * self.load:
+            self._load_next(flat, missing)
+
+    def _load_next(self, pressure: Values, missing: float) -> None:
+        """Put load that is missing on the nodes next to touch, as far as the hardness allows."""
+        below = np.flatnonzero(pressure < self.hardness)
+        gaps, most = -self.residual.reshape(-1)[below], math.ceil(missing / self.hardness)
+        most += np.count_nonzero(pressure[below])
+        if most < below.size:
+            below = below[np.argpartition(gaps, most)[: most + 1]]
+            gaps = -self.residual.reshape(-1)[below]
+        order = below[np.argsort(gaps, kind="stable")]
+        room = self.hardness - pressure[order]
+        pressure[order] += np.minimum(room, np.maximum(missing - (np.cumsum(room) - room), 0))
 
     def _rescale(self) -> None:
         """Scale an elastic pressure at a given displacement to the least energy.

@@ -483,7 +483,7 @@ def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
             return _full_contact(problem, pressure, length)
         solve.begin(pressure)
         solve.approach(patch.few / 2)
-    if near is not None or not solve.settle_few():
+    if not solve.settle_few():
         solve.run()
     solve.effort += spent
     return _result(problem, solve, touching, length)
