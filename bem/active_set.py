@@ -15,16 +15,23 @@ projected gradients lower it for certain (Bertsekas 1976), so that every solve e
 """
 
 import math
-from collections.abc import Callable
-from itertools import count
-from typing import NamedTuple
+from functools import partial
 
 import numpy as np
 
-from bem.arrays import Field, Mask, Nodes, Real, Values
+from bem.arrays import Field, Mask, Nodes, Real
 from bem.dense import MOST_SETS, ContactFactor
+from bem.iterate import (
+    BELOW_HARDNESS,
+    CERTAIN,
+    CLOSE,
+    Effort,
+    Iterate,
+    Violation,
+    cut_to_load,
+    inner,
+)
 from bem.operators.filters import filtered
-from bem.operators.patch import Patch
 from bem.sections import on_one_blas_thread
 
 # Factor by which conjugate gradients reduce the residual before the sets are checked, and the
@@ -67,27 +74,8 @@ FREED, FREED_SLOWLY = 0.1, 0.7
 # nearer to equilibrium: more tension means too much load, under which gaps open everywhere.
 LITTLE_TENSION = 0.1
 
-# Largest pressure of free nodes, over the hardness, after a step ahead: such steps overestimate,
-# and conjugate gradients decide which nodes yield.
-BELOW_HARDNESS = 0.9999
-
 # Largest factor on the free pressures for the load that capping takes off their neighbours.
 LARGEST_SCALE = 2.0
-
-# Share of a step's load at the hardness from which a first step is damped instead of scaled.
-MOSTLY_CAPPED = 0.9
-
-# Share of a first pressure's load above the hardness up to which bodies count as elastic, and the
-# violation, over the displacement, at which a pressure above the hardness will stay there.
-MOSTLY_ELASTIC, CERTAIN = 0.02, 1e-2
-
-# Violation, over the displacement, from which no further first step is taken, and the share of the
-# last one below which another one follows: each costs a convolution, a stage about twice as much.
-NEAR, NEARER, FIRST_STEPS = 5e-3, 0.7, 4
-
-# Share of the preconditioned residual that a first step under a load adds: eigenvalues between 1
-# and 2 then leave a third of an error at most.
-APPROACH = 0.55
 
 # Nodes outside with the smallest gaps that are factorised with a contact set, as its share, and the
 # exact residuals that are computed before iterations take over.
@@ -110,455 +98,9 @@ FEW_FREE = 0.4
 # takes about a quarter of a step of conjugate gradients with its preconditioner.
 OVER, CHECKED, PASSES = 1.6, 10, 4
 
-# Distance from zero or the hardness, over the hardness, at which a pressure of a start or of a
-# splitting is taken to be there.
-CLOSE = 1e-9
 
-# Share of a load that is lost to rounding.
-LOST = 1e-11
-
-
-class Effort(NamedTuple):
-    """The work that a solve has taken; efforts add up.
-
-    Attributes
-    ----------
-    iterations : int
-        Steps of conjugate gradients, and sets of dense algebra.
-    convolutions : int
-        Applications of the influence matrix.
-    """
-
-    iterations: int = 0
-    convolutions: int = 0
-
-    def __add__(self, other: "Effort") -> "Effort":  # type: ignore[override]
-        """Return the sum of both efforts."""
-        return Effort(self.iterations + other.iterations, self.convolutions + other.convolutions)
-
-
-class Violation(NamedTuple):
-    """The largest departures from equilibrium [unit of displacement].
-
-    Attributes
-    ----------
-    penetration : float
-        Of nodes below the hardness.
-    gap : float
-        Of nodes under pressure below the hardness.
-    opening : float
-        Gap of nodes at the hardness, whose pressure ought to be lower.
-    """
-
-    penetration: float
-    gap: float
-    opening: float
-
-    @property
-    def largest(self) -> float:
-        """The largest of them."""
-        return max(self)
-
-
-class ActiveSet:
-    """A pressure on all nodes of a grid on its way to equilibrium.
-
-    Parameters
-    ----------
-    patch : Patch
-        The influence matrix.
-    below : ndarray, shape (nx, ny)
-        Interference u at s = 0: heights less the highest [unit of displacement].
-    shift : float or None
-        Displacement s of the far field, None if the load is given.
-    load : float or None
-        Sum of the pressure, above 0, None if the displacement is given [reduced].
-    hardness : float
-        Largest pressure P, inf for elastic bodies [reduced].
-    rtol : float
-        Largest violation accepted, over the displacement s.
-    most : int
-        Bound on the iterations.
-    least : float
-        Displacement that the tolerance refers to while a load has brought none.
-    give : float
-        How far a compliant far field gives way under a unit load, 0 if it is rigid: one term of
-        the matrix, H - give [unit of displacement / reduced load].
-
-    Attributes
-    ----------
-    pressure : ndarray, shape (nx, ny)
-        Pressure, between the bounds whenever a method returns.
-    residual : ndarray of float32, shape (nx, ny)
-        u + s - H p: zero in contact, negative where a gap is open.
-    shift : float
-        Displacement s of the far field.
-    displacement : ndarray, shape (nx, ny), or None
-        H p of the last exact residual.
-    effort : Effort
-        Work so far.
-    exact : bool
-        Whether the residual was computed in double precision from this pressure.
-    stalled : bool
-        Whether rounding leaves no step that would come nearer to equilibrium.
-    """
-
-    def __init__(
-        self,
-        patch: Patch,
-        below: Field,
-        *,
-        shift: float | None = None,
-        load: float | None = None,
-        hardness: float = math.inf,
-        rtol: float,
-        most: int,
-        least: float = 0.0,
-        give: float = 0.0,
-    ) -> None:
-        self.patch, self.below, self.load, self.hardness = patch, below, load, hardness
-        self.rtol, self.most, self._least, self._give = rtol, most, least, give
-        self._yields = False  # bodies count as elastic until the hardness is certain to be exceeded
-        self.pressure = np.zeros(below.shape)
-        self.shift = 0.0 if shift is None else shift
-        self.residual: Real = (below + self.shift).astype(np.float32)
-        self.displacement: Field | None = None
-        self.effort = Effort()
-        self.exact, self.stalled = False, False
-        self._tension = 0.0
-
-    @property
-    def _most_pressure(self) -> float:
-        """Largest pressure allowed now."""
-        return self.hardness if self._yields else math.inf
-
-    @property
-    def _soft(self) -> bool:
-        """Whether a displacement barely fixes the load: on a compliant far field near Delta*, or
-        without edges near full contact.
-        """
-        rigid = self._give == 0 and self.patch.boundary == "free"
-        return self.load is None and not self._yields and not rigid
-
-    # What there is
-
-    @property
-    def tolerance(self) -> float:
-        """Largest violation accepted [unit of displacement]."""
-        return self.rtol * (self.shift if self.shift > 0 else self._least)
-
-    def exact_violation(self) -> Violation:
-        """Measure the departures in double precision, after `renew`."""
-        assert self.displacement is not None
-        given_way = self._give * float(self.pressure.sum())
-        return self._violation_of(self.below + (self.shift + given_way) - self.displacement)
-
-    def violation(self) -> Violation:
-        """Measure the departures from equilibrium."""
-        return self._violation_of(self.residual)
-
-    def _violation_of(self, residual: Real) -> Violation:
-        """Measure the departures from equilibrium that a residual shows."""
-        loaded = self.pressure > 0
-        if not self._yields:
-            gap = -float((residual * loaded).min())
-            return Violation(max(float(residual.max()), 0.0), max(gap, 0.0), 0.0)
-        yielded = self.pressure >= self.hardness
-        gap = -float((residual * (loaded & ~yielded)).min())
-        opening = -float((residual * yielded).min())
-        penetration = float((residual * ~yielded).max())
-        return Violation(max(penetration, 0.0), max(gap, 0.0), max(opening, 0.0))
-
-    def worthless(self, farthest: float) -> bool:
-        """Return whether no pressure at all is a better start than this one.
-
-        Parameters
-        ----------
-        farthest : float
-            Largest violation of a start that is better than none [unit of displacement].
-        """
-        work = _inner(self.pressure, self.below + self.shift)
-        return not (work > 0 and self.violation().largest <= farthest)
-
-    def depth(self) -> float:
-        """Return the largest penetration of a node at the hardness: the depth that it has
-        yielded.
-        """
-        return max(float((self.residual * (self.pressure >= self.hardness)).max()), 0.0)
-
-    def presumably_elastic(self) -> bool:
-        """Return whether bodies may yield, and no node is certain to have yielded."""
-        return self._yields and self.depth() <= self.tolerance
-
-    def touching(self) -> Mask:
-        """Return the nodes that are under pressure or would penetrate."""
-        touching: Mask = (self.pressure > 0) | (self.residual > 0)
-        return touching
-
-    def _energy(self) -> float:
-        """Compute p H p / 2 - p u, which is least for the solution."""
-        carried = float(self.pressure.sum()) if self.load is None else -self.load
-        return -_inner(self.pressure, self.below + self.residual) / 2 - self.shift * carried / 2
-
-    def _free_pressure(self) -> Field:
-        """Return the pressure of the nodes below the hardness, and zero at the others."""
-        if not self._yields:
-            return self.pressure
-        return np.where(self.pressure < self.hardness, self.pressure, 0.0)
-
-    # Pressures and what they displace
-
-    def _displace(self, change: Real, by: Callable[[Real], Real] | None = None) -> Real:
-        """Compute a displacement to 1e-7; the next call overwrites it."""
-        self.effort += Effort(convolutions=1)
-        self.exact = False
-        displaced = (by or self.patch.displace_roughly)(change)
-        if self._give:
-            displaced -= np.float32(self._give * float(change.sum(dtype=np.float64)))
-        return displaced
-
-    def begin(self, pressure: Field, displacement: Field | None = None) -> None:
-        """Start from a pressure that is not negative, brought to the bounds and to the load.
-
-        Parameters
-        ----------
-        pressure : ndarray, shape (nx, ny)
-            Pressure.
-        displacement : ndarray, shape (nx, ny), optional
-            Displacement by it, nan where it is not known; it saves a convolution.
-        """
-        at_hardness = float(pressure.max()) >= self.hardness * (1 - CLOSE)
-        if self._excess(pressure) > MOSTLY_ELASTIC or at_hardness:
-            self._yields = True
-        self.pressure = np.minimum(pressure, self._most_pressure)
-        self._snap()
-        carried = float(self.pressure.sum())
-        self._carry(self.pressure)
-        if displacement is None or self._yields or not np.isfinite(displacement).all():
-            displacement = self._displace(self.pressure)
-        elif self.load is not None:
-            displacement = displacement * (self.load / carried)
-        elif self._give:
-            displacement = displacement - self._give * carried
-        self.residual = (self.below - displacement).astype(np.float32)
-        if self.load is None:
-            self.residual += np.float32(self.shift)
-        else:
-            self.shift = 0.0
-            self._balance()
-
-    def _excess(self, pressure: Real) -> float:
-        """Return the share of a pressure's load that exceeds the hardness [1]."""
-        if self.hardness == math.inf:
-            return 0.0
-        carried = float(pressure.sum())
-        over = float(np.maximum(pressure - self.hardness, 0).sum())
-        return over / carried if carried > 0 else 0.0
-
-    def _exceeds(self) -> bool:
-        """Return whether bodies that counted as elastic exceed the hardness."""
-        return not self._yields and float(self.pressure.max()) > self.hardness
-
-    def _correction(self) -> Field:
-        """Return the preconditioned residual on the set that was taken last, zero elsewhere."""
-        correction = np.zeros_like(self.residual)
-        self.patch.spread(self.patch.correct(self.patch.in_contact(self.residual)), correction)
-        return correction
-
-    def expect_yielding(self) -> None:
-        """Let bodies yield from the start, whatever their first pressures are."""
-        self._yields = True
-
-    def _let_yield(self) -> None:
-        """Take pressures to the hardness, and let bodies yield from now on."""
-        self._yields = True
-        before, self.pressure = self.pressure, np.minimum(self.pressure, self.hardness)
-        self._carry(self.pressure)
-        self.residual = self.residual - self._displace(self.pressure - before)
-        self._balance()
-
-    def renew(self) -> None:
-        """Bring the pressure to the load, and compute the residual in double precision."""
-        self._carry(self.pressure)
-        self._snap()
-        self.displacement = self.patch.displace(self.pressure).copy()
-        self.effort += Effort(convolutions=1)
-        gaps = self.below - self.displacement
-        if self._give:
-            gaps += self._give * float(self.pressure.sum())
-        if self.load is not None:
-            weights = self._free_pressure()
-            carried = float(weights.sum())
-            if carried > 0:
-                self.shift = -float(np.einsum("ij,ij->", weights, gaps)) / carried
-            else:
-                self.shift = -float(gaps[self.pressure > 0].min())
-        self.residual = (gaps + self.shift).astype(np.float32)
-        self.exact = True
-
-    def _level(self, weights: Real, carried: float) -> None:
-        """Shift the far field so that the weighted mean of the residual is zero."""
-        mean = _inner(weights, self.residual) / carried
-        self.residual -= np.float32(mean)
-        self.shift -= mean
-
-    def _balance(self) -> None:
-        """Shift the far field under a load so that the free nodes are in balance.
-
-        Where all nodes in contact have yielded, more than one displacement is: the least one that
-        leaves no gap there is taken.
-        """
-        if self.load is None:
-            return
-        weights = self._free_pressure()
-        carried = float(weights.sum())
-        if carried > 0:
-            self._level(weights, carried)
-        else:
-            least = float(self.residual[self.pressure > 0].min())
-            self.residual -= np.float32(least)
-            self.shift -= least
-
-    def _carry(self, pressure: Field) -> None:
-        """Scale a pressure in place so that it carries the load, between the bounds."""
-        if self.load is None:
-            return
-        carried = float(pressure.sum())
-        if not carried > 0:
-            pressure[:] = self.load / pressure.size
-        elif not self._yields:
-            pressure *= self.load / carried
-        else:
-            self._carry_within(pressure)
-
-    def _carry_within(self, pressure: Field) -> None:
-        """Scale the free pressures; all of them where the yielded nodes alone carry too much."""
-        assert self.load is not None
-        limit, flat = BELOW_HARDNESS * self.hardness, pressure.reshape(-1)
-        loaded = np.flatnonzero(flat)
-        values = flat[loaded]
-        for _ in range(6):  # each time more nodes are at the limit
-            yielded = values >= self.hardness
-            fixed = self.hardness * np.count_nonzero(yielded)
-            before = values[~yielded]
-            free = float(before.sum())
-            left = self.load - fixed
-            if left < 0:
-                order = np.argsort(self.residual.reshape(-1)[loaded], kind="stable")
-                over, taken = fixed + free - self.load, values[order]
-                values[order] -= np.minimum(taken, np.maximum(over - (np.cumsum(taken) - taken), 0))
-                flat[loaded] = values
-                return
-            if not free > 0:
-                break
-            scaled = before * (left / free)
-            values[~yielded] = np.minimum(scaled, np.maximum(before, limit))
-            if not (scaled > np.maximum(before, limit)).any():
-                flat[loaded] = values
-                return
-        flat[loaded] = values
-        missing = self.load - float(values.sum())
-        if missing > LOST * self.load:
-            self._load_next(flat, missing)
-
-    def _load_next(self, pressure: Values, missing: float) -> None:
-        """Put load that is missing on the nodes next to touch, as far as the hardness allows."""
-        below = np.flatnonzero(pressure < self.hardness)
-        gaps, most = -self.residual.reshape(-1)[below], math.ceil(missing / self.hardness)
-        most += np.count_nonzero(pressure[below])
-        if most < below.size:
-            below = below[np.argpartition(gaps, most)[: most + 1]]
-            gaps = -self.residual.reshape(-1)[below]
-        order = below[np.argsort(gaps, kind="stable")]
-        room = self.hardness - pressure[order]
-        pressure[order] += np.minimum(room, np.maximum(missing - (np.cumsum(room) - room), 0))
-
-    def _rescale(self) -> None:
-        """Scale an elastic pressure at a given displacement to the least energy.
-
-        Cutting off tension leaves too much load, which shifts the residual of the whole contact.
-        The displacement by the pressure is known, so that scaling it costs no convolution.
-        """
-        if self.load is not None:
-            return
-        interference = self.below + self.shift
-        stiffness = _inner(self.pressure, interference - self.residual)
-        work = _inner(self.pressure, interference)
-        if not (stiffness > 0 and work > 0):
-            return
-        factor = work / stiffness
-        self.pressure = factor * self.pressure
-        self.residual = (interference * (1 - factor) + factor * self.residual).astype(np.float32)
-
-    # First steps
-
-    def take_first_steps(self, enough: float = 0.0) -> None:
-        """Take preconditioned steps between the bounds, from no pressure at a given displacement.
-
-        They find most of the nodes out of contact for one convolution a step. None is taken once
-        the contact set is as small as `enough`.
-        """
-        interference = (self.below + self.shift).astype(np.float32)
-        for step in range(FIRST_STEPS):
-            touching = self.touching()
-            if np.count_nonzero(touching) <= enough:
-                return
-            free = touching & (self.pressure < self._most_pressure)
-            self.patch.take_contact(free)
-            pressure = np.maximum(self.pressure + self._correction(), 0)
-            if step == 0 and self._excess(pressure) > MOSTLY_ELASTIC:
-                self._yields = True
-            limit = self._most_pressure
-            np.minimum(pressure, limit, out=pressure)
-            capped = pressure >= limit
-            damped = float(pressure[capped].sum()) > MOSTLY_CAPPED * float(pressure.sum())
-            change = pressure - self.pressure if damped else pressure
-            image = self._displace(change)
-            stiffness = _inner(change, image)
-            if not stiffness > 0:
-                return
-            if damped:
-                scale = min(max(_inner(self.residual, change) / stiffness, 0.0), 1.0)
-                self.residual = self.residual - np.float32(scale) * image
-                self.pressure = self.pressure + scale * change
-            else:
-                scale = _inner(interference, pressure) / stiffness
-                if capped.any():
-                    scale = 1.0 if step == FIRST_STEPS - 1 else min(max(scale, 0.8), 1.0)
-                self.residual = interference - np.float32(scale) * image
-                self.pressure = scale * pressure
-        self._cap()
-
-    def _cap(self) -> None:
-        """Take pressures above the hardness, or above it but for rounding, to it."""
-        if not self._yields:
-            return
-        close = self.pressure > self.hardness * (1 - LOST)
-        before = self.pressure.copy()
-        self.pressure[close] = self.hardness
-        if (self.pressure < before).any():
-            self.residual -= self._displace(self.pressure - before)
-
-    def approach(self, enough: float = 0.0) -> None:
-        """Take preconditioned steps between the bounds under a load, while they come nearer fast.
-
-        None is taken once the contact set is as small as `enough`.
-        """
-        largest = self.violation().largest
-        for _ in range(FIRST_STEPS):
-            if largest <= NEAR * self.shift or np.count_nonzero(self.touching()) <= enough:
-                return
-            last, before = largest, self.pressure
-            self.patch.take_contact(self.touching() & (before < self._most_pressure))
-            ahead = before + np.float32(APPROACH) * self._correction()
-            ahead = np.clip(ahead, 0, self._most_pressure)
-            self._carry(ahead)
-            self.pressure = ahead
-            self.residual -= self._displace(ahead - before)
-            self._balance()
-            largest = self.violation().largest
-            if not largest < NEARER * last:
-                return
+class ActiveSet(Iterate):
+    """Takes an `Iterate` to equilibrium: by dense algebra on few nodes, or in rounds."""
 
     # Dense algebra
 
@@ -572,7 +114,7 @@ class ActiveSet:
         if self._yields or not few or self.effort.iterations >= self.most:
             return False
         gaps = np.where(self.touching(), np.inf, -self.residual).reshape(-1)
-        many = min(int(math.ceil(SPARE * nodes.size)), gaps.size - nodes.size)
+        many = min(math.ceil(SPARE * nodes.size), gaps.size - nodes.size)
         spare: Nodes = np.argpartition(gaps, many)[:many] if many < gaps.size else nodes[:0]
         before = self.pressure, self.residual, self.shift, self.exact, self.violation().largest
         try:
@@ -607,7 +149,7 @@ class ActiveSet:
                 order = np.lexsort((-self.residual.flat[nodes], -self.pressure.flat[nodes]))
                 precision = "float64" if nodes.size <= DOUBLE_SHARE * self.patch.few else "float32"
                 factor = ContactFactor(
-                    lambda some, dtype=precision: self._entries(some, dtype),
+                    partial(self._entries, dtype=precision),
                     nodes[order],
                 )
                 sets = min(MOST_SETS, self.most - self.effort.iterations)
@@ -642,7 +184,9 @@ class ActiveSet:
         renewed = violation.largest if self.exact else 1.0
         energy, reduction, following = math.inf, REDUCTION, False
         smallest, patience, smallest_renewed, idle = math.inf, PATIENCE, math.inf, 0
-        for rounds in count():
+        rounds = -1
+        while True:
+            rounds += 1
             certain = violation.largest <= CERTAIN * max(self.shift, self._least)
             if certain and self._exceeds():
                 self._let_yield()
@@ -773,16 +317,13 @@ class ActiveSet:
         if self.load is not None and not base.any():
             base = patch.in_contact(np.ones_like(residual))
         carried = float(base.sum(dtype=np.float64)) if self.load is not None else 0.0
-        image, stiffness = self._deflation(base, yielded)
+        deflation = self._deflation(base, yielded)
         direction, change = np.zeros_like(base), np.zeros_like(base)
         previous, goal, mean = math.inf, 0.0, 0.0
         singular = self.load is None and patch.singular
         bounded = self._yields and singular
         while self.effort.iterations < self.most:
-            here = patch.in_contact(residual)
-            if carried:
-                mean = _inner(base, here) / carried
-                here -= np.float32(mean) if here.ndim == 1 else np.float32(mean) * patch.contact
+            here, mean = self._levelled(base, carried)
             largest = max(float(here.max()), -float(here.min())) if here.size else 0.0
             if not largest > floor:
                 break
@@ -791,24 +332,18 @@ class ActiveSet:
                 if checked and self._has_to_change(base + change, yielded, floor, largest, mean):
                     break
                 goal = max(reduction * goal, floor)
-            along = _inner(here, base) if stiffness else 0.0
-            correction = patch.correct(here)
-            if carried:  # corrections carry no load in all
-                correction -= np.float32(correction.sum(dtype=np.float64) / carried) * base
-            elif stiffness:  # corrections are conjugate to the pressure
-                along -= _inner(correction, image)
-                correction += np.float32(along / stiffness) * base
-            product = _inner(here, correction)
+            correction = self._constrained(patch.correct(here), here, base, carried, deflation)
+            product = inner(here, correction)
             direction *= np.float32(product / previous)
             direction += correction
             previous = product
             moved = self._displace(direction, patch.displace_by)
-            curvature = _inner(direction, patch.in_contact(moved))
+            curvature = inner(direction, patch.in_contact(moved))
             if not (product > 0 and curvature > 0):  # only rounding is left
                 break
             length = np.float32(product / curvature)
-            limit = np.float32(self.hardness / np.abs(direction).max()) if bounded else length
-            length = min(length, limit)
+            if bounded:
+                length = min(length, np.float32(self.hardness / np.abs(direction).max()))
             moved *= length
             residual -= moved
             change += length * direction
@@ -816,11 +351,30 @@ class ActiveSet:
             if singular and (length < product / curvature * 0.999 or (base + change).min() < 0):
                 break
         if carried:
-            mean = _inner(base, patch.in_contact(residual)) / carried
-            residual -= np.float32(mean)
-            self.shift -= mean
+            self._level(self._levelled(base, carried)[1])
         self.pressure = self.pressure.copy()
         patch.add_to(self.pressure, change)
+
+    def _constrained(
+        self, correction: Real, here: Real, base: Real, carried: float, by: tuple[Real, float]
+    ) -> Real:
+        """Return a correction that carries no load in all, or is conjugate to the pressure."""
+        image, stiffness = by
+        if carried:
+            correction -= np.float32(correction.sum(dtype=np.float64) / carried) * base
+        elif stiffness:
+            along = inner(here, base) - inner(correction, image)
+            correction += np.float32(along / stiffness) * base
+        return correction
+
+    def _levelled(self, base: Real, carried: float) -> tuple[Real, float]:
+        """Return the residual in contact less its mean, weighted by a pressure with a load."""
+        here = self.patch.in_contact(self.residual)
+        if not carried:
+            return here, 0.0
+        mean = inner(base, here) / carried
+        here -= np.float32(mean) if here.ndim == 1 else np.float32(mean) * self.patch.contact
+        return here, mean
 
     def _deflation(self, weights: Real, yielded: Mask | None) -> tuple[Real, float]:
         """Return the displacement by an elastic pressure on the free nodes, and their product.
@@ -833,7 +387,7 @@ class ActiveSet:
             return weights, 0.0
         interference = self.patch.in_contact(self.below + self.shift)
         image = (interference - self.patch.in_contact(self.residual)).astype(np.float32)
-        stiffness = _inner(weights, image)
+        stiffness = inner(weights, image)
         return image, stiffness if stiffness > 0 else 0.0
 
     def _has_to_change(
@@ -953,7 +507,7 @@ class ActiveSet:
         change, image = self.pressure - pressure, residual - self.residual
         if self.load is not None:
             image = image + np.float32(self.shift - shift)
-        slope, curvature = _inner(residual, change), _inner(change, image)
+        slope, curvature = inner(residual, change), inner(change, image)
         step = min(max(slope / curvature, 0.0), 1.0) if curvature > 0 else 1.0
         self.pressure = np.clip(pressure + step * (solved - pressure), 0, self._most_pressure)
         self._carry(self.pressure)
@@ -963,19 +517,13 @@ class ActiveSet:
         if self._soft:
             self._rescale()
 
-    def _snap(self, share: float = LOST) -> None:
-        """Take pressures that rounding left just beside zero or the hardness to it."""
-        if self._yields:
-            self.pressure[self.pressure < share * self.hardness] = 0
-            self.pressure[self.pressure > (1 - share) * self.hardness] = self.hardness
-
     def _descend(self) -> None:
         """Take projected gradients, of which each lowers the energy for certain."""
         for _ in range(SAFE_STEPS):
             ahead = self._projected(self.pressure + self.residual / self.patch.norm)
             change = ahead - self.pressure
             image = self._displace(change)
-            if not (_inner(self.residual, change) > 0 and _inner(change, image) > 0):
+            if not (inner(self.residual, change) > 0 and inner(change, image) > 0):
                 return
             self.residual -= image
             self.pressure = ahead
@@ -1019,34 +567,3 @@ class ActiveSet:
         cut = cut_to_load(pressure, self.load, self._most_pressure)
         self._carry(cut)
         return cut
-
-
-def cut_to_load(pressure: Field, load: float, hardness: float = math.inf) -> Field:
-    """Return p - c between zero and the hardness with the constant c that leaves a load.
-
-    The load falls with c along straight lines between the pressures, and those less the hardness.
-    """
-    values = np.sort(pressure, axis=None)[::-1]
-    sums = np.cumsum(values)
-    # With c at the k-th largest pressure and no hardness, the larger ones carry this load.
-    carried = sums - values * np.arange(1, values.size + 1)
-    many = int(np.searchsorted(carried, load, side="right"))
-    low = (float(sums[many - 1]) - load) / many
-    if hardness < math.inf:
-        low, high = float(values[-1]) - hardness, low
-        for _ in range(60):
-            middle = (low + high) / 2
-            if not low < middle < high:
-                break
-            if np.clip(pressure - middle, 0, hardness).sum() > load:
-                low = middle
-            else:
-                high = middle
-    return np.clip(pressure - low, 0, hardness)
-
-
-def _inner(a: Real, b: Real) -> float:
-    """Compute an inner product of fields without BLAS, row by row, then in double precision."""
-    if a.ndim == 1:
-        return float((a * b).sum(dtype=np.float64))
-    return float(np.einsum("ij,ij->i", a, b).sum(dtype=np.float64))

@@ -13,12 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bem.active_set import ActiveSet, Effort, cut_to_load
-from bem.arrays import Field, Mask, Nodes
+from bem.active_set import ActiveSet
+from bem.arrays import Field
 from bem.dense import MOST_SETS, ContactFactor
 from bem.influence import InfluenceMatrix, Kernel
+from bem.iterate import Effort, cut_to_load
 from bem.operators.patch import Patch
-from bem.problem import NoSolution, Problem
+from bem.problem import NoSolution, Overlap, Problem, overlap, whole_grid
 from bem.sections import on_one_blas_thread
 
 # Largest number of nodes that may touch for which dense algebra alone is faster than convolutions
@@ -37,10 +38,6 @@ LIGHT, PEAKS, SAMPLED = 0.1, 8.0, 16
 # Unit of length under the smallest loads, over the displacement of one cell that carries all of the
 # load. Single precision holds pressures and depths at once only where they are not too far apart.
 REACH = 1e3
-
-# Depth, in that unit, that deeper nodes count as: they stay open whatever the surface, and products
-# of two such depths have to stay within single precision.
-DEEPEST = 1e10
 
 # Displacement, over the unit of length, that the tolerance refers to while a load has brought none.
 LEAST = 1e-3
@@ -225,7 +222,7 @@ def _on_few_nodes(problem: Problem) -> Equilibrium | None:
 
 
 @on_one_blas_thread()
-def _solve_densely(problem: Problem, touching: "Overlap", delta: float) -> Equilibrium | None:
+def _solve_densely(problem: Problem, touching: Overlap, delta: float) -> Equilibrium | None:
     """Solve on all nodes that may touch; None if the load needs more, or no solution is found."""
     load = None if problem.delta is not None else _reduced_load(problem) / delta
     give = 0.0 if problem.delta is None else _give(problem)
@@ -273,81 +270,6 @@ def _solve_densely(problem: Problem, touching: "Overlap", delta: float) -> Equil
     )
 
 
-class Overlap(NamedTuple):
-    """The part of a grid in which the undeformed bodies overlap at a displacement.
-
-    Attributes
-    ----------
-    grid : tuple of int
-        Nodes (nx, ny) of the grid.
-    box : tuple of slice
-        Rows and columns of a box that holds these nodes.
-    nodes : ndarray, shape (m,)
-        Flat indices of the nodes in the box.
-    below : ndarray, shape of the box
-        Heights less the highest [displacement].
-    """
-
-    grid: tuple[int, ...]
-    box: tuple[slice, slice]
-    nodes: Nodes
-    below: Field
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Number of rows and columns of the box."""
-        return self.below.shape[0], self.below.shape[1]
-
-    def unfolded(self, values: Field, beyond: float = 0.0) -> Field:
-        """Put the values of the box back on the grid."""
-        whole = np.full(self.grid, beyond)
-        whole[self.box] = values
-        return whole
-
-
-def overlap(problem: Problem, delta: float) -> Overlap:
-    """Find the nodes that may touch at a displacement of the far field [um]."""
-    below = problem.heights - problem.heights.max()
-    box, nodes = boxed(below > -delta)
-    return Overlap(below.shape, box, nodes, np.maximum(below[box], -DEEPEST * delta) / delta)
-
-
-def boxed(marked: Mask) -> tuple[tuple[slice, slice], Nodes]:
-    """Find a small box that holds some nodes of a grid, with lengths that transforms reuse.
-
-    Parameters
-    ----------
-    marked : ndarray of bool, shape (nx, ny)
-        The nodes, at least one.
-
-    Returns
-    -------
-    box : tuple of slice
-        Rows and columns of the box.
-    inside : ndarray, shape (m,)
-        Flat indices of the nodes in the box, ascending.
-    """
-    rows, columns = (np.flatnonzero(marked.any(axis=axis)) for axis in (1, 0))
-    box = (
-        _span(int(rows[0]), int(rows[-1]), marked.shape[0]),
-        _span(int(columns[0]), int(columns[-1]), marked.shape[1]),
-    )
-    return box, np.flatnonzero(marked[box])
-
-
-def _span(first: int, last: int, size: int) -> slice:
-    """Return a slice from first to last, widened to one of a few lengths to reuse FFT plans.
-
-    The lengths are 1 + (4, 5, 6, 7) 2^j nodes, or all `size` nodes of the grid.
-    """
-    unit = 2 ** max((last - first).bit_length() - 3, 0)
-    nodes = -(-(last - first) // unit) * unit + 1
-    if nodes >= size:
-        return slice(0, size)
-    start = min(first, size - nodes)
-    return slice(start, start + nodes)
-
-
 # At a given displacement
 
 
@@ -359,7 +281,7 @@ def _at_displacement(problem: Problem, near: Start | None) -> Equilibrium:
     if whole and problem.hardness is not None and np.ptp(problem.heights) <= delta:
         return _all_yielded(problem, delta)
     everywhere = whole or problem.far_field == "compliant"
-    touching = _whole(problem, delta) if everywhere else overlap(problem, delta)
+    touching = whole_grid(problem, delta) if everywhere else overlap(problem, delta)
     near, spent = (near, Effort()) if near is not None else _on_coarser_grid(problem)
     below, patch = touching.below, Patch.of(problem, touching.shape)
     solve = _new(problem, patch, below, delta, shift=1.0)
@@ -471,7 +393,7 @@ def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
     load = _reduced_load(problem)
     depth = float((problem.heights.max() - problem.heights).mean())
     length = min(depth or problem.spacing[0], REACH * load)
-    touching = _whole(problem, length)
+    touching = whole_grid(problem, length)
     near, spent = (near, Effort()) if near is not None else _on_coarser_grid(problem)
     patch = Patch.of(problem)
     solve = _new(problem, patch, touching.below, length, load=load / length)
@@ -487,13 +409,6 @@ def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
         solve.run()
     solve.effort += spent
     return _result(problem, solve, touching, length)
-
-
-def _whole(problem: Problem, length: float) -> Overlap:
-    """Return the whole grid as the part in which bodies may touch."""
-    below = np.maximum(problem.heights - problem.heights.max(), -DEEPEST * length) / length
-    whole = slice(0, below.shape[0]), slice(0, below.shape[1])
-    return Overlap(below.shape, whole, np.zeros(0, np.intp), below)
 
 
 def _first_pressure(

@@ -2,12 +2,12 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar, cast, get_args
+from typing import Any, Literal, NamedTuple, TypeVar, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bem.arrays import Field, refuse_masked
+from bem.arrays import Field, Mask, Nodes, refuse_masked
 from bem.influence import KERNELS, Kernel
 from bem.spacing import BOUNDARIES, Boundary, node_spacing
 
@@ -24,6 +24,10 @@ RTOL = 2e-7
 
 # Default bound on iterations, far above the needs of all but nearly singular contacts.
 MAX_ITERATIONS = 1000
+
+# Depth, in units of the displacement, that deeper nodes count as: they stay open whatever the
+# surface, and products of two such depths have to stay within single precision.
+DEEPEST = 1e10
 
 # Lower bound, excluded, of numbers that may be zero.
 BELOW_ZERO = math.nextafter(0, -1)
@@ -401,3 +405,85 @@ def _checked_choice(name: str, value: Name, choices: tuple[Name, ...]) -> Name:
     if not isinstance(value, str) or value not in choices:
         raise ValueError(f"{name} = {value!r}: must be one of {', '.join(choices)}")
     return value
+
+
+class Overlap(NamedTuple):
+    """The part of a grid in which the undeformed bodies overlap at a displacement.
+
+    Attributes
+    ----------
+    grid : tuple of int
+        Nodes (nx, ny) of the grid.
+    box : tuple of slice
+        Rows and columns of a box that holds these nodes.
+    nodes : ndarray, shape (m,)
+        Flat indices of the nodes in the box.
+    below : ndarray, shape of the box
+        Heights less the highest [displacement].
+    """
+
+    grid: tuple[int, ...]
+    box: tuple[slice, slice]
+    nodes: Nodes
+    below: Field
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of rows and columns of the box."""
+        return self.below.shape[0], self.below.shape[1]
+
+    def unfolded(self, values: Field, beyond: float = 0.0) -> Field:
+        """Put the values of the box back on the grid."""
+        whole = np.full(self.grid, beyond)
+        whole[self.box] = values
+        return whole
+
+
+def overlap(problem: Problem, delta: float) -> Overlap:
+    """Find the nodes that may touch at a displacement of the far field [um]."""
+    below = problem.heights - problem.heights.max()
+    box, nodes = boxed(below > -delta)
+    return Overlap(below.shape, box, nodes, np.maximum(below[box], -DEEPEST * delta) / delta)
+
+
+def whole_grid(problem: Problem, length: float) -> Overlap:
+    """Return the whole grid as the part in which bodies may touch, in units of a length [um]."""
+    below = np.maximum(problem.heights - problem.heights.max(), -DEEPEST * length) / length
+    everything = slice(0, below.shape[0]), slice(0, below.shape[1])
+    return Overlap(below.shape, everything, np.zeros(0, np.intp), below)
+
+
+def boxed(marked: Mask) -> tuple[tuple[slice, slice], Nodes]:
+    """Find a small box that holds some nodes of a grid, with lengths that transforms reuse.
+
+    Parameters
+    ----------
+    marked : ndarray of bool, shape (nx, ny)
+        The nodes, at least one.
+
+    Returns
+    -------
+    box : tuple of slice
+        Rows and columns of the box.
+    inside : ndarray, shape (m,)
+        Flat indices of the nodes in the box, ascending.
+    """
+    rows, columns = (np.flatnonzero(marked.any(axis=axis)) for axis in (1, 0))
+    box = (
+        _span(int(rows[0]), int(rows[-1]), marked.shape[0]),
+        _span(int(columns[0]), int(columns[-1]), marked.shape[1]),
+    )
+    return box, np.flatnonzero(marked[box])
+
+
+def _span(first: int, last: int, size: int) -> slice:
+    """Return a slice from first to last, widened to one of a few lengths to reuse FFT plans.
+
+    The lengths are 1 + (4, 5, 6, 7) 2^j nodes, or all `size` nodes of the grid.
+    """
+    unit = 2 ** max((last - first).bit_length() - 3, 0)
+    nodes = -(-(last - first) // unit) * unit + 1
+    if nodes >= size:
+        return slice(0, size)
+    start = min(first, size - nodes)
+    return slice(start, start + nodes)

@@ -10,12 +10,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from bem.active_set import ActiveSet, Effort
+from bem.active_set import ActiveSet
 from bem.arrays import Nodes, Values
-from bem.equilibrium import boxed, flat_punch
+from bem.equilibrium import flat_punch
 from bem.influence import Kernel
+from bem.iterate import Effort
 from bem.operators.patch import Patch
-from bem.problem import Problem
+from bem.problem import Problem, boxed
 
 # Largest residual of the punch's unit displacement. The stiffness is right to about its square.
 PUNCH_RTOL = 1e-6
@@ -68,9 +69,9 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
         return Punch(np.inf, np.full(nodes.size, np.inf), 0.0, Effort())
     marked = np.zeros(problem.heights.shape, dtype=bool)
     marked.reshape(-1)[nodes] = True
-    box, _ = boxed(marked) if problem.boundary == "free" else ((slice(None), slice(None)), nodes)
-    marked = marked[box]
-    patch = Patch.of(problem, (marked.shape[0], marked.shape[1]))
+    if problem.boundary == "free":
+        marked = marked[boxed(marked)[0]]
+    patch = Patch.of(problem, (len(marked), len(marked[0])))
     solve = ActiveSet(
         patch, np.zeros(marked.shape), shift=1.0, rtol=PUNCH_RTOL, most=MAX_ITERATIONS
     )

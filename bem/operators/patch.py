@@ -304,7 +304,8 @@ def _make_free(shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str
     """Tabulate the spectrum of H, a real transform of its even table in both directions."""
     if dtype == "float32":
         double: Any = displacement_filter(shape, "free", kernel, aspect)
-        return double.in_single_precision()
+        single: FieldFilter = double.in_single_precision()
+        return single
     table = influence_coefficients(shape, kernel, aspect)
     periods = fast_period(shape[0]), fast_period(shape[1])
     # Offsets beyond the grid never connect two nodes, so that any value will do there.
