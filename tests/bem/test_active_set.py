@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 
 import bem
-from bem.active_set import ActiveSet, cut_to_load
+from bem.active_set import ActiveSet
 from bem.equilibrium import critical_delta
 from bem.influence import Kernel
+from bem.iterate import cut_to_load
 from bench.references import dense
 from bench.references.surfaces import SURFACES, Shape, surface
 from gen.runtime.overtime import at_most
@@ -115,7 +116,7 @@ def test_patches_with_two_sides(shape: Shape, side: tuple[float, float]) -> None
 class Dense:
     """A matrix with every entry written out, and a preconditioner that knows the diagonal only."""
 
-    few = 0
+    few, boundary = 0, "free"
 
     def __init__(self, shape: Shape, matrix: np.ndarray) -> None:
         self.shape, self.matrix = shape, matrix
@@ -140,13 +141,25 @@ class Dense:
         self.contact = nodes.astype(np.float32)
         self.outside = 1 - self.contact
 
-    def in_contact(self, residual: np.ndarray) -> float:
-        self._residual = residual * self.contact
-        return float(np.abs(self._residual).max())
+    @property
+    def singular(self) -> bool:
+        return False
 
-    def correct(self) -> np.ndarray:
+    def in_contact(self, field: np.ndarray) -> np.ndarray:
+        return field * self.contact
+
+    def spread(self, values: np.ndarray, field: np.ndarray) -> None:
+        field[:] = values
+
+    def add_to(self, field: np.ndarray, values: np.ndarray) -> None:
+        field += values
+
+    def displace_by(self, values: np.ndarray) -> np.ndarray:
+        return self.displace_roughly(values)
+
+    def correct(self, residual: np.ndarray) -> np.ndarray:
         diagonal = self.matrix.diagonal().reshape(self.shape)
-        return (self._residual / diagonal).astype(np.float32)
+        return (residual / diagonal).astype(np.float32)
 
 
 def written_out(kind: str, shape: Shape, seed: int, kernel: Kernel) -> tuple[Dense, np.ndarray]:

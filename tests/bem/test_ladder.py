@@ -101,7 +101,7 @@ def test_a_load_that_is_not_solved_from_the_contacts_before_is_solved_from_scrat
         few = problem if near is None else replace(problem, max_iterations=1)
         return equilibrium.equilibrium_of(few, near, **how)
 
-    monkeypatch.setattr(import_module("bem.ladder"), "equilibrium_of", spoilt)
+    monkeypatch.setattr(import_module("bem.solving"), "equilibrium_of", spoilt)
     for contact in bem.ladder(ROUGH, 1000.0, [20.0, 25.0, 30.0, 35.0]):
         assert contact.force == bem.solve(ROUGH, 1000.0, contact.delta).force
 

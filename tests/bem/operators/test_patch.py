@@ -39,8 +39,8 @@ def approximate_inverse(patch: Patch, nodes: np.ndarray) -> np.ndarray:
     for node in nodes:
         unit = np.zeros(patch.shape, np.float32)
         unit.reshape(-1)[node] = 1
-        patch.in_contact(unit)
-        corrected = patch.correct()
+        corrected = np.zeros(patch.shape, np.float32)
+        patch.spread(patch.correct(patch.in_contact(unit)), corrected)
         assert not corrected[~mask].any()
         columns.append(corrected.reshape(-1)[nodes].astype(np.float64))
     return np.array(columns).T
