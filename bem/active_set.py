@@ -254,31 +254,31 @@ class ActiveSet(Iterate):
 
         Returns whether a step ahead was taken on the next set.
         """
-        start = self.pressure, self.residual.copy(), self.shift
-        energy = self._energy() if damped else 0.0
+        before, shift, residual, energy = self.pressure, self.shift, self.residual, 0.0
+        if damped:  # else nothing is kept, to save memory
+            residual, energy = residual.copy(), self._energy()
+            self.pressure = before.copy()
         dense = self._yields and self._solve_few_free()
-        solved = self.pressure
         if not dense:
             self._solve_free(yielded, goals)
             if self._soft:
-                self._hold_back(*start[:2])
-            solved = self.pressure
+                self._hold_back(before, residual)
+        solved = before if dense else self.pressure
         ahead = self._between_bounds(yielded, 0.0 if dense else 1.0)
         changed = ahead is not None
         if not (changed or dense):
             return False
         ahead = self.pressure if ahead is None else ahead
         self.pressure = ahead
-        if dense:
-            solved = start[0]
         if polishing and not self._yields:
             self.renew()
             return True
-        self.residual -= self._displace(ahead - solved)
+        change = np.subtract(ahead, solved, out=None if damped or dense else solved)
+        self.residual -= self._displace(change)
         if self._soft:
             self._rescale()
         if damped and self._energy() > energy:
-            self._shorten(*start, self.pressure if dense else solved)
+            self._shorten(before, residual, shift, self.pressure if dense else solved)
         self._balance()
         return changed
 
@@ -352,7 +352,6 @@ class ActiveSet(Iterate):
                 break
         if carried:
             self._level(self._levelled(base, carried)[1])
-        self.pressure = self.pressure.copy()
         patch.add_to(self.pressure, change)
 
     def _constrained(

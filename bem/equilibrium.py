@@ -274,7 +274,7 @@ def _solve_densely(problem: Problem, touching: Overlap, delta: float) -> Equilib
 
 
 def _at_displacement(problem: Problem, near: Start | None) -> Equilibrium:
-    """Solve at a given displacement of a rigid far field."""
+    """Solve at a given displacement."""
     delta = problem.delta
     assert delta is not None
     whole = problem.boundary != "free"
@@ -288,6 +288,7 @@ def _at_displacement(problem: Problem, near: Start | None) -> Equilibrium:
     with np.errstate(over="ignore", invalid="ignore"):
         if near is not None:
             solve.begin(*_reduced(problem, near, touching, delta))
+            near = None  # its memory is free again
         elif whole and problem.hardness is None:
             _begin_nearly_full(solve, below)
     if solve.worthless(FARTHEST):
@@ -399,6 +400,7 @@ def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
     solve = _new(problem, patch, touching.below, length, load=load / length)
     if near is not None and near.pressure.any():
         solve.begin(*_reduced(problem, near, touching, length))
+        near = None  # its memory is free again
     else:
         pressure, closed = _first_pressure(problem, patch, touching.below, load / length)
         if closed:

@@ -46,8 +46,8 @@ ROOMS = {
     "asperity.serving": set(),
     "bem.analytic": {"bem.arrays"},
     "bem.derived": {
-        *("bem.active_set", "bem.arrays", "bem.equilibrium", "bem.influence", "bem.operators"),
-        "bem.problem",
+        *("bem.active_set", "bem.arrays", "bem.equilibrium", "bem.influence", "bem.iterate"),
+        *("bem.operators", "bem.problem"),
     },
     "bem.operators": {
         *("bem.arrays", "bem.influence", "bem.problem", "bem.sections", "bem.spacing"),
@@ -128,6 +128,7 @@ ROOMS = {
 
 TESTED_TOGETHER = {
     "tests/asperity/test_strangers_files.py": "code that files name, in every command",
+    "tests/bem/analytic/test_wave_sums.py": "sums of waves, in bem/analytic/waves.py",
     "tests/bem/test_convergence.py": "the study of orders of convergence, which only tests use",
     "tests/bem/test_displacement_control.py": "a property of all solves: given displacements",
     "tests/bem/test_edgeless.py": "a property of all solves: patches without edges",
@@ -136,6 +137,8 @@ TESTED_TOGETHER = {
     "tests/bem/test_hardness_least_squares.py": "a property of all solves: bounded least squares",
     "tests/bem/test_indenters.py": "a property of all solves: pressed indenters",
     "tests/bem/test_invariances.py": "a property of all solves: symmetries and scalings",
+    "tests/bem/test_ladder.py": "ladders of loads, in bem/solving.py",
+    "tests/bem/test_memory.py": "memory that stays with the process, in bem/workers.py",
     "tests/bem/test_load_control.py": "a property of all solves: given loads",
     "tests/bem/test_properties.py": "a property of all solves: complementarity, uniqueness ...",
     "tests/bem/test_recomputation.py": "a contact's numbers, computed again without bem",

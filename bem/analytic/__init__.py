@@ -1,8 +1,7 @@
 """Closed forms of contact with an elastic half-space, against which to test numerics.
 
 - `indenters`: bodies of revolution, alone on the half-space.
-- `waves`: a surface that repeats without end along one axis, up to full contact.
-- `wave_sums`: surfaces that repeat without end along both axes.
+- `waves`: surfaces that repeat without end along one axis or both.
 - `persson`: laws of random surfaces without end.
 
 Lengths in um, moduli and pressures in MPa, forces in uN.
@@ -17,8 +16,7 @@ from bem.analytic.indenters import (
     distances_to_centre,
 )
 from bem.analytic.persson import BUSH_GIBSON_THOMAS, PERSSON, PerssonInterface, area_share
-from bem.analytic.wave_sums import DoublySinusoidal, Sine, SumOfSines
-from bem.analytic.waves import WavySurface
+from bem.analytic.waves import DoublySinusoidal, Sine, SumOfSines, WavySurface
 
 __all__ = [
     "BUSH_GIBSON_THOMAS",

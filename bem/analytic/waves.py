@@ -1,13 +1,14 @@
-"""Closed forms of a surface with waves along one axis, pressed on an elastic half-space.
+"""Closed forms of surfaces that repeat without end, pressed on an elastic half-space.
 
-Westergaard, Journal of Applied Mechanics 6 (1939); Johnson, Contact Mechanics (1985), section
-13.2.
+Westergaard, Journal of Applied Mechanics 6 (1939); Johnson, Greenwood and Higginson, International
+Journal of Mechanical Sciences 27 (1985); Johnson, Contact Mechanics (1985), section 13.2.
 
 Conventions, which are those of `bem` on patches without edges: the heights z of a rigid surface
 are pressed down into the half-space, and their amplitude is half of the height from valley to
 peak. The mean displacement of the half-space is zero. The approach Delta counts from first touch
 by the highest point: the mean gap is max(z) - mean(z) - Delta, and contact is full at
-Delta = max(z) - mean(z).
+Delta = max(z) - mean(z). Methods take the mean pressure on the whole surface [MPa], E* as `modulus`
+[MPa], and places x, y, arrays that broadcast together [um]; results have their common shape.
 """
 
 import math
@@ -17,6 +18,10 @@ import numpy as np
 from scipy.special import lambertw
 
 from bem.arrays import Field
+
+# Potential of all other unit charges of a square lattice of unit spacing, with its neutral
+# background, at the place of one: 4 zeta(1/2) beta(1/2), Dirichlet's beta.
+SQUARE_LATTICE = -3.9002649200019559
 
 
 @dataclass(frozen=True)
@@ -44,67 +49,19 @@ class WavySurface:
         refuse_flat(self.amplitude, self.wavelength)
 
     def heights(self, x: Field) -> Field:
-        """Return the height at these distances from a peak [um].
-
-        Parameters
-        ----------
-        x : ndarray
-            Distance from a peak [um].
-
-        Returns
-        -------
-        ndarray, shape of x
-            Height [um].
-        """
+        """Return the height at these distances from a peak [um]."""
         return np.asanyarray(self.amplitude * np.cos(2 * np.pi * x / self.wavelength))
 
     def full_contact_pressure(self, modulus: float = 1.0) -> float:
-        """Return p* = pi E* amplitude / wavelength, the load that closes all gaps [MPa].
-
-        Parameters
-        ----------
-        modulus : float
-            E* [MPa].
-
-        Returns
-        -------
-        float
-            Mean pressure p* [MPa].
-        """
+        """Return p* = pi E* amplitude / wavelength, the load that closes all gaps [MPa]."""
         return np.pi * modulus * self.amplitude / self.wavelength
 
     def contact_width(self, mean_pressure: float, modulus: float = 1.0) -> float:
-        """Return the width 2 a of each strip of contact, sin^2(pi a / wavelength) = p / p* [um].
-
-        Parameters
-        ----------
-        mean_pressure : float
-            Mean pressure p on the whole surface [MPa].
-        modulus : float
-            E* [MPa].
-
-        Returns
-        -------
-        float
-            Width, from 0 to the wavelength [um].
-        """
+        """Return the width 2 a of each strip of contact, sin^2(pi a / wavelength) = p / p* [um]."""
         return self.area_share(mean_pressure, modulus) * self.wavelength
 
     def area_share(self, mean_pressure: float, modulus: float = 1.0) -> float:
-        """Return the contact area as a share of the whole, 2 / pi arcsin sqrt(p / p*) [1].
-
-        Parameters
-        ----------
-        mean_pressure : float
-            Mean pressure p on the whole surface [MPa].
-        modulus : float
-            E* [MPa].
-
-        Returns
-        -------
-        float
-            Contact area as a share of the whole, from 0 to 1 [1].
-        """
+        """Return the contact area as a share of the whole, 2 / pi arcsin sqrt(p / p*) [1]."""
         return 2 / np.pi * math.asin(math.sqrt(self._load(mean_pressure, modulus)))
 
     def pressure(self, x: Field, mean_pressure: float, modulus: float = 1.0) -> Field:
@@ -112,20 +69,6 @@ class WavySurface:
 
         2 p* cos(psi) sqrt(p / p* - sin^2(psi)) with psi = pi x / wavelength, up to full contact;
         p + p* cos(2 psi) beyond.
-
-        Parameters
-        ----------
-        x : ndarray
-            Distance from a peak [um].
-        mean_pressure : float
-            Mean pressure p on the whole surface [MPa].
-        modulus : float
-            E* [MPa].
-
-        Returns
-        -------
-        ndarray, shape of x
-            Pressure, zero outside contact [MPa].
         """
         full = self.full_contact_pressure(modulus)
         angle = np.pi * x / self.wavelength
@@ -138,20 +81,6 @@ class WavySurface:
         """Compute the gap between the surface and the half-space.
 
         amplitude s (sinh(2 t) - 2 t), s = p / p*, where sqrt(s) cosh(t) = |sin(pi x / wavelength)|.
-
-        Parameters
-        ----------
-        x : ndarray
-            Distance from a peak [um].
-        mean_pressure : float
-            Mean pressure p on the whole surface [MPa].
-        modulus : float
-            E* [MPa].
-
-        Returns
-        -------
-        ndarray, shape of x
-            Gap, zero inside contact [um].
         """
         load = self._load(mean_pressure, modulus)
         sine = np.abs(np.sin(np.pi * x / self.wavelength))
@@ -165,37 +94,12 @@ class WavySurface:
 
         It is the integral of dDelta/dp = wavelength / (pi E*) ln(p* / p), the compliance of
         periodic flat punches on the strips of contact.
-
-        Parameters
-        ----------
-        mean_pressure : float
-            Mean pressure p on the whole surface [MPa].
-        modulus : float
-            E* [MPa].
-
-        Returns
-        -------
-        float
-            Approach Delta [um].
         """
         load = self._load(mean_pressure, modulus)
         return self.amplitude * load * (1 - math.log(load)) if load else 0.0
 
     def mean_gap(self, mean_pressure: float, modulus: float = 1.0) -> float:
-        """Return the mean gap, amplitude - Delta [um].
-
-        Parameters
-        ----------
-        mean_pressure : float
-            Mean pressure p on the whole surface [MPa].
-        modulus : float
-            E* [MPa].
-
-        Returns
-        -------
-        float
-            Mean gap, zero in full contact [um].
-        """
+        """Return the mean gap, amplitude - Delta [um]."""
         return self.amplitude - self.approach(mean_pressure, modulus)
 
     def mean_pressure(self, approach: float, modulus: float = 1.0) -> float:
@@ -229,20 +133,7 @@ class WavySurface:
         return self.full_contact_pressure(modulus) * math.exp(1 + branch.real)
 
     def stiffness(self, mean_pressure: float, modulus: float = 1.0) -> float:
-        """Return dp/dDelta = pi E* / (wavelength ln(p* / p)), infinite at full contact [MPa/um].
-
-        Parameters
-        ----------
-        mean_pressure : float
-            Mean pressure p on the whole surface [MPa].
-        modulus : float
-            E* [MPa].
-
-        Returns
-        -------
-        float
-            Stiffness per area, zero without load [MPa/um].
-        """
+        """Return dp/dDelta = pi E* / (wavelength ln(p* / p)), infinite at full contact [MPa/um]."""
         load = self._load(mean_pressure, modulus)
         if not load:
             return 0.0
@@ -273,3 +164,138 @@ def refuse_flat(amplitude: float, wavelength: float) -> None:
     for name, value in (("amplitude", amplitude), ("wavelength", wavelength)):
         if not 0 < value < math.inf:
             raise ValueError(f"{name} = {value!r}: must be above 0 um")
+
+
+@dataclass(frozen=True)
+class Sine:
+    """A plane wave z = amplitude cos(qx x + qy y + phase).
+
+    Attributes
+    ----------
+    amplitude : float
+        Half of the height from valley to peak [um].
+    wavevector : tuple of float
+        Wavevector (qx, qy), of modulus 2 pi / wavelength; not zero [1/um].
+    phase : float
+        Phase at the origin [rad].
+    """
+
+    amplitude: float
+    wavevector: tuple[float, float]
+    phase: float = 0.0
+
+    def heights(self, x: Field, y: Field) -> Field:
+        """Return the height at these places [um]."""
+        qx, qy = self.wavevector
+        return np.asanyarray(self.amplitude * np.cos(qx * x + qy * y + self.phase))
+
+    def stiffness(self, modulus: float = 1.0) -> float:
+        """Return E* q / 2, the pressure that holds one unit of displacement [MPa/um]."""
+        return modulus * math.hypot(*self.wavevector) / 2
+
+
+@dataclass(frozen=True)
+class SumOfSines:
+    """Plane waves of any directions, wavelengths and phases on top of one another.
+
+    Attributes
+    ----------
+    sines : tuple of Sine
+        The waves, whose heights and, in full contact, pressures add up.
+    """
+
+    sines: tuple[Sine, ...]
+
+    def heights(self, x: Field, y: Field) -> Field:
+        """Return the height at these places, zero in the mean over all places [um]."""
+        return np.asanyarray(sum(sine.heights(x, y) for sine in self.sines))
+
+    def pressure(self, x: Field, y: Field, mean_pressure: float, modulus: float = 1.0) -> Field:
+        """Compute the pressure of full contact, the mean + all E* q / 2 times height [MPa]."""
+        waves = [sine.stiffness(modulus) * sine.heights(x, y) for sine in self.sines]
+        return np.asanyarray(mean_pressure + sum(waves))
+
+    def full_contact_pressure(self, x: Field, y: Field, modulus: float = 1.0) -> float:
+        """Return the least mean pressure at which all of these places are in contact [MPa].
+
+        On the nodes of a grid that resolves the waves it is exact for the grid's contact problem,
+        and a lower bound of that of the whole surface.
+        """
+        return -float(self.pressure(x, y, 0.0, modulus).min())
+
+
+@dataclass(frozen=True)
+class DoublySinusoidal:
+    """The surface z = amplitude cos(2 pi x / wavelength) cos(2 pi y / wavelength).
+
+    Its peaks are on a square lattice of spacing wavelength / sqrt(2), with the valleys at the
+    centres of the squares. There is no closed form between the two ends of the range of loads.
+
+    Attributes
+    ----------
+    amplitude : float
+        Half of the height from valley to peak [um].
+    wavelength : float
+        Period along x and along y [um].
+
+    Raises
+    ------
+    ValueError
+        If one of them is not above 0 and finite.
+    """
+
+    amplitude: float
+    wavelength: float
+
+    def __post_init__(self) -> None:
+        """Refuse surfaces that are flat or have no wavelength."""
+        refuse_flat(self.amplitude, self.wavelength)
+
+    def heights(self, x: Field, y: Field) -> Field:
+        """Return the height at these distances from a peak along both axes [um]."""
+        q = 2 * np.pi / self.wavelength
+        return np.asanyarray(self.amplitude * np.cos(q * x) * np.cos(q * y))
+
+    def full_contact_pressure(self, modulus: float = 1.0) -> float:
+        """Return p* = sqrt(2) pi E* amplitude / wavelength [MPa]."""
+        return math.sqrt(2) * np.pi * modulus * self.amplitude / self.wavelength
+
+    def area_share_at_light_load(self, mean_pressure: float, modulus: float = 1.0) -> float:
+        """Return pi (3 / (8 pi) p / p*)^(2/3), by Hertz at each peak on its own [1].
+
+        The leading term for p / p* -> 0.
+        """
+        load = mean_pressure / self.full_contact_pressure(modulus)
+        return float(np.pi * (3 / (8 * np.pi) * load) ** (2 / 3))
+
+    def approach_at_light_load(self, mean_pressure: float, modulus: float = 1.0) -> float:
+        """Return the two leading terms of the approach for p / p* -> 0 [um].
+
+        Hertz's a^2 / R at each peak of radius R, and what the forces on all other peaks displace
+        it, as point forces on a square lattice with zero mean displacement.
+        """
+        spacing = self.wavelength / math.sqrt(2)
+        curvature = self.amplitude * (2 * np.pi / self.wavelength) ** 2
+        share = self.area_share_at_light_load(mean_pressure, modulus)
+        hertz = share * spacing**2 / np.pi * curvature
+        return hertz + SQUARE_LATTICE * mean_pressure * spacing / (np.pi * modulus)
+
+    def area_share_near_full_contact(self, mean_pressure: float, modulus: float = 1.0) -> float:
+        """Return 1 - 3 / (2 pi) (1 - p / p*), with a circular gap in each valley [1].
+
+        The leading term for p / p* -> 1: the gaps are penny-shaped cracks without a singularity.
+        """
+        load = mean_pressure / self.full_contact_pressure(modulus)
+        return 1 - 3 / (2 * np.pi) * (1 - load)
+
+    def mean_gap_near_full_contact(self, mean_pressure: float, modulus: float = 1.0) -> float:
+        """Return the leading term of the mean gap for p / p* -> 1 [um].
+
+        The gap in a valley is 16 k / (9 pi E*) (b^2 - r^2)^(3/2) where the pressure of full contact
+        is k r^2 above its least value and b is the radius of the gap.
+        """
+        full = self.full_contact_pressure(modulus)
+        rise = 2 * (np.pi / self.wavelength) ** 2 * full
+        radius = math.sqrt(1.5 * max(full - mean_pressure, 0.0) / rise)
+        volume = 32 * rise * radius**5 / (45 * modulus)
+        return 2 * volume / self.wavelength**2

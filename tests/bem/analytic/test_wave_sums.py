@@ -7,7 +7,7 @@ from scipy.integrate import quad
 
 import bem
 from bem.analytic import DoublySinusoidal, Paraboloid, Sine, SumOfSines, WavySurface
-from bem.analytic.wave_sums import SQUARE_LATTICE
+from bem.analytic.waves import SQUARE_LATTICE
 
 MODULUS = 2.5
 WAVE = WavySurface(0.3, 40.0)
