@@ -312,3 +312,68 @@ def test_one_pit_takes_no_more_than_thirty_times_the_work_of_a_rough_surface(nod
     """Where all that touches yields, one load has many displacements."""
     pits, roughs = pit_and_rough(nodes)
     assert max(pits) <= 30 * np.median(roughs)
+
+
+# Surface, seed, shape, boundary, aspect of the cells, Delta over that of full contact, and hardness
+# over E* times the steepest slope: residuals were 0.6 to 64 when Delta was sought through loads.
+NEARLY_FULL = [
+    ("plateaus", 276908, (11, 22), "mirror", 20.0, 1.05, 0.1),
+    ("pits", 345007, (22, 15), "mirror", 50.0, 0.9, 0.1),
+    ("pits", 639331, (22, 25), "periodic", 100.0, 0.9, 0.1),
+    ("white noise", 427313, (20, 17), "periodic", 0.01, 0.9, 0.1),
+    ("white noise", 85739, (23, 21), "mirror", 100.0, 0.99, 0.1),
+    ("integer ties", 485190, (25, 21), "mirror", 0.01, 0.99, 0.3),
+    ("pits", 311831, (15, 12), "periodic", 0.01, 1.0, 0.3),
+    ("self-affine", 962864, (17, 17), "mirror", 0.01, 1.05, 0.3),
+]
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed", "shape", "boundary", "aspect", "share", "hardness"), NEARLY_FULL
+)
+def test_long_cells_that_yield_near_full_contact(
+    kind: str,
+    seed: int,
+    shape: tuple[int, int],
+    boundary: Boundary,
+    aspect: float,
+    share: float,
+    hardness: float,
+) -> None:
+    heights = SURFACES[kind](np.random.default_rng(seed), shape)
+    delta = share * float(heights.max() - heights.mean())
+    largest = hardness * float(np.ptp(heights)) / min(1.0, aspect)
+    contact = bem.solve(
+        heights, 1.0, delta, spacing=(1.0, aspect), boundary=boundary, hardness=largest
+    )
+    assert violation(contact) <= 2.1e-7 * contact.delta
+
+
+def stiff_cases(nodes: int) -> list[tuple[NDArray[np.float64], dict[str, Any]]]:
+    """Return problems that are far from a rough surface under a light load."""
+    pit = np.zeros((nodes, nodes))
+    pit[nodes // 2, nodes // 2] = -1.0
+    cases: list[tuple[NDArray[np.float64], dict[str, Any]]] = [
+        (pit, {"delta": cells / nodes**2, "hardness": hardness})
+        for hardness in (0.001, 0.1, 1.0)
+        for cells in (0.01, 0.99, 3.0)
+    ]
+    for power in (1e-9, 1.5, 3.0):  # the first is white noise
+        heights = rough((nodes, nodes), 4, power)
+        depth, steep = float(heights.max() - heights.mean()), slope(heights)
+        for share, hardness in ((0.5, None), (0.999, None), (0.5, 0.05), (0.9, 0.5), (1.1, 0.05)):
+            settings: dict[str, Any] = {"delta": share * depth}
+            if hardness:
+                settings["hardness"] = hardness * steep
+            cases.append((heights, settings))
+    return cases
+
+
+@pytest.mark.parametrize("nodes", [33, pytest.param(257, marks=pytest.mark.long)])
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+def test_no_stiff_case_takes_thirty_times_the_median(boundary: Boundary, nodes: int) -> None:
+    taken = [
+        bem.solve(heights, nodes, spacing=1.0, boundary=boundary, **settings).convolutions
+        for heights, settings in stiff_cases(nodes)
+    ]
+    assert max(taken) <= 30 * np.median(taken)
