@@ -13,12 +13,10 @@ app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
 COMMANDS = (
     *(page.run, page.page, page.publish, page.paper),
-    *(solver.solver, solver.peers, solver.growth, solver.yielding),
+    *(solver.solver, solver.peers, solver.growth),
     *(solver.threads, solver.hertz, solver.theory, solver.calculix, solver.stability),
-    *(surrogates.models, surrogates.tolerance, surrogates.generalisation),
+    *(surrogates.models, surrogates.features, surrogates.cost),
     *(surrogates.coverage, surrogates.scans),
-    *(surrogates.grow, surrogates.features),
-    *(surrogates.cost, surrogates.throughput, surrogates.memory, surrogates.yielding_surrogate),
     *(farm.speedup, farm.writers, farm.outputs, farm.databases),
 )
 

@@ -126,15 +126,11 @@ def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
     return rows
 
 
-def report(costs: Sequence[Row]) -> Report:
-    """Make a report of the rows of `cost`."""
+def report(costs: Sequence[Row], pressed: Sequence[Row]) -> Report:
+    """Make a report of the rows of `cost` and of `pressures`."""
     text = f"{formatted(COLUMNS, costs)}\n\n{verdict(costs)}"
-    return Report({"growth": costs}, pictures={"growth": _cost_picture(costs)}, text=text)
-
-
-def yielding_report(pressed: Sequence[Row]) -> Report:
-    """Make a report of the rows of `pressures`."""
-    return Report({"yielding": pressed}, pictures={"yielding": _pressure_picture(pressed)})
+    pictures = {"growth": _cost_picture(costs), "yielding": _pressure_picture(pressed)}
+    return Report({"growth": costs, "yielding": pressed}, pictures=pictures, text=text)
 
 
 def verdict(costs: Sequence[Row]) -> str:

@@ -22,7 +22,6 @@ import bem
 from bem.contact import Contact
 from bem.convolution import displacement_filter
 from bem.workers import Workers, led_by
-from bench import peer_threads
 from bench.growth import RTOL, SIDE, displacement_at, require_nested, surface
 from bench.picture import new_figure
 from bench.report import Report, remark
@@ -37,7 +36,7 @@ WANTED_SHARE = 0.9
 # Entries of padded fields that are transformed in one turn of the copies.
 TRANSFORMED = 2.5e7
 
-# Nodes a side from which on a solve takes minutes: one round, and no other solvers.
+# Nodes a side from which on a solve takes minutes: one round.
 LONG_FROM = 4097
 
 # Threads for which the gain is reckoned from the shared part of a solve.
@@ -90,7 +89,7 @@ def gain_of_copies(nodes: int, threads: int, rounds: int) -> float:
     seconds: dict[int, list[float]] = {1: [], threads: []}
     for _, many in product(range(rounds), seconds):
         seconds[many].append(_transform_copies(nodes, many, turns))
-    return threads * peer_threads.gain(seconds[1], seconds[threads])
+    return threads * gain(seconds[1], seconds[threads])
 
 
 def _transform_copies(nodes: int, threads: int, turns: int) -> float:
@@ -118,6 +117,11 @@ def _transform_copies(nodes: int, threads: int, turns: int) -> float:
     return float(max(ended) - min(began))
 
 
+def gain(slow: Sequence[float], fast: Sequence[float]) -> float:
+    """Return how many times as long the slow one of a turn takes, the median over the turns."""
+    return median(one / other for one, other in zip(slow, fast, strict=True))
+
+
 def _timed(heights: Heights, delta: float, threads: int, rounds: int) -> Row:
     """Solve on one and on several threads in turn, and once with a look at what is shared."""
 
@@ -141,7 +145,7 @@ def _timed(heights: Heights, delta: float, threads: int, rounds: int) -> Row:
         "convolutions": contact.convolutions,
         "seconds_one": median(seconds[1]),
         "seconds": median(seconds[threads]),
-        "gain": peer_threads.gain(seconds[1], seconds[threads]),
+        "gain": gain(seconds[1], seconds[threads]),
         "shared_percent": 100 * shared,
         **{f"reckoned_{many}": 1 / (1 - shared + shared / many) for many in RECKONED},
     }
@@ -175,13 +179,10 @@ def _shared(solve: Callable[[], Contact], threads: int) -> float:
         return watched.seconds / (time.perf_counter() - began)
 
 
-def report(rows: Sequence[Row], peers: Sequence[Row] | None = None) -> Report:
-    """Make a report of the rows of `measure`, and of those of other solvers if they were timed."""
+def report(rows: Sequence[Row]) -> Report:
+    """Make a report of the rows of `measure`."""
     text = f"{formatted(COLUMNS, rows)}\n\n{verdict(rows)}"
-    if peers is not None:
-        text += f"\n\n{peer_threads.table(peers)}"
-    tables = {"threads": rows} | ({"threads-peers": peers} if peers else {})
-    return Report(tables, pictures={"threads": draw(rows)}, text=text)
+    return Report({"threads": rows}, pictures={"threads": draw(rows)}, text=text)
 
 
 def draw(rows: Sequence[Row]) -> Any:

@@ -1,7 +1,5 @@
 """Commands on the contact solver: exactness, speed, stiff cases."""
 
-import typer
-
 from bench.commands.options import Folder, FolderIfAny, numbers, option, require_place, tell
 from gen.runtime.errors import InputError
 
@@ -10,31 +8,20 @@ SURFACES = option(3, "Surfaces, each of its own seed.", min=1)
 
 
 def solver(
-    output: FolderIfAny = None,
+    output: Folder,
     quick: bool = option(False, "Small grids: a look in seconds.", "--quick"),
-    default_tolerance: bool = option(
-        False, "Print what the default's choice rests on.", "--default-tolerance"
-    ),
-    samples: int = option(1000, "Rows of the paper preset for --default-tolerance.", min=1),
 ) -> None:
     """Measure the solver's error against its cost.
 
     Force, area and pressure over wall time and over applications of the influence matrix, for the
-    tolerance, the grid, both kernels, both precisions and other solvers where they are installed:
+    tolerance, the grid, both kernels and other solvers where they are installed:
     DIR/solver.csv, DIR/solver.png, and DIR/solver.json for where and with what.
     """
-    if default_tolerance:
-        from bench.default_tolerance import markdown_table, right_counts
+    from bench.work_precision.report import report
+    from bench.work_precision.studies import FULL, QUICK
 
-        typer.echo(markdown_table(right_counts(samples=samples)))
-    elif output is None:
-        raise InputError("solver: give -o DIR to write into, or --default-tolerance")
-    else:
-        from bench.work_precision.report import report
-        from bench.work_precision.studies import FULL, QUICK
-
-        require_place(output, "solver.csv", "solver.json", "solver.png")
-        tell(output, report(QUICK if quick else FULL))
+    require_place(output, "solver.csv", "solver.json", "solver.png")
+    tell(output, report(QUICK if quick else FULL))
 
 
 def peers(
@@ -84,29 +71,15 @@ def growth(
 ) -> None:
     """Measure how convolutions, time and memory of a solve grow with the grid.
 
-    At 1, 10 and 50 % of the nodes in contact. Some minutes. Prints a table, writes DIR/growth.csv
-    and DIR/growth.png.
+    At 1, 10 and 50 % of the nodes in contact; then how area and mean pressure of the same surfaces
+    depend on the grid under one load, with a hardness and without. Some minutes. Prints a table,
+    writes DIR/growth.csv and .png, and DIR/yielding.csv and .png.
     """
-    from bench.growth import cost, report
+    from bench.growth import cost, pressures, report
 
-    require_place(output, "growth.csv", "growth.png")
-    tell(output, report(cost(numbers("nodes", nodes, int), surfaces)))
-
-
-def yielding(
-    output: Folder,
-    nodes: str = GRIDS,
-    surfaces: int = SURFACES,
-) -> None:
-    """Measure how area and mean pressure depend on the grid, with a hardness and without.
-
-    The same surfaces under the same mean pressure: DIR/yielding.csv and DIR/yielding.png. Some
-    minutes.
-    """
-    from bench.growth import pressures, yielding_report
-
-    require_place(output, "yielding.csv", "yielding.png")
-    tell(output, yielding_report(pressures(numbers("nodes", nodes, int), surfaces)))
+    require_place(output, "growth.csv", "growth.png", "yielding.csv", "yielding.png")
+    sizes = numbers("nodes", nodes, int)
+    tell(output, report(cost(sizes, surfaces), pressures(sizes, surfaces)))
 
 
 def threads(
@@ -115,26 +88,18 @@ def threads(
     percents: str = option("1,10,50", "Shares of the nodes in contact.", metavar="PERCENT,..."),
     number: int = option(2, "Threads beside a single one.", "--threads", metavar="N", min=2),
     rounds: int = option(3, "Turns; medians count; one turn from 4,097 nodes on.", min=1),
-    peers: bool = option(False, "Time other solvers too, on grids below 4,097.", "--peers"),
 ) -> None:
     """Measure how much faster one large solve is on several threads.
 
     Beside it what as many copies of the transforms alone reach, and estimates for more threads by
     Amdahl's law, from the part of the solve that threads share. On a quiet machine a minute at
-    1,025 nodes, some ten minutes at 4,097. Prints a table, writes DIR/threads.csv and .png
-    and, with --peers, DIR/threads-peers.csv.
+    1,025 nodes, some ten minutes at 4,097. Prints a table, writes DIR/threads.csv and .png.
     """
-    from bench import peer_threads
-    from bench.threads import LONG_FROM, measure, report
+    from bench.threads import measure, report
 
-    require_place(output, "threads.csv", "threads.png", *(["threads-peers.csv"] if peers else []))
+    require_place(output, "threads.csv", "threads.png")
     sizes, shares = numbers("nodes", nodes, int), numbers("percents", percents, float)
-    short = [size for size in sizes if size < LONG_FROM]
-    if peers and not short:
-        raise InputError(f"--peers: give a grid of less than {LONG_FROM} nodes a side too")
-    rows = measure(sizes, shares, number, rounds)
-    others = peer_threads.measure(short, number, rounds) if peers else None
-    tell(output, report(rows, others))
+    tell(output, report(measure(sizes, shares, number, rounds)))
 
 
 def hertz(output: Folder) -> None:

@@ -27,7 +27,6 @@ class Inputs:
             "comparison": self.comparison or self.output / "comparison",
             "cost": self.output / "cost",
             "concentrated": self.output / "databases" / "concentrated.h5",
-            "fine": self.output / "generalisation" / "databases" / "fine.h5",
         }
 
     def folder(self, part: Part) -> Path:

@@ -1,6 +1,6 @@
 """The parts of the page, in its order: what each runs, and what it shows.
 
-Each report says it in a file of its own, `NAME.toml`, beside the module that makes it: title,
+Each report says it in a file of its own, `bench/reports/NAME.toml`: title,
 commands, and `contents`, each a figure, a table or words of a file, with its caption.
 """
 
@@ -23,7 +23,7 @@ class Part:
 
     `quick` and `full` are arguments of the Python interpreter in a short and in a full run, empty
     if the part does not belong to that run. A run fills in {folder}, {database}, {comparison},
-    {cost}, {fine} and {concentrated}; words in brackets are left out where the file that they name
+    {cost} and {concentrated}; words in brackets are left out where the file that they name
     is not there.
     """
 
@@ -39,12 +39,12 @@ class Part:
 
 
 def part_of(report: str, chapter: str) -> Part:
-    """Return the part of a report, which is named as its file without the ending, from `bench` on.
+    """Return the part of a report.
 
     Where the report lists its contents itself, `show` names that function: its module is loaded
     when the page asks, since a part does not need the packages of all others.
     """
-    said = read_toml(report)
+    said = read_toml(f"reports/{report}")
     said.pop("contents", None)
     own = said.pop("show", "")
 
@@ -52,19 +52,24 @@ def part_of(report: str, chapter: str) -> Part:
         contents: ShowContents | None = resolve_name(own) if own else None
         return contents(folder) if contents else contents_of(report, folder)
 
-    return Part(report.rpartition("/")[2], chapter, **{"quick": "", "full": "", **said}, show=show)
+    return Part(report, chapter, **{"quick": "", "full": "", **said}, show=show)
 
 
 def contents_of(report: str, folder: Path) -> list[Content]:
     """List what a folder holds of a report, by the report's file."""
-    return [each for entry in read_toml(report)["contents"] for each in _contents(entry, folder)]
+    return [
+        each
+        for entry in read_toml(f"reports/{report}")["contents"]
+        for each in _contents(entry, folder)
+    ]
 
 
 def _contents(entry: Mapping[str, Any], folder: Path) -> Iterator[Content]:
     """Yield the contents of an entry: one for each file that its name, with a *, may stand for.
 
     A table that is not there, or has no rows, is `absent` if the entry says so. Words, names with
-    a *, and what a command of its own makes, are left out where no file is there.
+    a *, what a command of its own makes, and what is `optional` are left out where no file is
+    there.
     """
     (kind,) = entry.keys() & {"figure", "table", "words"}
     name, command = entry[kind], entry.get("command", "")
@@ -72,7 +77,7 @@ def _contents(entry: Mapping[str, Any], folder: Path) -> Iterator[Content]:
         caption = " ".join(entry.get("caption", "").replace("{target}", path.parent.name).split())
         if "absent" in entry and not (is_there(path) and read_table(path)[1]):
             yield Absent(entry["absent"], entry["how"].format(folder=folder))
-        elif (command or kind == "words") and not is_there(path):
+        elif (command or kind == "words" or "optional" in entry) and not is_there(path):
             continue
         elif kind == "figure":
             data = tuple(folder / each for each in entry.get("data", ()))
@@ -88,27 +93,25 @@ def _contents(entry: Mapping[str, Any], folder: Path) -> Iterator[Content]:
 ROWS = 1500  # rows of the paper preset that a short run generates; a full one generates all 15,878
 
 CHAPTERS = {
-    "The contact solver: error against run time": (
-        *("work_precision/solver", "peers/peers", "growth", "hertz"),
-    ),
-    "Bodies that yield": ("yielding", "peers/hardness", "surrogates/yielding-surrogate"),
-    "Patches without edges, and theory": ("peers/periodic", "theory"),
-    "Stiff and extreme cases": ("stability/stability",),
+    "The contact solver: error against run time": (*("solver", "peers", "growth", "hertz"),),
+    "Bodies that yield": ("yielding", "hardness", "yielding-surrogate"),
+    "Patches without edges, and theory": ("periodic", "theory"),
+    "Stiff and extreme cases": ("stability",),
     "Laws in CalculiX": ("calculix",),
-    "Cores": ("threads", "scale/speedup"),
-    "The farm": ("page/databases", "outputs", "scale/scale", "writers", "faults"),
+    "Cores": ("threads", "speedup"),
+    "The farm": ("databases", "outputs", "scale", "writers", "faults"),
     "Surrogates: errors and costs": (
-        *("page/comparison", "page/tuning", "page/grids"),
-        *("page/comparison-hybrid", "page/comparison-concentrated", "surrogates/models"),
-        *("surrogates/features", "surrogates/tolerance", "populations/grow"),
-        *("surrogates/cost", "surrogates/throughput", "memory"),
+        *("comparison", "tuning", "grids"),
+        *("comparison-hybrid", "comparison-concentrated", "models"),
+        *("features", "tolerance", "grow"),
+        *("cost", "throughput", "memory"),
     ),
-    "Surrogates under shift": ("surrogates/generalisation", "surrogates/coverage"),
-    "Measured maps": ("populations/scans",),
-    "The paper, side by side": ("paper/paper", "paper/unstated", "paper/nearest"),
+    "Surrogates under shift": ("generalisation", "coverage"),
+    "Measured maps": ("scans",),
+    "The paper, side by side": ("paper", "unstated", "nearest"),
     "Benchmarks": ("benchmarks",),
 }
-"""The reports under each chapter's heading: their files, without the ending."""
+"""The reports under each chapter's heading."""
 
 PARTS = tuple(
     part_of(report, chapter) for chapter, reports in CHAPTERS.items() for report in reports

@@ -25,6 +25,7 @@ from learn.metrics import Scores, scores
 
 MODEL = "kernel-ridge"
 CURVATURE = "peak_curvature_mean"
+SCENE = "[surface]\nnodes = 257\n"  # the finer grid, where no database of it is given
 
 PRESET = load("paper")
 
@@ -63,6 +64,11 @@ def fine_grid(folder: Path, database: Path, fine: Path) -> list[Content]:
         picture(folder, "fine-grid", drawn, data, predictions, **said),
         table(data, why=curvature),
     ]
+
+
+def tests_of(rows: int) -> int:
+    """Return the rows of the finer grid that test a database; the paper has 800 for 15,878."""
+    return min(FINE_ROWS, max(40, rows // 5))
 
 
 def check(fine: Path) -> Scene:

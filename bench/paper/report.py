@@ -12,8 +12,6 @@ from bench.page.inputs import typed
 from bench.page.record import Making, contents_of
 from bench.paper import borrowed, cost, database, fine, models, numbers, predictions, surfaces
 from bench.report import remark
-from bench.surrogates.cases import CASES, FINE
-from bench.surrogates.generalisation import tests_of
 from gen.runtime.errors import InputError
 from gen.runtime.output import check_folder, make_folder
 
@@ -133,9 +131,7 @@ def _databases(
     if "database" in needed:
         found["database"] = databases.of_the_paper(given.get("database"), place, rows)
     if "fine" in needed and "fine" not in given:
-        # The one that `bench generalisation` tests on too.
-        (case,) = (case for case in CASES if case.name == FINE)
-        count = tests_of(max(100, len(database.read(found["database"]))))
-        text = f"samples = {count}\nseed = {OTHER_SEED}\n{case.scene}"
-        found["fine"] = databases.generated(place, case.file, text)
+        count = fine.tests_of(len(database.read(found["database"])))
+        text = f"samples = {count}\nseed = {OTHER_SEED}\n{fine.SCENE}"
+        found["fine"] = databases.generated(place, "fine", text)
     return found

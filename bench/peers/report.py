@@ -72,7 +72,7 @@ def _check(nodes: Sequence[int], deltas: Sequence[float], hardnesses: Sequence[f
 
 def contents(folder: Path) -> list[Content]:
     """List what a folder of this report holds, and the solvers that took no part."""
-    shown = contents_of("peers/peers", folder)
+    shown = contents_of("peers", folder)
     solvers = {row["solver"] for row in read_table(folder / "peers.csv")[1]}
     there = {solver.package for solver in OTHERS if solver.name in solvers}
     absent = {solver.package: solver.install for solver in OTHERS if solver.package not in there}

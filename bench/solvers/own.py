@@ -1,18 +1,16 @@
-"""Our own solvers: `bem.solve`, its active set in two precisions, and the paper's algorithm."""
+"""Our own solvers: `bem.solve`, and the paper's algorithm."""
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 
 import numpy as np
 
 import bem
 from bem import influence
-from bem.active_set import solve_complementarity
 from bem.half_space import HalfSpace
 from bem.influence import KERNELS
 from bench.references import half_space, nnls
 from bench.solvers.case import Case
-from bench.solvers.solver import MAX_ITERATIONS, Answer, Failure, Press, Solver
+from bench.solvers.solver import Answer, Failure, Press, Solver
 
 
 def boundary_elements(nodes: int, spacing: float) -> Press:
@@ -37,33 +35,6 @@ def press_boundary_elements(case: Case, force: float, tolerance: float) -> Answe
     return Answer(contact.pressure, contact.iterations, contact.convolutions)
 
 
-def active_set(nodes: int, spacing: float, working: str) -> Press:
-    """Open the iteration of `bem` alone, working in "float32" or "float64", to its tolerance.
-
-    It runs on every node that overlaps: no cropping of the grid, and no dense algebra where few
-    nodes may touch or are in contact.
-    """
-
-    def press(case: Case, force: float, tolerance: float) -> Answer:
-        interference = case.interference
-        nodes = np.flatnonzero(interference > 0)
-        shape = interference.shape
-        iterate, converged = solve_complementarity(
-            HalfSpace(shape, case.kernel, 1.0, nodes, working=working, few_per_root=0.0),
-            interference.reshape(-1)[nodes],
-            rtol=tolerance,
-            max_iterations=MAX_ITERATIONS,
-        )
-        if not converged:
-            raise Failure(f"residual {iterate.violation():.1e} where {tolerance:.0e} was asked for")
-        pressure = np.zeros(interference.size)
-        pressure[nodes] = iterate.pressure * (case.delta / case.spacing)
-        effort = iterate.effort
-        return Answer(pressure.reshape(shape), effort.iterations, effort.convolutions)
-
-    return press
-
-
 def papers_algorithm(nodes: int, spacing: float) -> Press:
     """Open Bemporad and Paggi's active set, `nnls`; its iterations are dense solves."""
     half_space.influence_coefficients.cache_clear()
@@ -83,7 +54,3 @@ PAPERS = Solver(
     ladder=(1e-8,),  # the tolerance that MIRCO has built in
     largest_contact=1200.0,  # the time grows with the fourth power of this
 )
-
-_active_set = partial(Solver, "active set", kernels=KERNELS)
-MIXED = _active_set(partial(active_set, working="float32"), precision="mixed")
-DOUBLE = _active_set(partial(active_set, working="float64"))

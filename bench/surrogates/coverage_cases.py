@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.databases import generated
-from bench.surrogates.cases import HURST_BORDER
 from gen.arrays import Values
 from gen.database import Reader
 from gen.scene import preset_names
 from learn.arrays import Indices
 from learn.dataset import Dataset
+
+HURST_BORDER = 0.7
+"""Surfaces below it train, surfaces above it test."""
 
 FEW = 20
 """Rows of a finer grid that are learnt together with those of the preset's grid."""

@@ -21,7 +21,6 @@ from gen.runtime.figure import log_axis
 TITLES = {
     "tolerance": "Tolerance: 1e-1 (right) to 1e-12 (left), both kernels",
     "grid": "Grid: both kernels, nodes a side as labelled, against the default's finest grid",
-    "precision": "Precision: single for search directions (mixed), or double throughout",
     "peers": "Other solvers at tolerances of their own; no error in a force that was given",
     "hardness": "Bodies that yield, hardness over E* as named; others at tolerances of their own",
 }
@@ -29,7 +28,6 @@ TITLES = {
 CURVES = {
     "tolerance": "{kernel}",
     "grid": "{kernel}",
-    "precision": "{precision}, {nodes} × {nodes} nodes",
     "peers": "{solver}",
     "hardness": "{solver}, {hardness:g}",
 }

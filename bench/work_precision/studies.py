@@ -1,4 +1,4 @@
-"""The studies: each varies the tolerance, the grid, the precision, the solver or the hardness."""
+"""The studies: each varies the tolerance, the grid, the solver or the hardness."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ from bem.influence import KERNELS, Kernel
 from bench.report import remark
 from bench.solvers.case import Case, find_exact
 from bench.solvers.others import installed, missing
-from bench.solvers.own import BEM, DOUBLE, MIXED
+from bench.solvers.own import BEM
 from bench.solvers.solver import Solver
 from bench.work_precision.measurement import Row, Task, admit, measure
 from gen.generation.plan import parameters
@@ -27,18 +27,14 @@ class Extent:
     rtols: tuple[float, ...]  # tolerances, falling
     rounds: int  # times that each solve is timed
     levels: tuple[int, ...]  # k of the grids with 2^k + 1 nodes a side, rising to the reference
-    large: int  # nodes a side of the one larger surface on which the two precisions meet
 
 
-FULL = Extent(nodes=129, samples=8, rtols=DECADES, rounds=4, levels=(5, 6, 7, 8, 9, 10), large=513)
-QUICK = Extent(nodes=65, samples=2, rtols=DECADES[::2], rounds=2, levels=(4, 5, 6, 7), large=129)
+FULL = Extent(nodes=129, samples=8, rtols=DECADES, rounds=4, levels=(5, 6, 7, 8, 9, 10))
+QUICK = Extent(nodes=65, samples=2, rtols=DECADES[::2], rounds=2, levels=(4, 5, 6, 7))
 
 # The grid matters in the third digit: its reference and its gates need not go down to rounding.
 GRID_RTOL = 1e-6
 GRID_EXACT_RTOL = 1e-10
-
-# The larger surface is pressed less: its contact still fits into the dense reference.
-LARGE_DELTA = 9.56  # um; 1 % contact at 513 nodes a side
 
 # Samples of the paper with few, some and many nodes in contact, and the tightest tolerance, on and
 # to which the solvers of others are measured.
@@ -137,13 +133,6 @@ def grid_study(extent: Extent) -> Iterator[Row]:
     yield from measure(tasks, rounds=2)
 
 
-def precision_study(extent: Extent) -> Iterator[Row]:
-    """Compare double precision throughout with single precision for search directions."""
-    cases = [paper_case(row, extent.nodes) for row in range(extent.samples)]
-    cases.append(replace(paper_case(0, extent.large), delta=LARGE_DELTA))
-    return compare("precision", [MIXED, DOUBLE], cases, extent.rtols, extent.rounds)
-
-
 def peer_study(extent: Extent) -> Iterator[Row]:
     """Compare with solvers by other people, where they are installed.
 
@@ -172,7 +161,6 @@ def hardness_study(extent: Extent) -> Iterator[Row]:
 STUDIES = {
     "tolerance": tolerance_study,
     "grid": grid_study,
-    "precision": precision_study,
     "peers": peer_study,
     "hardness": hardness_study,
 }

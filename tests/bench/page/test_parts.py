@@ -53,7 +53,7 @@ def test_curves_of_a_short_run_have_three_points_or_more() -> None:
 def test_a_short_run_that_draws_fewer_pictures_is_shown(tmp_path: Path) -> None:
     for name in ("grow.txt", "grow.csv", "quick.png"):
         (tmp_path / name).write_text("made")
-    shown = contents_of("populations/grow", tmp_path)
+    shown = contents_of("grow", tmp_path)
     assert [path.name for each in shown for path in files_of(each)] == [
         *("grow.csv", "quick.png", "grow.csv")
     ]

@@ -10,7 +10,7 @@ from bench import __main__ as bench
 from bench import hertz, picture
 from bench.page.content import Absent, Figure, Table, Words, files_of
 from bench.page.record import Making, read
-from bench.paper import facts, report
+from bench.paper import facts, fine, report
 from bench.paper.report import contents
 from bench.paper.texts import why
 from bench.surrogates.times import PAPER_BREAK_EVEN
@@ -32,7 +32,7 @@ def table_of(path):
 def _few_rows():
     """Fewer rows on the finer grid, and pictures that are drawn faster."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(report, "tests_of", lambda rows: 20)
+        patch.setattr(fine, "tests_of", lambda rows: 20)
         patch.setattr(picture, "DPI", 40)
         yield
 
