@@ -11,16 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
-from gen.scene import Scene
 from learn import pooling
 from learn.arrays import Indices, Values
+from learn.columns import Stored, read_stored, reasons_against
 from learn.features import FeatureSet, chosen
-from learn.features.hardness import are_mixed, limits_of, modulus
-from learn.features.pressed import BLOCKS
-from learn.features.sets import build, target_scale
+from learn.features.sets import (
+    BLOCKS,
+    build,
+    features_of,
+    limits_of,
+    modulus,
+    node_count,
+    target_scale,
+)
 from learn.metrics import usual_size
 from learn.pooling import Origin, Population
-from learn.stored import Stored, read_stored, reasons_against
 
 SMALLEST = 10
 """Usable rows at least: two of these are for testing, and a score needs two."""
@@ -265,25 +270,6 @@ def read_together(
     ]
 
 
-def features_of(
-    scenes: Sequence[Scene], features: str, *, roots: bool, blocks: int = BLOCKS
-) -> FeatureSet:
-    """Return the feature set for the databases of one or more scenes.
-
-    Parameters
-    ----------
-    scenes : sequence of Scene
-        The scenes.
-    features : str
-        A name of `learn.features.SETS`.
-    roots, blocks
-        See `read_targets`.
-    """
-    mixed = are_mixed(scenes)
-    wanted = chosen(features, limits_of(scenes), roots=roots, blocks=blocks, elastic=mixed)
-    return wanted.with_nodes() if pooling.differ_in_nodes(scenes) else wanted
-
-
 def _usable(
     stored: Stored, made: Values, number: int, wanted: FeatureSet, area_max: float | None
 ) -> tuple[Dataset, pooling.Placed]:
@@ -402,7 +388,7 @@ def _features(wanted: FeatureSet, stored: Stored, hybrid: Values | None) -> Valu
             stored.length,
             hybrid,
             hardness_ratio=ratio,
-            nodes=pooling.node_count(scene),
+            nodes=node_count(scene),
         )
 
 

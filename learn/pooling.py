@@ -6,7 +6,6 @@ generator (they are made of the same random numbers), and windows of one tile of
 databases cut a map into other tiles, all windows of that map.
 """
 
-import math
 import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -20,7 +19,7 @@ from gen.runtime.errors import InputError
 from gen.scene import ScanSurface, Scene
 from gen.scene.words import shown
 from learn.arrays import Indices, Values
-from learn.features.hardness import modulus
+from learn.features.sets import modulus
 
 DIGITS = 8
 """Digits of a file's hash in the labels of maps, so that maps of one name differ."""
@@ -135,17 +134,6 @@ def _must_agree(scene: Scene, *, scaled: bool) -> dict[str, Any]:
             "contact.modulus / (1 - contact.poisson^2)": float(f"{modulus(scene):.9g}"),
         }
     return common
-
-
-def node_count(scene: Scene) -> float:
-    """Return the nodes of a scene's patches along a side, the geometric mean of both axes."""
-    nx, ny = scene.shape
-    return math.sqrt(nx * ny)
-
-
-def differ_in_nodes(scenes: Sequence[Scene]) -> bool:
-    """Tell whether the patches of several scenes differ in their number of nodes."""
-    return len({node_count(scene) for scene in scenes}) > 1
 
 
 def populations(placed: Sequence[Placed]) -> tuple[Indices, tuple[Population, ...]]:

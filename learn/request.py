@@ -8,7 +8,7 @@ from gen.runtime.errors import InputError
 from learn import features
 from learn.arrays import Values
 from learn.executor import Executor
-from learn.features.pressed import BLOCKS
+from learn.features.sets import BLOCKS
 from learn.models import NORMALISATIONS
 
 
@@ -45,7 +45,7 @@ class Request:
         (`learn.features.FeatureSet.with_roots`).
     blocks : int
         Blocks per side of the coarse solve of hybrid features, one of
-        `learn.features.pressed.BLOCK_COUNTS`.
+        `learn.features.sets.BLOCK_COUNTS`.
     calibrate_on : Path or None
         Database whose rows calibrate the intervals; None for rows of the first ones.
     others : tuple of Path

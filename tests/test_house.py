@@ -92,13 +92,13 @@ ROOMS = {
     "learn.comparison": {
         *("learn.arrays", "learn.columns", "learn.dataset", "learn.executor", "learn.features"),
         *("learn.kernel_ridge", "learn.memory", "learn.metrics", "learn.models"),
-        *("learn.request", "learn.split", "learn.target"),
+        *("learn.request", "learn.split"),
     },
     "learn.surrogate.law": {"learn.arrays", "learn.features", "learn.surrogate"},
     "learn.surrogate": {
         *("learn.arrays", "learn.columns", "learn.comparison", "learn.dataset", "learn.executor"),
         *("learn.features", "learn.kernel_ridge", "learn.memory", "learn.metrics", "learn.models"),
-        *("learn.request", "learn.split", "learn.target"),
+        *("learn.request", "learn.split"),
     },
     "learn.grow": {
         *("learn.arrays", "learn.columns", "learn.dataset", "learn.executor", "learn.request"),

@@ -15,7 +15,7 @@ from bench.stability.models.fitted import fitted, rows_of
 from bench.stability.models.samples import ordinary
 from gen.surface import generate
 from learn.features import SETS, SurfaceFeatures, chosen
-from learn.features.pressed import HYBRID
+from learn.features.sets import HYBRID
 
 NODES = {"smoke": 33, "paper": 129, "large": 513}
 ROWS = {"smoke": 1, "paper": 1000, "large": 100_000}

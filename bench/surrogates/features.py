@@ -27,7 +27,7 @@ from gen.runtime.output import atomic, make_folder
 from learn.comparison.paper import SPREAD
 from learn.dataset import Dataset
 from learn.features import SETS, FeatureSet, SurfaceFeatures, chosen
-from learn.features.pressed import BLOCKS
+from learn.features.sets import BLOCKS
 from learn.metrics import bootstrap, scores
 from learn.request import Request
 

@@ -172,7 +172,7 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
 
 def _blocks(choice: Choice) -> int:
     """Return the blocks per side of the coarse solve, which only hybrid features have."""
-    from learn.features.pressed import BLOCKS
+    from learn.features.sets import BLOCKS
 
     if choice.blocks is None:
         return BLOCKS

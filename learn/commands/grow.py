@@ -193,7 +193,7 @@ def _require_own(database: Path, surrogate: Path, drawing: Path) -> None:
 def _order(output: Path, goal: Goal) -> Order:
     """Check the options, and return the growth that they describe."""
     from learn.features import chosen
-    from learn.features.pressed import BLOCKS
+    from learn.features.sets import BLOCKS
     from learn.grow.rounds import Order
     from learn.models import models_named
     from learn.request import Request

@@ -9,10 +9,9 @@ from learn.comparison.folder import Folder, conditions
 from learn.comparison.training_data import Training
 from learn.dataset import Dataset
 from learn.executor import Executor
-from learn.models import Model
+from learn.models import Model, scaling_of
 from learn.request import Request, hybrid_for
 from learn.split import Split
-from learn.target import scaling_of
 
 
 def prepare(

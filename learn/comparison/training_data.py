@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from learn.arrays import Folds, Values
-from learn.target import UNSCALED, Scaling
+from learn.models import UNSCALED, Scaling
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,9 +28,7 @@ from gen.scene import Scene
 from gen.schema import PHYSICS, Status, physics_of
 from learn.arrays import Values
 from learn.executor import Executor
-from learn.features.hardness import hardness_ratios
-from learn.features.pressed import BLOCKS, HYBRID
-from learn.features.sets import STATISTICS
+from learn.features.sets import BLOCKS, HYBRID, STATISTICS, modulus
 from learn.features.surface import LOOSE, SurfaceFeatures
 
 VERSION = 3
@@ -59,7 +57,7 @@ def hybrid_rows(
     stopping : callable
         Called between blocks of rows; True ends the work.
     blocks : int
-        Blocks per side of the coarse solve, one of `learn.features.pressed.BLOCK_COUNTS`.
+        Blocks per side of the coarse solve, one of `learn.features.sets.BLOCK_COUNTS`.
 
     Returns
     -------
@@ -130,7 +128,7 @@ def compute_block(scene: Scene, block: Block, blocks: int = BLOCKS) -> tuple[Val
     inputs = np.full((stop - start, len(_inputs(scene))), np.nan)
     values = np.full((stop - start, len(HYBRID)), np.nan)
     inputs[:, 0] = deltas
-    ratios = hardness_ratios(scene, plan.hardness)
+    ratios = None if plan.hardness is None else np.asarray(plan.hardness) / modulus(scene)
     if scene.contact.draws_hardness:
         inputs[:, -1] = plan.hardness
     surface: SurfaceFeatures | None = None

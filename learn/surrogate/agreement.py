@@ -12,10 +12,9 @@ from gen.scene import Scene
 from gen.schema import Column
 from learn.arrays import Values
 from learn.columns import TARGETS, results
-from learn.dataset import features_of
 from learn.features import FeatureSet
-from learn.features.hardness import are_mixed, limits_of, modulus
-from learn.models import MODELS, NORMALISATIONS, STEP
+from learn.features.sets import features_of, limits_of, modulus
+from learn.models import MODELS, NORMALISATIONS, ROOTED_TARGETS, STEP
 from learn.surrogate import calibration_text
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.parts import (
@@ -27,7 +26,6 @@ from learn.surrogate.parts import (
     sequence,
     text,
 )
-from learn.target import ROOTED_TARGETS
 
 ROUNDING = 1e-6
 """Relative difference allowed between numbers that are computed from the same rows."""
@@ -184,7 +182,9 @@ def _check_target(name: str, target: Part, known: Mapping[str, Column]) -> None:
 def _check_hardness(card: Part, scenes: Sequence[Scene]) -> None:
     """Refuse a card whose hardness over E* is not that of its scenes."""
     wanted = limits_of(scenes)
-    if card.get("elastic", False) is not are_mixed(scenes):
+    if card.get("elastic", False) is not (
+        len({scene.contact.hardness_limits is None for scene in scenes}) > 1
+    ):
         raise ValueError("elastic is not what the scenes say")
     if wanted is None:
         if "hardness_ratio" in card:

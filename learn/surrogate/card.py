@@ -12,8 +12,8 @@ from gen.runtime.terminal import printable
 from gen.scene import Scene
 from learn.arrays import Indices, Values
 from learn.comparison.folder import versions
-from learn.dataset import Dataset, features_of
-from learn.features.hardness import limits_of, modulus
+from learn.dataset import Dataset
+from learn.features.sets import features_of, limits_of, modulus
 from learn.metrics import magnitude, scores
 from learn.models import MODELS
 from learn.request import Request

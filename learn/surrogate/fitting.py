@@ -18,7 +18,7 @@ from learn.comparison.folder import Folder
 from learn.dataset import Dataset
 from learn.features import chosen
 from learn.kernel_ridge import left_out_errors
-from learn.models import MODELS, STEP, pipeline, remarks
+from learn.models import MODELS, STEP, pipeline, remarks, scaling_of
 from learn.request import Request
 from learn.surrogate.conformal import RANGES, Calibration, calibrate, ranges_of
 from learn.surrogate.distance import Distance
@@ -35,7 +35,6 @@ from learn.surrogate.groups import (
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.moments import Clipped, clipped
 from learn.surrogate.settings import Settings, choose
-from learn.target import scaling_of
 
 NOT_CALIBRATED = Calibration(np.empty(0), (np.empty(0),))
 

@@ -10,10 +10,9 @@ import numpy as np
 from gen.runtime.errors import InputError
 from learn import memory
 from learn.arrays import Values
-from learn.models import STEP
+from learn.models import STEP, Scaling
 from learn.surrogate.conformal import Calibration
 from learn.surrogate.moments import Clipped
-from learn.target import Scaling
 
 PART = 2000
 """Rows that are predicted together: a kernel needs memory for rows times training rows."""

@@ -10,6 +10,7 @@ from gen.scene import Scene
 from learn.arrays import Values
 from learn.columns import results
 from learn.features import FeatureSet
+from learn.models import Scaling
 from learn.surrogate import agreement
 from learn.surrogate.conformal import Calibration, Scheme
 from learn.surrogate.distance import Distance
@@ -28,7 +29,6 @@ from learn.surrogate.parts import (
     sequence,
     text,
 )
-from learn.target import Scaling
 
 LARGEST_LOGARITHM = 700.0
 """Of a usual error: its exponential is a number."""

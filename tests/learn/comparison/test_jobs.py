@@ -14,7 +14,7 @@ from comparisons import run, table
 from launch import TIMEOUT, command, environment, mpiexec
 from walk import walk
 
-from learn import stored
+from learn import columns
 from learn.columns import INPUTS
 from learn.comparison import folder, tables
 
@@ -280,12 +280,12 @@ def test_tables_do_not_depend_on_the_number_of_ranks(work):
 def test_the_database_is_read_once_for_all_targets(work, monkeypatch):
     opened = []
 
-    class Counted(stored.Reader):
+    class Counted(columns.Reader):
         def __init__(self, path):
             opened.append(path)
             super().__init__(path)
 
-    monkeypatch.setattr(stored, "Reader", Counted)
+    monkeypatch.setattr(columns, "Reader", Counted)
     arguments = ["--model", "decision-tree", "--target", "both"]
     assert run("compare", "database.h5", "-o", "out", *arguments) == 0
     assert len(opened) == 1

@@ -14,9 +14,8 @@ from gen.runtime.errors import InputError
 from learn import dataset
 from learn.executor import Executor
 from learn.features import SETS, SurfaceFeatures, regeneration
-from learn.features.pressed import BLOCK_COUNTS, HYBRID
 from learn.features.regeneration import hybrid_rows
-from learn.features.sets import STATISTICS
+from learn.features.sets import BLOCK_COUNTS, HYBRID, STATISTICS
 
 
 def never():

@@ -15,7 +15,7 @@ from gen.surface import generate
 from learn import Surrogate, split
 from learn.comparison.search.spaces import OPTIMA
 from learn.executor import Executor
-from learn.features.pressed import BLOCK_COUNTS, ROOTED_LOCAL
+from learn.features.sets import BLOCK_COUNTS, ROOTED_LOCAL
 from learn.models import MODELS
 from learn.request import Request
 from learn.surrogate import agreement, law, settings, training
