@@ -13,7 +13,7 @@ __version__: str
 def __getattr__(name: str) -> Any:
     """Look the version up when it is asked for; the command looks for a foreign `gen` before."""
     if name == "__version__":
-        from gen.runtime.version import VERSION
+        from gen.runtime.installation import VERSION
 
         return VERSION
     raise AttributeError(f"module 'asperity' has no attribute {name!r}")

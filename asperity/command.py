@@ -25,11 +25,11 @@ def main() -> int:
     if fault:
         sys.stderr.write(f"asperity: {fault}\n")
         return 2
-    from gen.runtime import farm, startup
+    from gen.runtime import command_line, farm
 
     if COMPLETING in os.environ:
         _complete()
-    startup.start(default_sigint=not name or PROGRAMS[name].default_sigint)
+    command_line.start(default_sigint=not name or PROGRAMS[name].default_sigint)
     try:
         code = _run(name, arguments)
         farm.leave()

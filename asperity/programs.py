@@ -13,7 +13,7 @@ class Program(NamedTuple):
     packages : tuple of str
         Packages of Asperity that it imports.
     default_sigint : bool
-        Whether Ctrl-C ends it at once until a run listens to signals, see `startup.start`.
+        Whether Ctrl-C ends it at once until a run listens to signals, see `command_line.start`.
     summary : str
         Line for the help.
     """

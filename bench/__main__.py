@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import typer
 
 from bench.commands import farm, page, solver, surrogates
-from gen.runtime import command_line, startup
+from gen.runtime import command_line
 from gen.runtime import farm as processes
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str], name: str = "bench") -> int:
 
 
 if __name__ == "__main__":
-    startup.start(default_sigint=False)
+    command_line.start(default_sigint=False)
     code = main(sys.argv[1:])
     processes.leave()
     sys.exit(code)

@@ -10,7 +10,7 @@ from bench.page.content import Content
 from bench.page.parts import contents_of
 from bench.table import write_rows
 from gen.runtime.errors import InputError
-from gen.runtime.output import write
+from gen.runtime.files import write
 
 SIZES = ("smoke", "paper", "large")
 

@@ -22,7 +22,7 @@ from bench.report import Report, remark
 from bench.table import formatted, read_table
 from gen.cli import main as gen
 from gen.runtime.errors import InputError
-from gen.runtime.output import make_folder, write
+from gen.runtime.files import make_folder, write
 from gen.surface import generate
 
 Row = dict[str, Any]

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from gen.runtime.provenance import git_commit, versions
+from gen.runtime.installation import git_commit, versions
 
 PACKAGES = (
     *("asperity", "numpy", "scipy", "pyfftw", "h5py", "mpi4py", "scikit-learn", "xgboost"),

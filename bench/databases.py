@@ -13,7 +13,7 @@ from gen.display.databases import print_database
 from gen.generation.run import Request, generate_database
 from gen.runtime.errors import InputError
 from gen.runtime.farm import World
-from gen.runtime.output import make_folder, write
+from gen.runtime.files import make_folder, write
 from gen.scene import Scene, differences, load
 from gen.schema import Status
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gen.runtime import figure as figures
-from gen.runtime.output import make_folder, write
+from gen.runtime.files import make_folder, write
 
 # For colour-blind readers: Okabe and Ito's colours, and three more.
 COLOURS = (

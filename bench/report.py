@@ -10,7 +10,7 @@ import typer
 
 from bench.picture import save
 from bench.table import write_rows
-from gen.runtime.output import make_folder, write
+from gen.runtime.files import make_folder, write
 
 
 def remark(line: str) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 from bench.files import content_of
 from gen.runtime.errors import InputError
-from gen.runtime.output import make_folder, write
+from gen.runtime.files import make_folder, write
 
 Rows = Iterable[Mapping[str, Any]]  # values by the names of the columns, the same in all rows
 

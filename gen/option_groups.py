@@ -9,7 +9,7 @@ import typer
 
 from gen import options
 from gen.runtime.errors import InputError
-from gen.runtime.output import Output
+from gen.runtime.files import Output
 
 Units = Literal["mm", "si"]
 
@@ -130,7 +130,7 @@ class Files(NamedTuple):
 
     @property
     def outputs(self) -> list[Output]:
-        """The outputs, for `gen.runtime.output.check_outputs`, with those of a band's sides."""
+        """The outputs, for `gen.runtime.files.check_outputs`, with those of a band's sides."""
         models = {"--calculix": self.calculix, "--abaqus": self.abaqus}
         return [
             Output(self.table, "--csv"),

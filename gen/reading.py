@@ -11,8 +11,8 @@ from gen.measured.source import Source
 from gen.measured.topography import OWN_SUFFIXES, Topography
 from gen.option_groups import Reading
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
-from gen.runtime.invocation import to_type
+from gen.runtime.files import require_file
+from gen.runtime.terminal import to_type
 from gen.schema import statistics_columns
 
 INSTRUMENTS = {

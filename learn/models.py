@@ -90,7 +90,7 @@ def _xgboost(seed: int) -> Any:
     try:
         from xgboost import XGBRegressor
     except ImportError:
-        from gen.runtime.installing import command_for
+        from gen.runtime.installation import command_for
 
         raise InputError(f"XGBoost is not installed: {command_for('learn')}") from None
     # The library's own defaults, written out so that a search finds them among the settings.

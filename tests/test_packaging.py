@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from bench.page.parts import CHAPTERS
-from gen.runtime.version import VERSION
+from gen.runtime.installation import VERSION
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("asperity", "bem", "gen", "learn", "bench")
@@ -78,7 +78,7 @@ def test_a_package_built_from_a_checkout_knows_its_commit(tmp_path):
     (tmp_path / ".git" / "HEAD").write_text(f"{COMMIT}\n")
     build = [sys.executable, "setup.py", "-q", "build", "--build-lib", "made"]
     subprocess.run(build, cwd=tmp_path, check=True, timeout=120, capture_output=True)
-    asked = "from gen.runtime.provenance import git_commit as it; print(it())"
+    asked = "from gen.runtime.installation import git_commit as it; print(it())"
     done = subprocess.check_output([sys.executable, "-c", asked], cwd=tmp_path / "made", text=True)
     assert done.strip() == COMMIT
 

@@ -10,7 +10,7 @@ from asperity.serving.questions import Configuration, Inputs, Vectors, question
 from gen.generation.completion import completed
 from gen.generation.sample import solve_contact
 from gen.runtime.errors import InputError
-from gen.runtime.output import kind_of
+from gen.runtime.files import kind_of
 from gen.scene import PythonSurface, Scene, load, preset_names
 
 AREA_FORCE_DELTA = 3

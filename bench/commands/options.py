@@ -9,7 +9,7 @@ import typer
 
 from gen.runtime.errors import InputError
 from gen.runtime.figure import new_figure
-from gen.runtime.output import check_folder
+from gen.runtime.files import check_folder
 
 if TYPE_CHECKING:
     from bench.report import Report

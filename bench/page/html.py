@@ -18,7 +18,7 @@ from bench.page.record import Record, read
 from bench.page.table import tabulated
 from bench.template import rendered
 from gen.runtime.errors import InputError
-from gen.runtime.output import write
+from gen.runtime.files import write
 
 PAGE = "index.html"
 

@@ -17,8 +17,8 @@ from bench.page.parts import Part
 from bench.page.record import NOT_READ, Record, read
 from gen.runtime import documents
 from gen.runtime.errors import InputError
+from gen.runtime.files import make_folder, write
 from gen.runtime.lock import lock_folder
-from gen.runtime.output import make_folder, write
 
 LARGEST = 6_000_000
 """Most bytes of all published results."""

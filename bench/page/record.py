@@ -10,7 +10,7 @@ from pydantic import Field
 from bench.circumstances import circumstances
 from bench.files import is_there
 from bench.page.content import Content, Figure, Table, files_of, moved
-from gen.runtime import documents, output
+from gen.runtime import documents, files
 
 SAME = ("state", "versions", "machine")  # what has to be as it was for something to stay
 # Ends of the names of files that record how a part was made; no part reads them.
@@ -71,7 +71,7 @@ class Making:
             said["contents"] = [moved(e, lambda file: file.relative_to(folder)) for e in contents]
         known = {"command": self.command, "inputs": self._stamps(), **circumstances()}
         record = Record(**known, **said)
-        output.write(self.path, record.model_dump_json(indent=2, exclude_unset=True) + "\n")
+        files.write(self.path, record.model_dump_json(indent=2, exclude_unset=True) + "\n")
 
     def _stamps(self) -> dict[str, int]:
         """Return when each input was changed last [ns]; 0 for a missing one."""

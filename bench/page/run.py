@@ -24,9 +24,9 @@ from bench.page.parts import PARTS, ROWS, Part
 from bench.page.record import Record, read
 from bench.report import remark
 from gen.runtime.errors import InputError
-from gen.runtime.interruption import Interruption
+from gen.runtime.files import check_folder
 from gen.runtime.lock import lock_folder
-from gen.runtime.output import check_folder
+from gen.runtime.signals import Interruption
 from gen.scene import load
 
 PATIENCE = 60.0  # seconds that a part has to end after a signal, before it is killed

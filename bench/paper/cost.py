@@ -15,7 +15,7 @@ from bench.surrogates.cost import PAPER as PAPERS
 from bench.surrogates.times import PAPER_BREAK_EVEN, TAKEN
 from bench.table import write_table
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
+from gen.runtime.files import require_file
 from learn.surrogate.break_even import break_even, time_of
 
 # A row of the table of `bench cost`: its costs [s], and the contacts from which on it pays.

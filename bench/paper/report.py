@@ -13,7 +13,7 @@ from bench.page.record import Making, contents_of
 from bench.paper import borrowed, cost, database, fine, models, numbers, predictions, surfaces
 from bench.report import remark
 from gen.runtime.errors import InputError
-from gen.runtime.output import check_folder, make_folder
+from gen.runtime.files import check_folder, make_folder
 
 PARTS: Mapping[str, Callable[..., list[Content]]] = {
     "numbers": numbers.numbers,

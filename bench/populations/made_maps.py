@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from gen.arrays import Heights
-from gen.runtime.output import make_folder
+from gen.runtime.files import make_folder
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 Kind = Literal["turned", "ground", "sandblasted", "honed", "fractal"]

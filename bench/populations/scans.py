@@ -31,7 +31,7 @@ from gen.generation.run import Request, generate_database
 from gen.runtime.errors import InputError
 from gen.runtime.farm import World
 from gen.runtime.figure import draw_parity, parity_axes
-from gen.runtime.output import make_folder, write
+from gen.runtime.files import make_folder, write
 from gen.scene import ScanSurface
 from learn.arrays import Indices
 from learn.dataset import Dataset

@@ -11,7 +11,7 @@ from typing import Any
 
 from gen.runtime import farm
 from gen.runtime.errors import InputError
-from gen.runtime.installing import command_for
+from gen.runtime.installation import command_for
 
 TIMEOUT = 300.0  # seconds after which a measurement counts as hanging
 

@@ -1,20 +1,20 @@
 """The tables: how they are run, printed, written, and shown on the page."""
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import groupby
 from pathlib import Path
 
+from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
 from bench.stability.case import Answer, Case, run_case
 from bench.table import write_rows
-from gen.runtime.console import console
 from gen.runtime.errors import InputError
-from gen.runtime.output import check_folder
+from gen.runtime.files import check_folder
+from gen.runtime.terminal import echo, print_table
 
 MANY_COLUMNS = 1000  # of a file or a pipe, whose lines are not broken
 
@@ -98,7 +98,7 @@ def report(folder: Path | None = None, *, full: bool = False, of: Sequence[str] 
     passed = True
     for name in of or TABLES:
         sheet, cases = TABLES[name], [case for case in cases_of(name) if full or not case.slow]
-        progress = console(stderr=True)
+        progress = Console(stderr=True)
         tracked = track(cases, console=progress, transient=True, disable=not progress.is_terminal)
         judged = [(case, run_case(case)) for case in tracked]
         show(sheet.title, judged)
@@ -122,11 +122,9 @@ def show(title: str, judged: Sequence[tuple[Case, Answer]]) -> None:
             cells = f"  {case.name}", answer.asked, answer.out, answer.failed or worst
             table.add_row(*cells, answer.verdict, style="" if answer.passed else "red")
     failed = [case.name for case, answer in judged if not answer.passed]
-    width = None if sys.stdout.isatty() else MANY_COLUMNS
-    output = console(markup=False, highlight=False, width=width)
-    output.print()
-    output.print(title, style="bold")
-    output.print(table)
-    output.print()
+    echo("")
+    echo(title)
+    print_table(table, MANY_COLUMNS)
+    echo("")
     names = f": {'; '.join(failed)}" if failed else ""
-    output.print(f"{len(judged)} cases, {len(failed)} failed{names}")
+    echo(f"{len(judged)} cases, {len(failed)} failed{names}")

@@ -11,7 +11,7 @@ from bench.references.half_space import Field
 from bench.references.surfaces import SURFACES, Random
 from bench.stability.case import Answer, Case, Finding
 from bench.stability.solver.setup import Setup
-from gen.runtime.overtime import Overtime, at_most
+from gen.runtime.signals import Overtime, at_most
 
 BLOCK = 100  # problems of a case; the first block is in the quick table
 

@@ -23,7 +23,7 @@ from bench.surrogates.fitting import fit, parted, read, request_for
 from bench.template import rendered
 from gen.arrays import Values
 from gen.runtime.errors import InputError
-from gen.runtime.output import atomic, make_folder
+from gen.runtime.files import atomic, make_folder
 from learn.comparison.paper import SPREAD
 from learn.dataset import Dataset
 from learn.features import SETS, FeatureSet, SurfaceFeatures, chosen

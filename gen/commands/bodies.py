@@ -10,9 +10,9 @@ import typer
 from gen import options
 from gen.option_groups import Against, Reading
 from gen.runtime import command_line
+from gen.runtime.command_line import grouped
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
-from gen.runtime.option_groups import grouped
 
 if TYPE_CHECKING:
     from gen.measured.source import Opposite, Source

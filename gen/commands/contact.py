@@ -8,8 +8,8 @@ from gen import options
 from gen.commands.bodies import second_body
 from gen.commands.pictures import empty_figure
 from gen.option_groups import Against, Reading
-from gen.runtime.option_groups import grouped
-from gen.runtime.output import Output, check_outputs
+from gen.runtime.command_line import grouped
+from gen.runtime.files import Output, check_outputs
 
 
 class Loads(NamedTuple):
@@ -113,7 +113,7 @@ def contact(
     from gen.measured.outcome import Wanted, require_conductivities
     from gen.measured.preparation import surface_warnings
     from gen.measured.source import Source, surface_of
-    from gen.runtime.table import write_csv
+    from gen.runtime.files import write_csv
 
     load, values = single.chosen_load(loads._asdict())
     single.require_yielding(files.flattened, hardness)

@@ -1,7 +1,7 @@
 """`gen info`, `plot`, `columns`, `check`, `merge`, `export`: commands that read databases."""
 
 from gen import options
-from gen.runtime.output import Output, check_outputs
+from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo
 
 

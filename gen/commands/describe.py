@@ -4,9 +4,9 @@ from gen import options
 from gen.commands.bodies import second_body
 from gen.commands.pictures import empty_figure
 from gen.option_groups import Against, Reading
+from gen.runtime.command_line import grouped
 from gen.runtime.errors import InputError
-from gen.runtime.option_groups import grouped
-from gen.runtime.output import Output, check_outputs
+from gen.runtime.files import Output, check_outputs
 
 
 @grouped
@@ -29,7 +29,7 @@ def describe(
     from gen.measured.preparation import surface_warnings
     from gen.measured.self_affine import fit_self_affine, radial_spectrum
     from gen.measured.source import Source, surface_of
-    from gen.runtime.table import write_csv
+    from gen.runtime.files import write_csv
 
     outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
     check_outputs([*outputs, Output(picture, "--plot", "picture")], facing.with_first(surface))

@@ -7,9 +7,9 @@ import typer
 from gen import options
 from gen.commands.bodies import second_body
 from gen.option_groups import Against, Files, Reading
+from gen.runtime.command_line import grouped, typed
+from gen.runtime.files import check_outputs
 from gen.runtime.numbers import require_share
-from gen.runtime.option_groups import grouped, typed
-from gen.runtime.output import check_outputs
 from gen.runtime.terminal import echo
 
 

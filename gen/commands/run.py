@@ -1,7 +1,7 @@
 """`gen run`, `gen estimate`: generate a database, or tell what it will take."""
 
 from gen import options
-from gen.runtime import farm, overtime
+from gen.runtime import farm, signals
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import rows_from
 
@@ -25,10 +25,10 @@ def run(
     """
     world = farm.this_world()
     share = rows_from(rows)
-    if sample_limit is not None and not 0 < sample_limit <= overtime.LONGEST:
+    if sample_limit is not None and not 0 < sample_limit <= signals.LONGEST:
         raise InputError(
             f"--sample-limit {sample_limit:g}: give seconds, a number above 0, at most"
-            f" {overtime.LONGEST:g}"
+            f" {signals.LONGEST:g}"
         )
     if dry_run:
         if world.is_master:

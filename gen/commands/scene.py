@@ -3,7 +3,7 @@
 import typer
 
 from gen import options
-from gen.runtime.option_groups import typed
+from gen.runtime.command_line import typed
 
 
 def scene(

@@ -9,7 +9,7 @@ from typing import Self
 import h5py
 
 from gen.runtime.errors import InputError
-from gen.runtime.output import require_writable
+from gen.runtime.files import require_writable
 
 
 class HeldFile:

@@ -11,7 +11,7 @@ import numpy as np
 
 from gen.database.disk import chunks, write_rows
 from gen.database.inspection import check_attributes
-from gen.runtime.provenance import git_commit, versions
+from gen.runtime.installation import git_commit, versions
 from gen.scene import Scene
 from gen.schema import (
     PART,

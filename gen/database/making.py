@@ -12,8 +12,8 @@ from pathlib import Path
 from gen.database.disk import disk_trouble
 from gen.database.held import HeldFile
 from gen.runtime.errors import InputError
+from gen.runtime.files import hand_on, place_of
 from gen.runtime.memory import size
-from gen.runtime.output import hand_on, place_of
 from gen.scene import Scene
 from gen.schema import row_bytes
 

@@ -13,8 +13,7 @@ from gen.database.disk import chunks, first_line
 from gen.database.inspection import NUMBERS, TEXTS, check_columns
 from gen.database.layout import read_attributes, rows_of
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
-from gen.runtime.output import require_writable
+from gen.runtime.files import require_file, require_writable
 from gen.scene import Scene, differences
 from gen.schema import PART, SCHEMA, STATUS, Column, Status, columns_for, physics_of
 

@@ -14,7 +14,7 @@ from gen.database.layout import FLAGS, read_attributes
 from gen.database.making import SIGNATURE
 from gen.database.opening import OpenDatabase, checked, open_file
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
+from gen.runtime.files import require_file
 from gen.schema import DRAWN_NAMES, REASON, STATUS, Reason, Status
 
 

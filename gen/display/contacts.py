@@ -9,8 +9,7 @@ from rich.table import Table
 from gen.display.surfaces import print_preparation
 from gen.measured.outcome import Wanted, answers
 from gen.measured.single import border_remark, contact_warnings
-from gen.runtime.console import plain_console
-from gen.runtime.progress import RunProgress
+from gen.runtime.terminal import RunProgress, echo, print_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -77,7 +76,7 @@ def follow_contacts(
     else:
         print_law(contacts, wanted)
     if remark := border_remark(topography, contacts):
-        plain_console().print(f"{topography.name}: {remark}")
+        echo(f"{topography.name}: {remark}")
     return contacts, warnings
 
 
@@ -125,7 +124,7 @@ def print_contact(contact: Contact, seconds: float, wanted: Wanted) -> None:
         ("time", f"{1e3 * seconds:.1f}", "ms, the set-up of a first solve included"),
     ):
         table.add_row(name, value, unit)
-    plain_console().print(table)
+    print_table(table)
 
 
 def _far_field_lines(contact: Contact) -> list[tuple[str, str, str]]:
@@ -168,7 +167,7 @@ def print_law(contacts: Sequence[Contact], wanted: Wanted) -> None:
             numbers += [contact.yielded_percent, float(contact.yielded_depth.max())]
         more = [each.shown for each in answers(contact, wanted)]
         table.add_row(*(f"{number:.6g}" for number in numbers), *more)
-    plain_console().print(table)
+    print_table(table)
 
 
 def _boundary_lines(contact: Contact) -> list[tuple[str, str, str]]:

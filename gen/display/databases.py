@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
-from gen.runtime.console import plain_console
-from gen.runtime.invocation import to_type
 from gen.runtime.memory import size
+from gen.runtime.terminal import echo, print_table, to_type
 from gen.scene.distribution import limits
 from gen.scene.load import UNITS
 from gen.schema import REASONS, RUNTIME, Column, Status, changes_since
@@ -38,19 +37,18 @@ def print_result(path: Path, result: RunResult) -> None:
     result : RunResult
         Counts of rows and the signal that ended the run, if any.
     """
-    console = plain_console()
     pending, done, failed = result.counts
-    console.print(f"{path}: {done} rows done, {failed} failed, {pending} pending")
+    echo(f"{path}: {done} rows done, {failed} failed, {pending} pending")
     if failed:
-        console.print(f"warning: {failed} rows failed; why: {to_type(f'gen info {path}')}")
+        echo(f"warning: {failed} rows failed; why: {to_type(f'gen info {path}')}")
     if result.overdue:
-        console.print(
+        echo(
             f"warning: {result.overdue} rows took longer than --sample-limit and are pending; the"
             " same command with a larger one, or without, goes on with them"
         )
     if pending and result.signal:
         name = signal.Signals(result.signal).name
-        console.print(f"stopped by {name}; the same command goes on with the rows that are pending")
+        echo(f"stopped by {name}; the same command goes on with the rows that are pending")
 
 
 def print_database(reader: Reader) -> None:
@@ -61,39 +59,34 @@ def print_database(reader: Reader) -> None:
     reader : gen.database.Reader
         Open database.
     """
-    console = plain_console()
     counts = reader.counts()
     attributes = reader.attributes
-    console.print(f"{reader.path}: {attributes['title']}")
+    echo(f"{reader.path}: {attributes['title']}")
     part = ""
     if len(reader.rows) < reader.scene.samples:
         part = f": {reader.rows.start} to {reader.rows.stop - 1} of {reader.scene.samples}, a part"
-    console.print(f"  size      {size(reader.size_bytes)}, {sum(counts)} rows{part}")
-    console.print(
-        f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending"
-    )
+    echo(f"  size      {size(reader.size_bytes)}, {sum(counts)} rows{part}")
+    echo(f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending")
     for status in (Status.DONE, Status.FAILED):
         for code, number in reader.reasons(status).items():
             reason = REASONS.get(code, f"reason {code}")
-            console.print(f"            {number} {status.name.lower()}: {reason}")
-    console.print(f"  times     {_times(reader)}")
+            echo(f"            {number} {status.name.lower()}: {reason}")
+    echo(f"  times     {_times(reader)}")
     for line in _scene_lines(json.loads(reader.scene.text())):
-        console.print(f"  scene     {line}")
+        echo(f"  scene     {line}")
     versions = json.loads(str(attributes["versions"]))
-    console.print("  versions  " + ", ".join(f"{name} {value}" for name, value in versions.items()))
-    console.print(
+    echo("  versions  " + ", ".join(f"{name} {value}" for name, value in versions.items()))
+    echo(
         f"  made      {attributes['created']}, commit {attributes['git_commit'] or 'unknown'},"
         f" layout {attributes['schema']}, physics {attributes['physics']}"
     )
     for line in _changes_since(int(attributes["physics"]), reader.scene):
-        console.print(f"            {line}")
+        echo(f"            {line}")
     if counts.done:
         papers = _is_papers(reader.scene)
-        console.print(_ranges_table(reader, papers=papers))
+        print_table(_ranges_table(reader, papers=papers))
         if papers:
-            console.print(
-                "paper: its Table 1, whose bandwidth is defined otherwise and areas end early"
-            )
+            echo("paper: its Table 1, whose bandwidth is defined otherwise and areas end early")
 
 
 def print_plan(plan: Plan, path: Path | None = None) -> None:
@@ -106,9 +99,8 @@ def print_plan(plan: Plan, path: Path | None = None) -> None:
     path : Path, optional
         Database that would be written.
     """
-    console = plain_console()
     low, mean, high = plan.load
-    console.print(
+    echo(
         f"{plan.samples} samples on {plan.surfaces} surfaces of"
         f" {plan.shape[0]} x {plan.shape[1]} nodes"
         f"{'' if plan.boundary == 'free' else f', {plan.boundary} boundary'}"
@@ -117,17 +109,17 @@ def print_plan(plan: Plan, path: Path | None = None) -> None:
     name = "Delta" if plan.quantity == "delta" else plan.quantity
     unit = UNITS[plan.quantity]
     measure = "" if unit == "1" else f" {unit}"
-    console.print(f"  {name:<9} {low:.4g} to {high:.4g}{measure}, {mean:.4g}{measure} on average")
+    echo(f"  {name:<9} {low:.4g} to {high:.4g}{measure}, {mean:.4g}{measure} on average")
     if plan.hardness is not None:
         least, most = plan.hardness
         drawn = "" if least == most else f" to {most:.4g}"
-        console.print(f"  hardness  {least:.4g}{drawn} MPa")
+        echo(f"  hardness  {least:.4g}{drawn} MPa")
     for doubt in plan.doubts:
-        console.print(f"  warning: {doubt}", soft_wrap=True)
-    console.print(f"  file      {size(plan.file_bytes)}")
+        echo(f"  warning: {doubt}")
+    echo(f"  file      {size(plan.file_bytes)}")
     if path is not None:
         state = "exists" if path.exists() else "does not exist yet"
-        console.print(f"  output    {path} {state}; nothing was written")
+        echo(f"  output    {path} {state}; nothing was written")
 
 
 def print_estimate(plan: Plan, estimate: Estimate) -> None:
@@ -141,13 +133,12 @@ def print_estimate(plan: Plan, estimate: Estimate) -> None:
         Its costs, from `gen.generation.forecast.estimate`.
     """
     print_plan(plan)
-    console = plain_console()
     hours, rest = divmod(round(estimate.seconds), 3600)
-    console.print(
+    echo(
         f"  time      {hours}:{rest // 60:02}:{rest % 60:02} h on {estimate.workers} workers:"
         f" {estimate.milliseconds:.2f} ms a sample, mean of {estimate.measured} measured here"
     )
-    console.print(f"  memory    {size(estimate.memory_bytes)} on all ranks")
+    echo(f"  memory    {size(estimate.memory_bytes)} on all ranks")
 
 
 def _scene_lines(scene: dict[str, Any]) -> list[str]:

@@ -8,8 +8,7 @@ from rich.table import Table
 
 from gen.measured.areal import PARAMETERS
 from gen.measured.preparation import tilt
-from gen.runtime.console import console as new_console
-from gen.runtime.console import plain_console
+from gen.runtime.terminal import echo, print_table
 from gen.schema import statistics_columns
 
 if TYPE_CHECKING:  # statistics are printed without the solver
@@ -28,13 +27,10 @@ def print_preparation(topography: Topography, warnings: list[str]) -> None:
     warnings : list of str
         One line for each warning.
     """
-    console = plain_console()
     for step in topography.steps:
-        console.print(f"{topography.name}: {step}")
+        echo(f"{topography.name}: {step}")
     for warning in warnings:
-        new_console(stderr=True, markup=False, highlight=False, soft_wrap=True).print(
-            f"warning: {warning}"
-        )
+        echo(f"warning: {warning}", err=True)
 
 
 def print_statistics(topography: Topography, description: Description) -> None:
@@ -47,7 +43,6 @@ def print_statistics(topography: Topography, description: Description) -> None:
     description : gen.statistics.Description
         Statistics of the heights.
     """
-    console = plain_console()
     heights, spacing = topography.heights, topography.spacing
     said = (
         f"{heights.shape[0]} x {heights.shape[1]} nodes, spacing {spacing[0]:.6g} x"
@@ -55,16 +50,16 @@ def print_statistics(topography: Topography, description: Description) -> None:
     )
     if not topography.followed & {"--level plane", "--level quadratic", "--form"}:
         said += ", tilt {:.4g} along x, {:.4g} along y".format(*tilt(topography))
-    console.print(said)
+    echo(said)
     table = Table(box=None, pad_edge=False)
     for title in ("statistic", "value", "unit", "meaning"):
         table.add_column(title, justify="right" if title == "value" else "left")
     for column in statistics_columns():
         value = description.values[column.name]
         table.add_row(column.name, f"{value:.6g}", column.unit, column.long_name)
-    console.print(table)
+    print_table(table)
     if description.reason:
-        console.print(f"nan: {description.reason}")
+        echo(f"nan: {description.reason}")
 
 
 def print_areal(parameters: Description) -> None:
@@ -81,10 +76,9 @@ def print_areal(parameters: Description) -> None:
     for name, unit, meaning in PARAMETERS:
         if name in parameters.values:
             table.add_row(name, f"{parameters.values[name]:.6g}", unit, meaning)
-    console = plain_console()
-    console.print(table)
+    print_table(table)
     if parameters.reason:
-        console.print(f"nan: {parameters.reason}")
+        echo(f"nan: {parameters.reason}")
 
 
 def print_self_affine(fit: SelfAffineFit | str) -> None:
@@ -95,13 +89,12 @@ def print_self_affine(fit: SelfAffineFit | str) -> None:
     fit : SelfAffineFit or str
         Law or reason, from `gen.measured.self_affine.fit_self_affine`.
     """
-    console = plain_console()
     if isinstance(fit, str):
-        console.print(f"self-affine law: none, {fit}")
+        echo(f"self-affine law: none, {fit}")
         return
     law = fit.spectrum
     remarks = "".join(f"; {remark}" for remark in fit.remarks)
-    console.print(
+    echo(
         f"self-affine law over {fit.decades:.2g} decades, from {law.roll_off:.4g} to"
         f" {law.cut_off:.4g} um, the spectrum within a factor of {fit.scatter:.3g}{remarks}; as a"
         " start for the generator spectral:"
@@ -114,4 +107,4 @@ def print_self_affine(fit: SelfAffineFit | str) -> None:
         ("rms_height", fit.rms_height, "um", "root mean square height"),
     ):
         table.add_row(name, f"{value:.6g}", unit, meaning)
-    console.print(table)
+    print_table(table)

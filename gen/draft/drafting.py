@@ -9,9 +9,8 @@ from gen.draft import files, likeness, proposal, scans
 from gen.draft.loads import Material
 from gen.draft.table import print_looks
 from gen.runtime.errors import InputError
-from gen.runtime.output import Output, check_outputs
-from gen.runtime.progress import RunProgress
-from gen.runtime.terminal import echo
+from gen.runtime.files import Output, check_outputs
+from gen.runtime.terminal import RunProgress, echo
 from gen.scans.files import map_files
 from gen.scans.library import Reading
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gen.draft.writing import Key, document
 from gen.runtime.errors import InputError
-from gen.runtime.output import atomic
+from gen.runtime.files import atomic
 from gen.scene import Scene
 
 SUFFIX = ".toml"

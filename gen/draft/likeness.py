@@ -20,7 +20,7 @@ from gen.measured.self_affine import SelfAffineFit, fit_self_affine, radial_spec
 from gen.measured.settings import Preparation
 from gen.measured.topography import Topography
 from gen.runtime.errors import InputError
-from gen.runtime.invocation import to_type
+from gen.runtime.terminal import to_type
 from gen.scans.library import Reading
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.statistics import rms_slope

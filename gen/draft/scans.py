@@ -11,7 +11,7 @@ from gen.draft.proposal import LOADS_PER_WINDOW, OVERLAP, WINDOWS, Proposal, kno
 from gen.draft.survey import FORM, MapSurvey, remarks
 from gen.draft.windows import WIDE
 from gen.draft.writing import Key, number, quoted, span
-from gen.runtime.invocation import to_type
+from gen.runtime.terminal import to_type
 from gen.scene.scans import MOST_PATTERNS
 from gen.scene.words import one_line
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from gen.draft.survey import MapSurvey, remarks
-from gen.runtime.console import wide_console
+from gen.runtime.terminal import print_table
 
 WIDTH = 132
 """Width of the table without a terminal [characters]."""
@@ -27,7 +27,7 @@ def print_looks(looks: Sequence[MapSurvey]) -> None:
         table.add_column(title, justify="left" if left else "right", overflow="fold")
     for look in looks:
         table.add_row(*_cells(look))
-    wide_console(WIDTH).print(table)
+    print_table(table, WIDTH)
 
 
 def _cells(look: MapSurvey) -> list[str]:

@@ -12,7 +12,7 @@ from gen.database import Reader
 from gen.export import tables
 from gen.export.tables import Mask
 from gen.runtime.errors import InputError
-from gen.runtime.output import atomic, kind_of
+from gen.runtime.files import atomic, kind_of
 
 KEY = b"asperity"
 """Key of a file's metadata under which its origin stands."""

@@ -7,9 +7,9 @@ from gen.database import Reader
 from gen.export import card, croissant, files, tables
 from gen.export.about import About
 from gen.runtime.errors import InputError
+from gen.runtime.files import check_folder, make_folder, write
 from gen.runtime.lock import lock_folder
-from gen.runtime.output import check_folder, make_folder, write
-from gen.runtime.progress import RunProgress
+from gen.runtime.terminal import RunProgress
 
 
 class Exported(NamedTuple):

@@ -26,7 +26,7 @@ from gen.generation.sample import compute_rows
 from gen.populations import make_ready, remarks
 from gen.runtime import farm
 from gen.runtime.errors import InputError
-from gen.runtime.interruption import Interruption
+from gen.runtime.signals import Interruption
 from gen.scene import Scene, load
 from gen.schema import row_bytes
 
@@ -256,7 +256,7 @@ def _supervise(
 ) -> RunResult:
     """Do the master's part: hand out blocks, take the results, and note signals and late rows."""
     from gen.database import Counts
-    from gen.runtime.progress import RunProgress
+    from gen.runtime.terminal import RunProgress
 
     overdue = 0
     todo = sum(stop - start for start, stop in job.pending)

@@ -22,7 +22,7 @@ from gen.material import plane_strain_modulus
 from gen.populations import opposite_heights, surface_heights
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.memory import too_little_for_solve
-from gen.runtime.overtime import Overtime, at_most
+from gen.runtime.signals import Overtime, at_most
 from gen.scene import Scene
 from gen.schema import DONE_REASONS, Reason, Status, columns_for
 from gen.statistics import Description, describe, rms_slope

@@ -20,8 +20,8 @@ from gen.arrays import Values
 from gen.law.curves import CONDUCTANCE, slopes
 from gen.law.finite_elements import rising
 from gen.law.points import STIFFNESS
-from gen.runtime import output
-from gen.runtime.provenance import git_commit, versions
+from gen.runtime import files
+from gen.runtime.installation import git_commit, versions
 
 if TYPE_CHECKING:
     from gen.law.contact_law import Law
@@ -99,7 +99,7 @@ def write(path: Path, law: Law) -> None:
     """
     tables = {name: getattr(law, name) for name in ("over_delta", "over_pressure")}
     law = replace(law, **{name: each.chosen(~each.flagged) for name, each in tables.items()})
-    output.write(path, "\n".join(_lines(law, _name(path))) + "\n")
+    files.write(path, "\n".join(_lines(law, _name(path))) + "\n")
 
 
 def _name(path: Path) -> str:

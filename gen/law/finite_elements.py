@@ -29,9 +29,9 @@ from gen.arrays import Values
 from gen.law.contact_law import Law
 from gen.law.curves import CONDUCTANCE, risen
 from gen.option_groups import Units, sides_of
-from gen.runtime import output
+from gen.runtime import files
 from gen.runtime.errors import InputError
-from gen.runtime.provenance import git_commit, versions
+from gen.runtime.installation import git_commit, versions
 
 Program = Literal["calculix", "abaqus"]
 
@@ -96,7 +96,7 @@ def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
         made += zip(sides_of(path), ("soft", "stiff"), strict=True)
     texts = ["\n".join(_lines(each, law, program, UNITS[units], side)) for each, side in made]
     for (each, _), text in zip(made, texts, strict=True):
-        output.write(each, text + "\n")
+        files.write(each, text + "\n")
     return [each for each, _ in made]
 
 

@@ -8,8 +8,8 @@ from typing import Any
 from gen.arrays import Values
 from gen.law.contact_law import Law
 from gen.law.curves import Curves
-from gen.runtime import documents, output
-from gen.runtime.provenance import git_commit, versions
+from gen.runtime import documents, files
+from gen.runtime.installation import git_commit, versions
 
 FORMAT = "asperity contact law"
 VERSION = 1
@@ -42,7 +42,7 @@ def write(path: Path, law: Law) -> None:
         "commit": git_commit(),
         "tables": [_table(law.over_delta), _table(law.over_pressure)],
     }
-    output.write(path, documents.text_of(content))
+    files.write(path, documents.text_of(content))
 
 
 def _table(curves: Curves) -> dict[str, Any]:

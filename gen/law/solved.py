@@ -10,7 +10,7 @@ from gen.law.points import Points, solved
 from gen.law.subjects import LawSurface, Load
 from gen.material import Bodies
 from gen.runtime.errors import InputError
-from gen.runtime.progress import RunProgress
+from gen.runtime.terminal import RunProgress
 
 ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}
 

@@ -10,12 +10,14 @@ import numpy as np
 
 from gen.law.contact_law import Law
 from gen.law.curves import Curve, Curves
-from gen.runtime.console import wide_console
-from gen.runtime.table import Row, write_csv
-from gen.runtime.terminal import brief
+from gen.runtime.files import Row, write_csv
+from gen.runtime.terminal import brief, echo, print_table
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+WIDTH = 140
+"""Width of a printed table without a terminal [characters]."""
 
 ENDS = ("", "_low", "_high", "_slope")
 
@@ -32,22 +34,20 @@ def write(path: Path, law: Law) -> None:
 
 def show(law: Law) -> None:
     """Print the law against the given kind of load: Delta, nominal pressure, or both."""
-    console = wide_console(140)
     for note in law.notes:
-        console.print(note, highlight=False, markup=False, soft_wrap=True)
+        echo(note)
     title = f"{law.title}\n{law.bodies.text}; band: {law.band}"
     if law.order.delta or not law.order.pressure:
-        console.print(_printed(law.over_delta, title))
+        print_table(_printed(law.over_delta, title), WIDTH)
     if law.order.pressure:
-        console.print(_printed(law.over_pressure, title))
+        print_table(_printed(law.over_pressure, title), WIDTH)
 
 
 def _printed(curves: Curves, title: str) -> Table:
     """Return one table; rows outside the training are dim and have a reason instead of a band."""
-    from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=escape(title))
+    table = Table(title=title)
     names = [name for name in curves.names if name not in _beside_the_point(curves)]
     for name in (curves.against, *names):
         table.add_column(name, justify="right")
@@ -58,7 +58,7 @@ def _printed(curves: Curves, title: str) -> Table:
         cells = [f"{argument:.5g}"]
         cells += [_shown(curves.curves[name], place, curves) for name in names]
         if reasons:
-            cells.append(escape(brief(curves.reasons[place])))
+            cells.append(brief(curves.reasons[place]))
         table.add_row(*cells, style="dim" if curves.withheld(place) else "")
     return table
 

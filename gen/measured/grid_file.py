@@ -8,7 +8,7 @@ import numpy as np
 from gen.arrays import Heights
 from gen.measured import text
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
+from gen.runtime.files import require_file
 
 
 def read(path: Path) -> list[text.Matrix]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from gen.measured.channel import Channel, Scan, choice_in_words, choose_channel
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
+from gen.runtime.files import require_file
 
 WIDEST_NMS = 1e3
 """Spacing of the nodes above which a NanoFocus file was read in the wrong unit [um]."""
@@ -61,7 +61,7 @@ def read(path: Path, wanted: str, reason: str) -> Scan:
     try:
         import SurfaceTopography  # noqa: F401
     except ImportError:
-        from gen.runtime.installing import command_for
+        from gen.runtime.installation import command_for
 
         raise InputError(
             f"{path}: only .npy and text can be read without SurfaceTopography:"

@@ -17,7 +17,7 @@ import numpy as np
 from gen.arrays import Values
 from gen.measured.areal import is_lost
 from gen.measured.topography import Topography
-from gen.runtime.table import Row
+from gen.runtime.files import Row
 from gen.spectral import SelfAffineSpectrum
 
 RATIO = 1.05

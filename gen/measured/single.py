@@ -18,9 +18,8 @@ from gen.measured.self_affine import LAW, SelfAffineFit
 from gen.measured.topography import Topography
 from gen.runtime import memory
 from gen.runtime.errors import InputError
+from gen.runtime.files import Row, write
 from gen.runtime.numbers import values_from
-from gen.runtime.output import write
-from gen.runtime.table import Row
 from gen.schema import statistics_columns
 
 if TYPE_CHECKING:

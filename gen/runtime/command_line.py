@@ -1,22 +1,27 @@
-"""Run a command so that it ends with one clear line and the same exit code on all ranks."""
+"""Run a command so that it ends with one clear line and the same exit code on all ranks.
 
+`start` prepares the process, `grouped` lets commands share options, `main` runs a command line.
+"""
+
+import io
 import os
+import shlex
+import signal
 import sys
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
-from functools import cache
+from functools import cache, wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO, get_type_hints
 
 import typer
 
-from gen.runtime import farm, memory, startup
+from gen.runtime import farm, memory
 from gen.runtime.errors import InputError
-from gen.runtime.invocation import started_as, to_type
 from gen.runtime.numbers import shown
-from gen.runtime.terminal import echo, printable
-from gen.runtime.version import VERSION
+from gen.runtime.terminal import OUTPUT, echo, started_as, to_type
 
 CommandLineError: Any = typer.BadParameter.__mro__[2]
 """Base class of typer's errors about a command line; typer has moved it twice."""
@@ -44,6 +49,8 @@ EXTRAS = {
 def _print_version(wanted: bool) -> None:
     """Print the version and end the command, if `--version` was given."""
     if wanted:
+        from gen.runtime.installation import VERSION
+
         echo(f"asperity {VERSION}")
         raise typer.Exit
 
@@ -53,6 +60,130 @@ Version = Annotated[
     typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version."),
 ]
 """The option `--version` of every program."""
+
+
+def start(*, default_sigint: bool) -> None:
+    """Prepare this process for a command; to be called before NumPy is imported.
+
+    Parameters
+    ----------
+    default_sigint : bool
+        Let Ctrl-C end the process until a run listens to signals; a KeyboardInterrupt on one rank
+        alone would leave the other ranks waiting.
+    """
+    # More threads would compete for the cores, and sums could depend on their number.
+    for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):
+        os.environ[f"{library}_NUM_THREADS"] = "1"
+    if default_sigint:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    for descriptor in range(3):  # a database could get the number of a closed stream
+        with suppress(OSError):
+            os.fstat(descriptor)
+            continue
+        os.open(os.devnull, os.O_RDWR)  # takes the lowest free number
+    sys.stdout = _text(_Output(1, "w", closefd=False), sys.stdout, "replace")
+    sys.stderr = _text(_Remarks(2, "w", closefd=False), sys.stderr, "backslashreplace")
+
+
+class _Output(io.FileIO):
+    """Standard output, named in the errors that it raises."""
+
+    def write(self, data: Any) -> int:
+        """Write bytes and return their number."""
+        try:
+            return super().write(data) or 0
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, OUTPUT) from None
+
+
+class _Remarks(io.FileIO):
+    """Standard error, whose errors are ignored: a full device or a lost reader ends no command."""
+
+    def write(self, data: Any) -> int:
+        """Write bytes; on an error, pretend that all of them were written."""
+        try:
+            return super().write(data) or 0
+        except OSError:
+            return memoryview(data).nbytes
+
+
+def _text(raw: io.FileIO, like: TextIO | None, errors: str) -> io.TextIOWrapper:
+    """Open a text stream on a descriptor with the encoding of Python's own stream.
+
+    Characters that the encoding lacks, for example in a title, are replaced.
+    """
+    return io.TextIOWrapper(
+        io.BufferedWriter(raw),
+        getattr(like, "encoding", None) or "utf-8",
+        errors,
+        line_buffering=getattr(like, "line_buffering", False),
+    )
+
+
+def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Expand the arguments of a command that are groups of options, for Typer.
+
+    Parameters
+    ----------
+    command : callable
+        A command. An argument annotated with a NamedTuple is a group: its fields, with their
+        annotations and defaults, are the options.
+
+    Returns
+    -------
+    callable
+        The command with the fields in the places of the groups.
+    """
+    kinds = get_type_hints(command, include_extras=True)
+    groups = {name: kind for name, kind in kinds.items() if hasattr(kind, "_field_defaults")}
+    parameters: list[Parameter] = []
+    for parameter in signature(command).parameters.values():
+        name, kind = parameter.name, kinds[parameter.name]
+        own = parameter.replace(annotation=kind, kind=Parameter.KEYWORD_ONLY)
+        parameters += _options(kind) if name in groups else [own]
+
+    @wraps(command)
+    def called(**given: Any) -> Any:
+        for name, group in groups.items():
+            given[name] = group(**{field: given.pop(field) for field in group._fields})
+        return command(**given)
+
+    called.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    called.__annotations__ = {each.name: each.annotation for each in parameters}
+    return called
+
+
+def _options(group: Any) -> list[Parameter]:
+    """Return the fields of a group as parameters of a function."""
+    kinds = get_type_hints(group, include_extras=True)
+    return [
+        Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=kinds[name])
+        for name, default in group._field_defaults.items()
+    ]
+
+
+def typed(context: typer.Context, program: str) -> str:
+    """Return the command line of a command, for the record, without the defaults.
+
+    Parameters
+    ----------
+    context : typer.Context
+        Context of the command.
+    program : str
+        Package that the command belongs to.
+    """
+    words = [*to_type(program).split(), str(context.info_name)]
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        source = context.get_parameter_source(name)
+        if source is None or source.name != "COMMANDLINE":
+            continue
+        given = context.params[name]
+        values = given if isinstance(given, list | tuple) else [given]
+        option = [] if parameter.param_type_name == "argument" else [parameter.opts[0]]
+        for value in values:
+            words += [*option, str(value)] if value is not True else option
+    return shlex.join(words)
 
 
 def main(
@@ -147,7 +278,7 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
         _drop_output()
         return 141, ""
     except (CommandLineError, InputError, ModuleNotFoundError, OSError) as error:
-        if isinstance(error, OSError) and error.filename == startup.OUTPUT:
+        if isinstance(error, OSError) and error.filename == OUTPUT:
             _drop_output()
         return 2, _in_words(name, error)
     except MemoryError as error:
@@ -200,7 +331,7 @@ def _in_words(name: str, error: Exception) -> str:
         package = (error.name or "").partition(".")[0]
         if package not in EXTRAS:
             raise error
-        from gen.runtime.installing import command_for
+        from gen.runtime.installation import command_for
 
         extra = EXTRAS[package]
         return f"{name}: needs {package}, which is not installed: {command_for(extra)}"
@@ -220,12 +351,11 @@ def _place(error: OSError) -> str:
 
 def _complain(message: str) -> None:
     """Write one line on standard error, if that is possible."""
-    with suppress(OSError, ValueError, AttributeError):
-        line = printable(" ".join(message.split()))
-        if len(line) > LONGEST:  # holds a name or a number that nobody has typed by hand
-            line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
-        sys.stderr.write(line + "\n")
-        sys.stderr.flush()
+    line = " ".join(message.split())
+    if len(line) > LONGEST:  # holds a name or a number that nobody has typed by hand
+        line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
+    with suppress(OSError, ValueError):
+        echo(line, err=True)
 
 
 def _drop_output() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
+from gen.runtime.files import require_file
 
 LARGEST = 64 * 2**20
 """Most bytes of a document; those of this project have some thousands."""

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from gen.runtime.errors import InputError
-from gen.runtime.output import write
+from gen.runtime.files import write
 from gen.runtime.terminal import printable
 
 SUFFIXES = (".png", ".svg", ".pdf")
@@ -33,7 +33,7 @@ def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        from gen.runtime.installing import command_for
+        from gen.runtime.installation import command_for
 
         raise InputError(f"drawing needs matplotlib: {command_for('plot')}") from None
     return Figure(figsize=(width, height), dpi=dpi, layout="constrained")

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from gen.runtime.errors import InputError
-from gen.runtime.output import make_folder, place_of
+from gen.runtime.files import make_folder, place_of
 
 OURS = re.compile(rb"host .+, process [0-9]+(, job .+)?, since .+\n?")
 """Content of our lock files: their holder in one line."""

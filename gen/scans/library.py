@@ -17,8 +17,8 @@ from gen.measured.resampling import is_same, resampled
 from gen.measured.settings import Preparation, in_words_of_scenes
 from gen.measured.topography import Topography, read
 from gen.runtime.errors import InputError
-from gen.runtime.output import kind_of
-from gen.runtime.provenance import versions
+from gen.runtime.files import kind_of
+from gen.runtime.installation import versions
 from gen.scans import store
 from gen.scans.store import PreparedMap
 from gen.scans.tiles import Shape

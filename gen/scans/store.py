@@ -19,7 +19,7 @@ from typing import IO, Any
 import numpy as np
 
 from gen.arrays import Heights
-from gen.runtime.output import MAPS, atomic
+from gen.runtime.files import MAPS, atomic
 
 PAGE = 4096
 """Alignment of the maps in the file, that of pages in memory [bytes]."""

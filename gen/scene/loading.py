@@ -4,7 +4,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
+from gen.runtime.files import require_file
 from gen.scene.scene import Scene
 from gen.scene.surface import ScanSurface
 from gen.scene.words import one_line

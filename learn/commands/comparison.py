@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gen.runtime import farm
+from gen.runtime.command_line import grouped
 from gen.runtime.errors import InputError
-from gen.runtime.invocation import to_type
 from gen.runtime.lock import lock_folder
-from gen.runtime.option_groups import grouped
-from gen.runtime.terminal import echo
+from gen.runtime.terminal import echo, to_type
 from learn.commands.options import (
     Again,
     Comparison,

@@ -9,11 +9,10 @@ import typer
 
 from gen.options import Trust
 from gen.runtime import farm
+from gen.runtime.command_line import grouped
 from gen.runtime.errors import InputError
-from gen.runtime.invocation import to_type
-from gen.runtime.option_groups import grouped
-from gen.runtime.output import Output, check_outputs
-from gen.runtime.terminal import echo
+from gen.runtime.files import Output, check_outputs
+from gen.runtime.terminal import echo, to_type
 from learn.commands.options import SEEDS, AreaMax, note
 
 if TYPE_CHECKING:
@@ -189,7 +188,7 @@ def _blocks(choice: Choice) -> int:
 
 def _fit(request: Request, source: Path | None, executor: Executor) -> int:
     """Fit and save a surrogate; return the exit code."""
-    from gen.runtime.interruption import Interruption
+    from gen.runtime.signals import Interruption
     from learn.surrogate import training
 
     with Interruption(listening=True) as interruption:

@@ -9,9 +9,9 @@ import typer
 
 from gen import options
 from gen.runtime import farm
+from gen.runtime.command_line import grouped, typed
 from gen.runtime.errors import InputError
-from gen.runtime.option_groups import grouped, typed
-from gen.runtime.output import Output, check_outputs
+from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo
 from learn.commands.fit import targets_in
 from learn.commands.options import SEEDS, note
@@ -143,7 +143,7 @@ def _grow(
 ) -> int:
     """Grow on the master; return the exit code."""
     from gen.runtime.figure import new_figure, save
-    from gen.runtime.interruption import Interruption
+    from gen.runtime.signals import Interruption
     from learn.comparison.search.budget import seconds
     from learn.grow import picture, rounds, summary
     from learn.grow.pace import Pace

@@ -4,8 +4,8 @@ from typing import Annotated
 
 import typer
 
+from gen.runtime.command_line import grouped
 from gen.runtime.lock import lock_folder
-from gen.runtime.option_groups import grouped
 from gen.runtime.terminal import echo
 from learn.commands.options import Database, Output, Selection, Target, requested
 

@@ -7,9 +7,9 @@ import typer
 
 from gen import options
 from gen.option_groups import Files, Reading
+from gen.runtime.command_line import grouped, typed
 from gen.runtime.errors import InputError
-from gen.runtime.option_groups import grouped, typed
-from gen.runtime.output import check_outputs, kind_of
+from gen.runtime.files import check_outputs, kind_of
 from gen.runtime.terminal import echo
 from learn.commands.options import Coverage, Deltas, Material, note
 

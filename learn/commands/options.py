@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from gen.options import Trust
-from gen.runtime.output import check_folder
+from gen.runtime.files import check_folder
 from gen.runtime.terminal import echo
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from gen.option_groups import Reading
-from gen.runtime.option_groups import grouped
-from gen.runtime.output import Output, check_outputs
+from gen.runtime.command_line import grouped
+from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo
 from learn.commands.options import Coverage, Deltas, File, Inputs, Material
 
@@ -29,8 +29,8 @@ def predict(
 ) -> None:
     """Predict area and force of surfaces, with intervals, and a flag outside the training."""
     from gen.law.loads import deltas_from
-    from gen.runtime.progress import RunProgress
-    from gen.runtime.table import Row, write_csv
+    from gen.runtime.files import Row, write_csv
+    from gen.runtime.terminal import RunProgress
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, show
     from learn.surrogate.calibration_text import require_level

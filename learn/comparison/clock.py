@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from gen.runtime import documents, output
+from gen.runtime import documents, files
 from learn.columns import short_name
 from learn.comparison import records
 from learn.comparison.search.budget import Share
@@ -81,7 +81,7 @@ class Clock:
         known["spent"] = share.spent + time.monotonic() - began
         known["ended"] = not stopping()
         record = records.Clock.model_validate(self._job | known)
-        output.write(self._path(target, model), record.model_dump_json(indent=1) + "\n")
+        files.write(self._path(target, model), record.model_dump_json(indent=1) + "\n")
 
     def close(self) -> None:
         """Remove the files of a job that has ended."""

@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from gen.runtime import documents, output
+from gen.runtime import documents, files
 from gen.runtime.errors import InputError
-from gen.runtime.table import cell
+from gen.runtime.files import cell
 from learn.arrays import Values
 from learn.comparison import records
 from learn.dataset import Dataset
@@ -275,8 +275,8 @@ class Folder:
 
     def _write(self, name: str, text: str) -> Path:
         path = self.path / name
-        output.make_folder(path.parent)
-        output.write(path, text)
+        files.make_folder(path.parent)
+        files.write(path, text)
         return path
 
 

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from gen.runtime.interruption import Interruption
-from gen.runtime.progress import RunProgress
+from gen.runtime.signals import Interruption
+from gen.runtime.terminal import RunProgress
 from learn import dataset
 from learn.comparison.clock import Clock
 from learn.comparison.folder import Folder

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from gen.runtime.progress import RunProgress
+from gen.runtime.terminal import RunProgress
 from learn import dataset, memory, split
 from learn.columns import short_name
 from learn.comparison.folder import Folder, conditions

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gen.runtime.progress import RunProgress
+from gen.runtime.terminal import RunProgress
 from learn import split
 from learn.comparison.folder import Folder
 from learn.comparison.search import pruning

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from rich.markup import escape
 from rich.table import Table
 
 from learn.comparison import paper
@@ -122,7 +121,7 @@ def table(folder: Folder, beside: bool) -> Table:
         Whether the paper's times stand beside ours.
     """
     found = Table(
-        title=escape(
+        title=(
             "Searches: means of R2 over the five folds of all rows [%], which decide; sum of the"
             " fits' times [s], the paper's tuning time in brackets"
         )
@@ -194,12 +193,12 @@ def hours(seconds: float) -> str:
 def grid_cost_table(folder: Folder) -> Table:
     """Return a table of the times of whole grids on one thread [h]."""
     table = Table(
-        title=escape("Whole grids, one fit after the other on one thread; the paper's in brackets")
+        title="Whole grids, one fit after the other on one thread; the paper's in brackets"
     )
     table.add_column("Model")
     table.add_column("Grid")
     for column in ("time [h]", "fits", "timed on all rows", "on rows up to", "relative error"):
-        table.add_column(escape(column), justify="right")
+        table.add_column(column, justify="right")
     for model, cost in grid_costs(folder):
         theirs = f" ({hours(paper.TUNING_SECONDS[model])})"
         error = "" if cost.error is None else f"{100 * cost.error / cost.seconds:.0f} %"

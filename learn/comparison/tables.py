@@ -8,11 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rich.markup import escape
 from rich.table import Table
 
-from gen.runtime.console import wide_console
-from gen.runtime.invocation import to_type
+from gen.runtime.terminal import echo, print_table, to_type
 from learn.comparison import intervals, paper, search_tables
 from learn.comparison.folder import KINDS, Folder
 from learn.comparison.intervals import Intervals
@@ -21,6 +19,9 @@ from learn.models import MODELS
 
 SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}
 """The four scores and their names in the paper [%]."""
+
+WIDTH = 150
+"""Width of the tables without a terminal [characters]."""
 
 OUR_AREA = "area_percent"
 """The target of the paper's tables: beside any other its numbers would mislead."""
@@ -102,38 +103,36 @@ def show(folder: Folder) -> None:
     """
     record = folder.record()
     conditions = record["conditions"]
-    console = wide_console(150)
     area_max = conditions["area_max"]
     limited = "" if area_max is None else f", areas to {area_max:g} %"
-    console.print(
+    echo(
         f"{folder.path}: {conditions['target']}, {conditions['train_rows']} training rows,"
         f" {conditions['test_rows']} test rows{limited}; {record['threads']} thread",
-        highlight=False,
     )
     target = str(conditions["target"])
-    console.print(_score_table(folder, target))
-    _show_uncertainty(console, folder, target)
+    print_table(_score_table(folder, target), WIDTH)
+    _show_uncertainty(folder, target)
     if any(folder.result("tuned", model) for model in MODELS):
-        console.print(search_tables.table(folder, beside=target == OUR_AREA))
+        print_table(search_tables.table(folder, beside=target == OUR_AREA), WIDTH)
     if any(search_tables.grid_costs(folder)):
-        console.print(search_tables.grid_cost_table(folder))
+        print_table(search_tables.grid_cost_table(folder), WIDTH)
     for line in _remarks(folder):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+        echo(line)
 
 
-def _show_uncertainty(console: Any, folder: Folder, target: str) -> None:
+def _show_uncertainty(folder: Folder, target: str) -> None:
     """Print the intervals of the scores, and explain the nMSE."""
     found = intervals.of(folder)
     if found is None:
         return
     if found.of:
-        console.print(_interval_table(found, target))
+        print_table(_interval_table(found, target), WIDTH)
     elif not found.drawn:
         again = to_type(f"learn compare DATABASE -o {folder.path.parent}")
         line = f"no intervals: rows.csv is older than they are and names no surfaces: {again}"
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+        echo(line)
     if target == OUR_AREA:
-        console.print(nmse_note(found.spread), highlight=False, markup=False, soft_wrap=True)
+        echo(nmse_note(found.spread))
 
 
 def nmse_note(spread: float) -> str:
@@ -209,7 +208,7 @@ def _interval_cells(found: Intervals | None, place: tuple[str, str], target: str
 def _interval_table(found: Intervals, target: str) -> Table:
     """Return a table of the intervals of the scores on the test rows."""
     table = Table(
-        title=escape(
+        title=(
             f"{100 * intervals.LEVEL:g} % intervals of the scores on the test rows [%]: bootstrap,"
             f" {intervals.BOOTSTRAP:,} resamples of {found.groups} {found.drawn}; nMaxE has none"
         )
@@ -232,9 +231,7 @@ def _time_rows(folder: Folder) -> Iterator[list[object]]:
 
 def _score_table(folder: Folder, target: str) -> Table:
     """Return a table like Table 4, with the paper's numbers in brackets."""
-    table = Table(
-        title=escape("Scores on the test rows [%] and times [s]; the paper's in brackets")
-    )
+    table = Table(title="Scores on the test rows [%] and times [s]; the paper's in brackets")
     for column in ("Model", ""):
         table.add_column(column, no_wrap=True)
     for column in (*(SCORES[name] for name in names(target)), "fit", "test set", "one row"):

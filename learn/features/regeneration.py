@@ -21,9 +21,8 @@ from gen.generation.plan import Parameters, parameters
 from gen.generation.sample import surface_of
 from gen.populations import make_ready
 from gen.runtime.errors import InputError, SourceError
-from gen.runtime.input_file import require_file
-from gen.runtime.output import atomic
-from gen.runtime.progress import RunProgress
+from gen.runtime.files import atomic, require_file
+from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from gen.schema import PHYSICS, Status, physics_of
 from learn.arrays import Values

@@ -16,8 +16,7 @@ from gen.generation.sample import compute_rows, finished_parts
 from gen.populations import make_ready
 from gen.runtime import farm
 from gen.runtime.errors import InputError
-from gen.runtime.invocation import to_type
-from gen.runtime.progress import RunProgress
+from gen.runtime.terminal import RunProgress, to_type
 from gen.scene import Scene
 from gen.schema import Status
 from learn.executor import Executor

@@ -10,8 +10,7 @@ from gen.draft.loads import Material
 from gen.draft.table import print_looks
 from gen.draft.writing import Key
 from gen.runtime.errors import InputError
-from gen.runtime.invocation import to_type
-from gen.runtime.progress import RunProgress
+from gen.runtime.terminal import RunProgress, to_type
 from gen.scans.files import digest, map_files
 from gen.scans.library import Reading
 from gen.scene import Scene, load, preset_names

@@ -5,8 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gen.runtime.console import wide_console
-from gen.runtime.terminal import printable
+from gen.runtime.terminal import echo, print_table, printable
 from learn.dataset import Dataset
 from learn.grow.appraisal import LEVEL, Appraisal
 from learn.grow.generation import stock
@@ -42,7 +41,6 @@ def show(request: Request, grown: Grown, found: Appraisal, most: int) -> None:
     most : int
         Largest number of rows that was allowed.
     """
-    console = wide_console(WIDTH)
     card = found.surrogate.card
     rows = card["rows"]
     by = rows.get("split_by", "surface")
@@ -52,8 +50,8 @@ def show(request: Request, grown: Grown, found: Appraisal, most: int) -> None:
         f" {rows['test']} held out by {by}, {sum(rows['left_out'].values())} left out"
     )
     for line in (about, *_verdict(grown, found, most)):
-        console.print(printable(line), highlight=False, markup=False, soft_wrap=True)
-    console.print(_errors(found))
+        echo(line)
+    print_table(_errors(found), WIDTH)
     if grown.curve is not None:
         floor, scale, exponent = grown.curve.fit
         points = ", ".join(
@@ -62,10 +60,8 @@ def show(request: Request, grown: Grown, found: Appraisal, most: int) -> None:
         )
         said = f"learning curve of {grown.curve.target}: nMAE {points} rows;"
         said += f" {floor:.2g} + {scale:.3g} n^-{exponent:.2g} %"
-        console.print(said, highlight=False, markup=False, soft_wrap=True)
-    console.print(
-        payback(request, grown, found).in_words(), highlight=False, markup=False, soft_wrap=True
-    )
+        echo(said)
+    echo(payback(request, grown, found).in_words())
 
 
 def _verdict(grown: Grown, found: Appraisal, most: int) -> Iterator[str]:
@@ -93,7 +89,6 @@ def _verdict(grown: Grown, found: Appraisal, most: int) -> Iterator[str]:
 
 def _errors(found: Appraisal) -> object:
     """Return a table of errors, bounds and intervals of each target."""
-    from rich.markup import escape
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False)
@@ -105,13 +100,13 @@ def _errors(found: Appraisal) -> object:
         inside = (judged.low <= judged.truth) & (judged.truth <= judged.high)
         width = float(np.mean(judged.high - judged.low))
         table.add_row(
-            escape(printable(name)),
+            printable(name),
             f"{judged.accuracy.nmae:.2f}",
             f"{judged.accuracy.error:.2f}",
             f"{found.bound(name):.2f}",
             f"{about['scores']['r2']:.2f}",
             f"{100 * inside.mean():.1f} %",
-            f"{width:.3g} {escape(printable(about['unit']))}",
+            f"{width:.3g} {printable(about['unit'])}",
         )
     return table
 

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.markup import escape
 from rich.table import Table as Printed
 
 from gen.material import Bodies
 from gen.option_groups import Reading
 from gen.reading import files_in, is_table, read_surface
-from gen.runtime.console import wide_console
 from gen.runtime.errors import InputError
-from gen.runtime.table import Row
-from gen.runtime.terminal import brief
+from gen.runtime.files import Row
+from gen.runtime.terminal import brief, echo, print_table
 from learn.arrays import Indices, Values
 from learn.features import Undefined
 from learn.surrogate.model import OnSurface, Surrogate
@@ -31,6 +29,9 @@ VALUE = re.compile(r" \S+ outside")
 
 UNDEFINED = "statistics undefined: {}"
 """Reason of a row whose surface does not define all statistics that the features need."""
+
+WIDTH = 160
+"""Width of the table without a terminal [characters]."""
 
 SHOWN = 40
 """Rows that are printed at most; a file gets all of them."""
@@ -234,7 +235,6 @@ def heading(column: str, unit: str) -> str:
 
 def show(rows: Sequence[Row], level: float, bodies: Bodies) -> None:
     """Print the first rows of the table, and the reasons of those outside the training."""
-    console = wide_console(160)
     hidden = ("_low", "_high", "_std", "warnings")  # warnings were said with the surface
     names = [name for name in rows[0] if not name.endswith(hidden)]
     table = Printed(title=f"Predictions with {100 * level:g} % intervals, {bodies.text}")
@@ -242,21 +242,21 @@ def show(rows: Sequence[Row], level: float, bodies: Bodies) -> None:
         table.add_column(name, justify="left" if name in {"input", "flag", "reason"} else "right")
     for row in rows[:SHOWN]:
         style = "dim" if row["flag"] == "outside" else ""
-        table.add_row(*(escape(_cell(row, name)) for name in names), style=style)
-    console.print(table)
+        table.add_row(*(_cell(row, name) for name in names), style=style)
+    print_table(table, WIDTH)
     for doubt in bodies.doubts:
-        console.print(f"warning: {doubt}", highlight=False, soft_wrap=True)
+        echo(f"warning: {doubt}")
     outside = sum(row["flag"] == "outside" for row in rows)
     if len(rows) > SHOWN:
-        console.print(f"... and {len(rows) - SHOWN} more: -o writes all of them", highlight=False)
+        echo(f"... and {len(rows) - SHOWN} more: -o writes all of them")
     if outside:
         text = (
             f"{outside} of {len(rows)} rows lie outside what the surrogate was trained on: no"
             " interval holds there, and none is given (-)"
         )
-        console.print(text, highlight=False, soft_wrap=True)
+        echo(text)
         for line in _reasons(rows):
-            console.print(f"  {line}", highlight=False, markup=False, soft_wrap=True)
+            echo(f"  {line}")
 
 
 def _reasons(rows: Sequence[Row]) -> Iterator[str]:

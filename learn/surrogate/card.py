@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gen.runtime.errors import InputError
-from gen.runtime.provenance import versions as versions_of
+from gen.runtime.installation import versions as versions_of
 from gen.runtime.terminal import printable
 from gen.scene import Scene
 from learn.arrays import Indices, Values
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from learn.surrogate.model import Surrogate
+
+WIDTH = 120
+"""Width of the tables without a terminal [characters]."""
 
 LEVELS = (0.5, 0.9, 0.95)
 """Intervals whose coverage is reported."""
@@ -258,7 +261,7 @@ def show(surrogate: "Surrogate") -> None:
     InputError
         If an entry of the card is missing, so that the file is not from `learn fit`.
     """
-    from gen.runtime.console import wide_console
+    from gen.runtime.terminal import echo, print_table
 
     try:
         texts = list(lines(surrogate))
@@ -268,11 +271,10 @@ def show(surrogate: "Surrogate") -> None:
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         fault = printable(f"{type(error).__name__}: {error}")
         raise InputError(f"the surrogate's card is not whole ({fault}): fit it anew") from None
-    console = wide_console(120)
     for text in texts:
-        console.print(printable(text), highlight=False, markup=False, soft_wrap=True)
+        echo(text)
     for table in tables:
-        console.print(table)
+        print_table(table, WIDTH)
 
 
 def _scores(surrogate: "Surrogate") -> "Table":
@@ -347,9 +349,7 @@ def _table(title: str, *names: str) -> "Table":
 
 def _plain(text: Any) -> str:
     """Return a text of the file as a cell, without markup and control characters."""
-    from rich.markup import escape
-
-    return escape(printable(str(text)))
+    return printable(str(text))
 
 
 def _ends(values: Any) -> tuple[Any, Any]:

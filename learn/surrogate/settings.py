@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
-from gen.runtime.invocation import to_type
+from gen.runtime.terminal import to_type
 from learn.arrays import Values
 from learn.comparison.folder import Folder
 from learn.comparison.search.spaces import OPTIMA

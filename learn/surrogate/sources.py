@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from gen.measured.topography import sides_from
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
-from gen.runtime.invocation import to_type
+from gen.runtime.files import require_file
+from gen.runtime.terminal import to_type
 from learn.arrays import Values
 from learn.features.sets import STATISTICS
 

@@ -22,10 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
-from gen.runtime.invocation import to_type
-from gen.runtime.output import SURROGATE, atomic
-from gen.runtime.terminal import printable
+from gen.runtime.files import SURROGATE, atomic, require_file
+from gen.runtime.terminal import printable, to_type
 
 FORMAT = 7
 """Number of the layout that is written. A format number is raised whenever an older version would

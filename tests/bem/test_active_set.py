@@ -19,7 +19,7 @@ from bem.iterate import Iterate
 from bem.selection import PlainImage
 from bench.references import dense
 from bench.references.surfaces import SURFACES, Shape, surface
-from gen.runtime.overtime import at_most
+from gen.runtime.signals import at_most
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 

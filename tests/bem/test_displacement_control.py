@@ -11,7 +11,7 @@ from bem import convolution, displacement_control, equilibrium
 from bem.influence import KERNELS, Kernel
 from bem.problem import Problem, pose
 from bench.references.surfaces import SURFACES, surface
-from gen.runtime.overtime import at_most
+from gen.runtime.signals import at_most
 from gen.surface import generate
 
 pytestmark = pytest.mark.usefixtures("both_ways")

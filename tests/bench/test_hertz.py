@@ -12,7 +12,7 @@ from launch import launch
 
 from bench import hertz
 from bench.__main__ import main
-from gen.runtime.installing import command_for
+from gen.runtime.installation import command_for
 
 Curves = dict[tuple[str, int | str], pd.DataFrame]
 

@@ -29,7 +29,7 @@ from bench.work_precision.studies import (
     paper_case,
     sweep,
 )
-from gen.runtime.installing import command_for
+from gen.runtime.installation import command_for
 
 Found = tuple[list[Row], list[Row]]
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from gen.runtime.output import SURROGATE
+from gen.runtime.files import SURROGATE
 from learn.surrogate.storage import FORMAT, HEAD, STEP
 
 Random = np.random.Generator

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import inf
 
 from gen.runtime.errors import InputError
-from gen.runtime.progress import RunProgress
+from gen.runtime.terminal import RunProgress
 from learn.comparison.search.fits import fit
 from learn.comparison.search.pruning import Grid, Settings, baseline_key, key
 from learn.comparison.search.scores import GridScores, rank

@@ -11,7 +11,7 @@ from gen.law.points import STIFFNESS, Points
 from gen.law.subjects import LawSurface
 from gen.material import Bodies
 from gen.runtime.errors import InputError
-from gen.runtime.progress import RunProgress
+from gen.runtime.terminal import RunProgress
 from learn.arrays import Values
 from learn.features import SurfaceFeatures, Undefined
 from learn.surrogate.law import inversion

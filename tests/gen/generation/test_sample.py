@@ -5,7 +5,7 @@ import pytest
 
 import bem
 import gen.generation.sample
-import gen.runtime.overtime
+import gen.runtime.signals
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows, solve_contact, surface_of
 from gen.runtime.errors import InputError
@@ -276,7 +276,7 @@ def test_a_bug_in_the_timer_is_not_a_row(monkeypatch):
         if seconds:
             raise OverflowError("timestamp out of range")
 
-    monkeypatch.setattr(gen.runtime.overtime.signal, "setitimer", fail)
+    monkeypatch.setattr(gen.runtime.signals.signal, "setitimer", fail)
     with pytest.raises(OverflowError):
         compute_rows(scene(), 0, 1, limit=5.0)
 

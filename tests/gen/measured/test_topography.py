@@ -14,7 +14,7 @@ from gen import cli
 from gen.measured import instruments
 from gen.measured.topography import intervals, read
 from gen.runtime.errors import InputError
-from gen.runtime.installing import command_for
+from gen.runtime.installation import command_for
 
 SurfaceTopography = pytest.importorskip("SurfaceTopography", reason="needs the extra instruments")
 

@@ -1,15 +1,18 @@
-"""Output files: refused before any work is done for them, then written whole or not at all.
+"""Files that users name: read if regular, refused as outputs before any work, written whole.
 
-The same rule holds for every file that a user names in any command: it is never an input, never
-another output, and it replaces only a file of its own kind. Databases, which runs continue and
-extend, have further rules in `gen.database`.
+One rule holds for every output of every command: it is never an input, never another output, and it
+replaces only a file of its own kind. One writer, `atomic`, keeps the old file until the new one is
+on the disk. Databases, which runs continue and extend, have further rules in `gen.database`.
 """
 
+import csv
+import io
+import math
 import os
 import secrets
 import stat
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Literal, NamedTuple
@@ -64,6 +67,50 @@ SIGNATURES = {
     b"PAR1": "parquet",
 }
 """Kind of the files that begin with these bytes."""
+
+STREAMS = {
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+"""Kinds of paths that are neither files nor folders."""
+
+Row = dict[str, float | int | str]
+"""One line of a table: values by the names of the columns."""
+
+FORMULAS = ("=", "+", "-", "@", "\t", "\r", "\n")
+"""First characters of a text that a spreadsheet would compute."""
+
+
+def require_file(path: Path) -> Path:
+    """Refuse pipes, sockets and devices, which could block their reader for ever.
+
+    Every reader of a file that a user names calls this before opening it. Folders and missing
+    files pass, since the reader's own message says more.
+
+    Parameters
+    ----------
+    path : Path
+        File, or a link to it.
+
+    Returns
+    -------
+    Path
+        The same path.
+
+    Raises
+    ------
+    InputError
+        If the path is neither a file nor a folder.
+    """
+    try:
+        kind = STREAMS.get(stat.S_IFMT(path.stat().st_mode))
+    except (OSError, ValueError):  # a null character in the path
+        return path
+    if kind:
+        raise InputError(f"{path} is {kind}; give a file on a disk, as pipes cannot be read twice")
+    return path
 
 
 class Output(NamedTuple):
@@ -178,6 +225,42 @@ def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
     """
     with atomic(path, kind) as file:
         file.write(content.encode(errors="replace") if isinstance(content, str) else content)
+
+
+def cell(value: object) -> object:
+    """Return a value for a cell: no formula, and nothing for a number that is not finite.
+
+    Parameters
+    ----------
+    value : object
+        Number or text. Texts that look like formulas get an apostrophe, which is OWASP's advice for
+        texts from strangers.
+    """
+    if isinstance(value, float) and not math.isfinite(value):
+        return ""
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULAS) else value
+
+
+def write_csv(path: Path, rows: Sequence[Row]) -> None:
+    """Write rows as CSV under a header with their names.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    rows : sequence of dict
+        Rows with the same names, at least one.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(rows[0]))
+    writer.writeheader()
+    writer.writerows({name: cell(value) for name, value in row.items()} for row in rows)
+    write(path, text.getvalue())
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""The command that installs an extra, for every way in which Asperity may have been installed."""
+"""The commit of the checkout, versions, and the command that adds an extra."""
 
 import ast
 import importlib.metadata
@@ -6,6 +6,7 @@ import json
 import re
 import shlex
 import shutil
+import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -13,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from gen.runtime import command_line, installing
+from gen.runtime import command_line, installation
 
 ROOT = Path(__file__).resolve().parents[3]
 REQUIREMENTS = [
@@ -41,18 +42,18 @@ class Installed:
 @pytest.fixture
 def advised(monkeypatch, tmp_path):
     """What is advised for an extra where the packages stand alone in a folder."""
-    monkeypatch.setattr(installing, "REPOSITORY", tmp_path)
+    monkeypatch.setattr(installation, "REPOSITORY", tmp_path)
     monkeypatch.setattr(shutil, "which", lambda _: str(Path(sys.executable).with_name("pip")))
 
     def advise(origin: dict[str, object] | None, extra: str = "learn") -> list[str]:
         monkeypatch.setattr(importlib.metadata, "distribution", lambda _: Installed(origin))
-        return shlex.split(installing.command_for(extra))
+        return shlex.split(installation.command_for(extra))
 
     return advise
 
 
 def test_a_clone_is_named_by_its_path():
-    assert f"pip install -e '{ROOT}[plot]'" in installing.command_for("plot").replace(
+    assert f"pip install -e '{ROOT}[plot]'" in installation.command_for("plot").replace(
         f"{sys.executable} -m ", ""
     )
 
@@ -136,3 +137,16 @@ def test_no_message_names_a_distribution_that_no_index_has():
             text = path.read_text(encoding="utf-8")
             named = set(re.findall(r"pip install[\"' ]+([^\s\"']+)", text))
             assert named <= known, f"{path}: {named - known}"
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="no checkout of git")
+def test_the_commit_is_that_of_the_checkout() -> None:
+    asked = subprocess.run(
+        ["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert installation.git_commit() == asked.stdout.strip()
+
+
+def test_missing_packages_are_left_out() -> None:
+    found = installation.versions(("numpy", "a-package-that-nobody-has"))
+    assert found.keys() == {"python", "numpy"}

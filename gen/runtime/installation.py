@@ -1,4 +1,4 @@
-"""The command that installs a missing package into this installation of Asperity.
+"""The installation: its version, its commit, and the command that adds a missing package.
 
 A package index may not have the name asperity, or somebody else's package under it. So the commands
 name this clone, the file or the address that Asperity was installed from, or else the libraries.
@@ -6,15 +6,71 @@ name this clone, the file or the address that Asperity was installed from, or el
 
 import importlib.metadata
 import json
+import platform
 import re
 import shlex
 import shutil
 import sys
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+VERSION = "1.0.0rc1"
+"""Version as PEP 440 writes it, stated here alone."""
+
+STAMP = "commit.txt"
+"""File beside this module with the commit that an installed package was built from."""
+
 REPOSITORY = Path(__file__).resolve().parents[2]
 """Folder that holds the packages: a clone if it has a pyproject.toml."""
+
+
+def versions(packages: Iterable[str]) -> dict[str, str]:
+    """Return the versions of Python and of installed packages without importing them.
+
+    Parameters
+    ----------
+    packages : iterable of str
+        Names of packages in the package index; those that are not installed are left out.
+
+    Returns
+    -------
+    dict of str
+        Version of each package by its name.
+    """
+    installed = {"python": platform.python_version()}
+    for name in packages:
+        with suppress(importlib.metadata.PackageNotFoundError):
+            own = name == "asperity"
+            installed[name] = VERSION if own else importlib.metadata.version(name)
+    return installed
+
+
+def git_commit() -> str:
+    """Return the commit of the checkout that this code runs from or was built from, "" without one.
+
+    It is read from git's files, since starting a process from an MPI rank is unsafe on some
+    interconnects.
+    """
+    git = REPOSITORY / ".git"
+    try:
+        if not git.exists():
+            return Path(__file__).with_name(STAMP).read_text(encoding="utf-8").strip()
+        if git.is_file():  # a linked work tree
+            git = (git.parent / git.read_text().removeprefix("gitdir:").strip()).resolve()
+        head = (git / "HEAD").read_text().strip()
+        if not head.startswith("ref: "):
+            return head
+        if (git / "commondir").exists():
+            git = (git / (git / "commondir").read_text().strip()).resolve()
+        reference = head.removeprefix("ref: ")
+        if (git / reference).exists():
+            return (git / reference).read_text().strip()
+        packed = (line.partition(" ") for line in (git / "packed-refs").read_text().splitlines())
+        return next((commit for commit, _, name in packed if name == reference), "")
+    except OSError:
+        return ""
 
 
 def command_for(extra: str) -> str:

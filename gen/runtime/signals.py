@@ -1,8 +1,8 @@
-"""Signals that ask a run to stop: work in flight is finished, no new work is begun.
+"""Signals: those that ask a run to stop in order, and the alarm that bounds a calculation's time.
 
 Python handles signals between two of its own steps. If compiled code takes minutes for one step,
-as a fit may, a thread answers: it prints that the run is stopping, and a second signal ends the
-process.
+as a fit may, a thread answers requests to stop: it prints that the run is stopping, and a second
+signal ends the process. An alarm waits for the end of the step.
 """
 
 import os
@@ -11,7 +11,8 @@ import signal
 import sys
 import threading
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any, Self
 
@@ -20,6 +21,12 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 
 PATIENCE = 2.0
 """Time that Python has to handle a signal before the thread answers it [s]."""
+
+LONGEST = 1e8
+"""Longest bound [s], three years; the system's timer ends at 9.2e9 s."""
+
+REPEATED = 1.0
+"""Interval of further alarms [s], since code that catches all exceptions may swallow the first."""
 
 
 class Interruption:
@@ -100,3 +107,51 @@ class Interruption:
         for number, handler in self._previous.items():
             signal.signal(number, handler)
         self._previous.clear()
+
+
+class Overtime(Exception):
+    """A calculation has taken longer than its bound.
+
+    Times differ between machines and between runs: such a calculation is pending, not failed.
+    """
+
+
+@contextmanager
+def at_most(seconds: float | None) -> Iterator[None]:
+    """Bound the wall-clock time of a block; works on a process's main thread only.
+
+    Python handles the alarm between two of its steps, so a long call of compiled code runs to its
+    end.
+
+    Parameters
+    ----------
+    seconds : float, optional
+        Wall-clock time of the block [s], above 0 and at most `LONGEST`; None for no bound.
+
+    Raises
+    ------
+    ValueError
+        If the number of seconds is out of range.
+    Overtime
+        Once the block has taken longer.
+    """
+    if seconds is None:
+        yield
+        return
+    if not 0 < seconds <= LONGEST:
+        raise ValueError(f"{seconds} s: wanted more than 0, at most {LONGEST:g}")
+    previous = signal.signal(signal.SIGALRM, _end)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, seconds, REPEATED)
+        try:
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+    finally:  # an alarm during the first `finally` is overtime too
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, previous)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """Handle the alarm."""
+    raise Overtime
