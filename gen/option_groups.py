@@ -80,7 +80,7 @@ class Against(NamedTuple):
     against_options : str or None
         Options that it alone is read and prepared by; None for those of the first body.
     turned, shift : str
-        How it is laid on the first body, see `gen.measured.composite.Placement`.
+        How it is laid on the first body, see `gen.maps.bodies.Placement`.
     """
 
     against: options.Against = None

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from bem.spacing import Boundary
-from gen.measured.preparation import prepare, surface_warnings
-from gen.measured.source import Source
-from gen.measured.topography import OWN_SUFFIXES, Topography
+from gen.maps.bodies import Source
+from gen.maps.doubts import surface_warnings
+from gen.maps.prepare import prepare
+from gen.maps.read import OWN_SUFFIXES, Topography
 from gen.option_groups import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file

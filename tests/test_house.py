@@ -31,7 +31,7 @@ ONE_HOME = {
     "pyfftw": {"bem/plans.py"},
     "threadpoolctl": {"bem/sections.py"},
     "tomllib": {"gen/scene/scene.py", "bench/files.py"},
-    "SurfaceTopography": {"gen/measured/instruments.py", "bench/populations/made_maps.py"},
+    "SurfaceTopography": {"gen/maps/instruments.py", "bench/populations/made_maps.py"},
     "matplotlib": {"gen/runtime/figure.py", "bench"},
     "sklearn": {"learn", "bench"},
     "xgboost": {"learn/models.py"},
@@ -53,20 +53,19 @@ ROOMS = {
     "gen.scene": {"gen.material", "gen.runtime"},
     "gen.database": {"gen.runtime", "gen.scene", "gen.schema"},
     "gen.populations": {
-        *("gen.arrays", "gen.measured", "gen.runtime", "gen.scans", "gen.scene", "gen.spectral"),
+        *("gen.arrays", "gen.maps", "gen.runtime", "gen.scene", "gen.spectral"),
         "gen.surface",
     },
-    "gen.measured": {
-        *("gen.arrays", "gen.maps", "gen.material", "gen.runtime", "gen.schema", "gen.spectral"),
+    "gen.maps": {
+        *("gen.arrays", "gen.fields", "gen.material", "gen.runtime", "gen.schema", "gen.spectral"),
         "gen.statistics",
     },
-    "gen.scans": {"gen.arrays", "gen.measured", "gen.runtime"},
     "gen.draft": {
-        *("gen.arrays", "gen.material", "gen.measured", "gen.runtime", "gen.scans", "gen.scene"),
+        *("gen.arrays", "gen.maps", "gen.material", "gen.runtime", "gen.scene"),
         *("gen.spectral", "gen.statistics"),
     },
     "gen.law": {
-        *("gen.arrays", "gen.database", "gen.generation", "gen.material", "gen.measured"),
+        *("gen.arrays", "gen.database", "gen.generation", "gen.material", "gen.maps"),
         *("gen.option_groups", "gen.populations", "gen.reading", "gen.runtime", "gen.scene"),
     },
     "gen.generation": {
@@ -74,14 +73,14 @@ ROOMS = {
         *("gen.scene", "gen.schema", "gen.statistics"),
     },
     "gen.display": {
-        *("gen.database", "gen.generation", "gen.measured", "gen.runtime"),
+        *("gen.database", "gen.generation", "gen.maps", "gen.runtime"),
         *("gen.scene", "gen.schema", "gen.statistics"),
     },
     "gen.export": {"gen.database", "gen.runtime", "gen.schema"},
     "gen.commands": {
         *("gen.database", "gen.display", "gen.draft", "gen.export", "gen.generation", "gen.law"),
-        *("gen.material", "gen.measured", "gen.option_groups", "gen.options", "gen.picture"),
-        *("gen.runtime", "gen.scans", "gen.scene", "gen.schema", "gen.statistics"),
+        *("gen.material", "gen.maps", "gen.option_groups", "gen.options", "gen.picture"),
+        *("gen.runtime", "gen.scene", "gen.schema", "gen.statistics"),
     },
     "learn.features": {"learn.arrays", "learn.executor"},
     "learn.comparison.search": {

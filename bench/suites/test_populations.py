@@ -13,9 +13,8 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
-from gen.scans.store import PreparedMap, opened, write
-from gen.scans.tiles import Tiling
-from gen.scans.windows import cut, drawn
+from gen.maps.store import PreparedMap, opened, write
+from gen.maps.windows import Tiling, cut, drawn
 from gen.scene import Scene
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 

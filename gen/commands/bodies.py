@@ -15,7 +15,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
 
 if TYPE_CHECKING:
-    from gen.measured.source import Opposite, Source
+    from gen.maps.bodies import Opposite, Source
 
 
 def second_body(first: "Source", facing: Against) -> "Opposite | None":
@@ -33,8 +33,7 @@ def second_body(first: "Source", facing: Against) -> "Opposite | None":
     InputError
         If an option of the second body comes without it, or cannot be used.
     """
-    from gen.measured.composite import Placement
-    from gen.measured.source import Opposite
+    from gen.maps.bodies import Opposite, Placement
 
     path, text, turned, shift = facing
     if path is None:
@@ -50,7 +49,7 @@ def second_body(first: "Source", facing: Against) -> "Opposite | None":
 
 def _source_of(path: Path, text: str) -> "Source":
     """Return a surface that is read and prepared by the options in a text."""
-    from gen.measured.source import Source
+    from gen.maps.bodies import Source
 
     named = f"--against-options {shown(text)}"
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)

@@ -18,7 +18,7 @@ class Loads(NamedTuple):
     Attributes
     ----------
     delta, force, pressure : str
-        Values, see `gen.measured.single.chosen_load` [um], [uN], [MPa]; "" if it is not given.
+        Values, see `gen.maps.contacts.chosen_load` [um], [uN], [MPa]; "" if it is not given.
     """
 
     delta: options.Delta = ""
@@ -108,15 +108,22 @@ def contact(
     """
     from bem.workers import cores, default_threads, on_threads
     from gen.display.contacts import follow_contacts
+    from gen.maps.bodies import Source, surface_of
+    from gen.maps.contacts import (
+        Wanted,
+        chosen_load,
+        contact_row,
+        require_conductivities,
+        require_yielding,
+        solve_loads,
+        write_flattened,
+    )
+    from gen.maps.doubts import surface_warnings
     from gen.material import Bodies
-    from gen.measured import single
-    from gen.measured.outcome import Wanted, require_conductivities
-    from gen.measured.preparation import surface_warnings
-    from gen.measured.source import Source, surface_of
     from gen.runtime.files import write_csv
 
-    load, values = single.chosen_load(loads._asdict())
-    single.require_yielding(files.flattened, hardness)
+    load, values = chosen_load(loads._asdict())
+    require_yielding(files.flattened, hardness)
     wanted = Wanted(spots, stiffness, require_conductivities(conductivity or []))
     figure = files.empty_figure(facing.with_first(surface))
     bodies = Bodies.of_options(young or [], poisson or [], e_star, hardness)
@@ -126,7 +133,7 @@ def contact(
         contacts, warnings = follow_contacts(
             topography,
             [*bodies.doubts, *surface_warnings(topography)],
-            single.solve_loads(
+            solve_loads(
                 topography,
                 load,
                 values,
@@ -139,12 +146,12 @@ def contact(
             material=bodies.known,
         )
     if files.table is not None:
-        rows = [single.contact_row(topography, each, warnings, wanted) for each in contacts]
+        rows = [contact_row(topography, each, warnings, wanted) for each in contacts]
         write_csv(files.table, rows)
     if files.flattened is not None:
-        single.write_flattened(files.flattened, contacts, len(values))
+        write_flattened(files.flattened, contacts, len(values))
     if files.picture is not None:
-        from gen.measured.contact_picture import Subject, draw_contacts
+        from gen.maps.contact_picture import Subject, draw_contacts
 
         subject = Subject(topography.name, load, bodies.known, warnings, spots=spots)
         draw_contacts(figure, contacts, subject, files.picture)

@@ -24,11 +24,11 @@ def describe(
     """Print the 22 roughness statistics, the parameters of ISO 25178 and the self-affine law."""
     from gen import statistics
     from gen.display import surfaces
-    from gen.measured import single
-    from gen.measured.areal import areal_parameters
-    from gen.measured.preparation import surface_warnings
-    from gen.measured.self_affine import fit_self_affine, radial_spectrum
-    from gen.measured.source import Source, surface_of
+    from gen.maps.areal import areal_parameters
+    from gen.maps.bodies import Source, surface_of
+    from gen.maps.description import areal_row, draw_surface, statistics_row, units_of
+    from gen.maps.doubts import surface_warnings
+    from gen.maps.self_affine import fit_self_affine, radial_spectrum
     from gen.runtime.files import write_csv
 
     outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
@@ -48,12 +48,10 @@ def describe(
     if spectrum is not None and not radial.wavenumbers.size:
         raise InputError(f"--spectrum {spectrum}: there is none, {fit}")
     if table is not None:
-        row = single.statistics_row(topography, description, warnings)
-        further = single.areal_row(areal, depth, fit)
-        write_csv(table, [{**row, **further, "units": single.units_of([*row, *further])}])
+        row = statistics_row(topography, description, warnings)
+        further = areal_row(areal, depth, fit)
+        write_csv(table, [{**row, **further, "units": units_of([*row, *further])}])
     if spectrum is not None:
         write_csv(spectrum, radial.rows())
     if picture is not None:
-        from gen.measured.surface_picture import draw_surface
-
         draw_surface(figure, topography, radial, fit, picture)

@@ -43,9 +43,9 @@ def law(
     from gen.law import Order, by_solver
     from gen.law.table import show
     from gen.law.writers import write
+    from gen.maps.bodies import Source
+    from gen.maps.contacts import require_conductivities
     from gen.material import Bodies
-    from gen.measured.outcome import require_conductivities
-    from gen.measured.source import Source
 
     files = files.filled(output)
     check_outputs(files.outputs, facing.with_first(*inputs))

@@ -25,8 +25,8 @@ def scene(
     Comments in the scene say why it has its values. It runs as it is, and is meant to be edited.
     """
     from gen.draft.drafting import Order, draft
-    from gen.draft.loads import Material
-    from gen.scans.library import Reading
+    from gen.draft.proposal import Material
+    from gen.maps.library import Reading
 
     material = Material.of_options(young or [], poisson or [], e_star, hardness)
     reading = Reading(side, unit, channel)

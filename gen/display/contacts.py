@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from gen.display.surfaces import print_preparation
-from gen.measured.outcome import Wanted, answers
-from gen.measured.single import border_remark, contact_warnings
+from gen.maps.contacts import Wanted, answers, border_remark, contact_warnings
 from gen.runtime.terminal import RunProgress, echo, print_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from bem import Contact
-    from gen.measured.single import Solution
-    from gen.measured.topography import Topography
+    from gen.maps.contacts import Solution
+    from gen.maps.read import Topography
 
 
 def follow_contacts(

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from gen.measured.areal import PARAMETERS
-from gen.measured.preparation import tilt
+from gen.maps.areal import PARAMETERS
+from gen.maps.doubts import tilt
 from gen.runtime.terminal import echo, print_table
 from gen.schema import statistics_columns
 
 if TYPE_CHECKING:  # statistics are printed without the solver
-    from gen.measured.self_affine import SelfAffineFit
-    from gen.measured.topography import Topography
+    from gen.maps.read import Topography
+    from gen.maps.self_affine import SelfAffineFit
     from gen.statistics import Description
 
 
@@ -68,7 +68,7 @@ def print_areal(parameters: Description) -> None:
     Parameters
     ----------
     parameters : gen.statistics.Description
-        Values and reason, from `gen.measured.areal.areal_parameters`.
+        Values and reason, from `gen.maps.areal.areal_parameters`.
     """
     table = Table(box=None, pad_edge=False)
     for title in ("ISO 25178", "value", "unit", "meaning"):
@@ -87,7 +87,7 @@ def print_self_affine(fit: SelfAffineFit | str) -> None:
     Parameters
     ----------
     fit : SelfAffineFit or str
-        Law or reason, from `gen.measured.self_affine.fit_self_affine`.
+        Law or reason, from `gen.maps.self_affine.fit_self_affine`.
     """
     if isinstance(fit, str):
         echo(f"self-affine law: none, {fit}")

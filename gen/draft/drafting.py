@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from gen.draft import files, likeness, proposal, scans
-from gen.draft.loads import Material
-from gen.draft.table import print_looks
+from gen.draft import likeness, proposal, scene_text
+from gen.draft.proposal import Material
+from gen.draft.survey import print_looks
+from gen.maps.files import map_files
+from gen.maps.library import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import RunProgress, echo
-from gen.scans.files import map_files
-from gen.scans.library import Reading
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Order:
                 "give measured maps (files, folders or patterns) for a scene of their windows, or"
                 " --like MAP for surfaces like one of them"
             )
-        files.require_new(self.output)
+        scene_text.require_new(self.output)
         check_outputs([Output(self.output, "--output")])
 
 
@@ -76,7 +76,7 @@ def draft(order: Order) -> None:
     if order.like is not None:
         like = likeness.propose(order.like, order.reading, order.material)
         print_looks([like.look])
-        scene = files.write(order.output, likeness.keys(like, order.command, order.output))
+        scene = scene_text.write(order.output, likeness.keys(like, order.command, order.output))
         unlike = [f"{like.doubt}: windows of the map are safer"] if like.doubt else []
         for doubt in (*scene.contact.doubts, *unlike):
             echo(f"warning: {doubt}", err=True)
@@ -88,8 +88,8 @@ def draft(order: Order) -> None:
             paths, order.reading, order.material, lambda: progress.advance(1, 0)
         )
     print_looks(proposed.looks)
-    keys = scans.keys(proposed, order.inputs, order.command, order.output)
-    scene = files.write(order.output, keys)
+    keys = scene_text.keys(proposed, order.inputs, order.command, order.output)
+    scene = scene_text.write(order.output, keys)
     for doubt in scene.contact.doubts:
         echo(f"warning: {doubt}", err=True)
     used = len(proposed.used)

@@ -9,19 +9,25 @@ from pathlib import Path
 import numpy as np
 
 from gen.arrays import Heights
-from gen.draft.loads import Loads, Material, choose_loads
-from gen.draft.proposal import choose_preparation, known_texture, require_used
-from gen.draft.scans import contact_keys, load_keys
+from gen.draft.proposal import (
+    Loads,
+    Material,
+    choose_loads,
+    choose_preparation,
+    known_texture,
+    require_used,
+    rounded,
+)
+from gen.draft.scene_text import Key, contact_keys, load_keys, number, quoted, span
 from gen.draft.survey import MapSurvey, measured, survey, with_texture
-from gen.draft.writing import Key, number, quoted, rounded, span
-from gen.measured.areal import areal_parameters
-from gen.measured.preparation import prepare
-from gen.measured.self_affine import SelfAffineFit, fit_self_affine, radial_spectrum
-from gen.measured.settings import Preparation
-from gen.measured.topography import Topography
+from gen.maps.areal import areal_parameters
+from gen.maps.library import Reading
+from gen.maps.prepare import prepare
+from gen.maps.read import Topography
+from gen.maps.self_affine import SelfAffineFit, fit_self_affine, radial_spectrum
+from gen.maps.settings import Preparation
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import to_type
-from gen.scans.library import Reading
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.statistics import rms_slope
 

@@ -17,8 +17,8 @@ from gen.law import solved
 from gen.law.curves import Curves, with_conductance
 from gen.law.loads import deltas_from, pressures_from
 from gen.law.subjects import LawSurfaces, read_subjects
+from gen.maps.bodies import Opposite
 from gen.material import Bodies
-from gen.measured.source import Opposite
 from gen.option_groups import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import shortened

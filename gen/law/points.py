@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from gen.arrays import Values
 from gen.law.subjects import LawSurface
+from gen.maps.contacts import contact_warnings, solve_loads
+from gen.maps.read import Topography
 from gen.material import Bodies
-from gen.measured.single import contact_warnings, solve_loads
-from gen.measured.topography import Topography
 from gen.runtime.errors import InputError
 
 if TYPE_CHECKING:

@@ -9,11 +9,10 @@ import numpy as np
 
 from bem.spacing import Boundary
 from gen.arrays import Values
+from gen.maps.bodies import Opposite, composite
+from gen.maps.doubts import surface_warnings
+from gen.maps.read import Topography
 from gen.material import plane_strain_modulus
-from gen.measured.composite import composite
-from gen.measured.preparation import surface_warnings
-from gen.measured.source import Opposite
-from gen.measured.topography import Topography
 from gen.option_groups import Reading
 from gen.reading import files_in, is_table, read_surface
 from gen.runtime.errors import InputError

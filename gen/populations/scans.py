@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights
-from gen.measured.settings import Preparation, in_words_of_scenes
+from gen.maps import library
+from gen.maps.settings import Preparation, in_words_of_scenes
+from gen.maps.windows import Pairing, Tiling, Window, cut, drawn, facing
 from gen.runtime.errors import InputError, SourceError
-from gen.scans import library
-from gen.scans.tiles import Pairing, Tiling
-from gen.scans.windows import Window, cut, drawn, facing
 from gen.scene import ScanSurface, Scene
 from gen.scene.scans import Found, ScannedMap
 
@@ -67,7 +66,7 @@ def opposite(scene: Scene) -> Scene:
 
 def _looked_for(scene: Scene, home: Path | None) -> Found:
     """MapSurvey for the maps of one body, and prepare them unless that has been done."""
-    from gen.scans.files import digests, map_files
+    from gen.maps.files import digests, map_files
 
     settings = _settings(scene)
     paths = map_files(settings.files, Path.cwd())
@@ -147,7 +146,7 @@ def _kept(scene: Scene, home: Path | None, *, verify: bool) -> library.Library |
 
 def _prepared(scene: Scene, home: Path | None) -> library.Library:
     """Find the files of the maps of a database's scene again, and prepare them if need be."""
-    from gen.scans.files import located
+    from gen.maps.files import located
 
     maps = _settings(scene).known().maps
     paths = [located(Path(each.file), each.sha256, home) for each in maps]

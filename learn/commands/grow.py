@@ -236,8 +236,8 @@ def _beside(output: Path, suffix: str) -> Path:
 
 def _population(scene: str, maps: OfMaps, command: str) -> Population:
     """Return the surfaces and loads that the command names."""
-    from gen.draft.loads import Material
-    from gen.scans.library import Reading
+    from gen.draft.proposal import Material
+    from gen.maps.library import Reading
     from learn.grow.population import Population
 
     return Population(

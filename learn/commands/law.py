@@ -61,7 +61,7 @@ def law(
     """
     from gen.law.table import show
     from gen.law.writers import write
-    from gen.measured.outcome import require_conductivities
+    from gen.maps.contacts import require_conductivities
     from learn.surrogate import Surrogate
     from learn.surrogate.calibration_text import require_level
     from learn.surrogate.law import Order, make

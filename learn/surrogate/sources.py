@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.measured.topography import sides_from
+from gen.maps.read import sides_from
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
 from gen.runtime.terminal import to_type

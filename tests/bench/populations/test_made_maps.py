@@ -17,9 +17,9 @@ from bench.populations.made_maps import (
     write,
     write_all,
 )
-from gen.measured.preparation import prepare
-from gen.measured.settings import Preparation
-from gen.measured.topography import read
+from gen.maps.prepare import prepare
+from gen.maps.read import read
+from gen.maps.settings import Preparation
 
 by_map = pytest.mark.parametrize("made", MAPS, ids=lambda made: made.name)
 

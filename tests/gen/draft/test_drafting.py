@@ -11,7 +11,7 @@ import pytest
 from bench.populations.made_maps import MAPS, Faults, measured, write
 from gen import cli
 from gen.database import Reader
-from gen.draft.spikes import find_spikes
+from gen.draft.survey import find_spikes
 from gen.scene import load
 from gen.schema import Status
 

@@ -11,13 +11,12 @@ from gen import cli
 from gen.database import Reader
 from gen.generation.plan import parameters, surface_random
 from gen.generation.sample import compute_rows, surface_of
-from gen.measured.preparation import prepare
-from gen.measured.settings import Preparation
-from gen.measured.topography import read
+from gen.maps.prepare import prepare
+from gen.maps.read import read
+from gen.maps.settings import Preparation
+from gen.maps.windows import Tiling, drawn, turned
 from gen.populations import make_ready, places, remarks, resolved, scans
 from gen.runtime.errors import InputError, SourceError
-from gen.scans.tiles import Tiling
-from gen.scans.windows import drawn, turned
 from gen.scene import load
 from gen.schema import Reason
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gen.measured.topography import sides_from
+from gen.maps.read import sides_from
 from gen.runtime.errors import InputError
 from gen.scene import ScanSurface, Scene, differences, load
 from gen.scene.scans import Found, ScannedMap

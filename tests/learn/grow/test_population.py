@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from small_populations import MAPS
 
-from gen.draft.loads import Material
+from gen.draft.proposal import Material
+from gen.maps.library import Reading
 from gen.runtime.errors import InputError
-from gen.scans.library import Reading
 from gen.scene import load
 from learn.grow.population import Population, scene_of
 

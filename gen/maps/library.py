@@ -1,0 +1,272 @@
+"""The maps of a scene, prepared once and shared by all processes of a machine."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import stat
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+
+from gen.maps import store
+from gen.maps.prepare import is_same, prepare, resampled
+from gen.maps.read import Topography, read
+from gen.maps.settings import Preparation, in_words_of_scenes
+from gen.maps.store import PreparedMap
+from gen.maps.windows import Shape
+from gen.runtime.errors import InputError
+from gen.runtime.files import kind_of
+from gen.runtime.installation import versions
+
+READER = 2
+"""Number of this way to read and prepare: raised whenever the code gives other heights."""
+
+Spacing = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How the files are read, with the options of `gen contact`.
+
+    Attributes
+    ----------
+    side : str
+        Scan length, or two of them with a comma [um], of files without lengths.
+    unit : str
+        Unit of the heights of files that name none.
+    channel : str
+        Name or index of the channel; the first one with heights by default.
+    """
+
+    side: str = ""
+    unit: str = ""
+    channel: str = ""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """How the files of a scene are to be read and prepared.
+
+    Attributes
+    ----------
+    window : tuple of int
+        Nodes of a window along x and y, which every map has to hold.
+    spacing : tuple of float, optional
+        Spacing along x and y to resample the maps to [um]; None takes that of the first map, which
+        the others have to share.
+    preparation : Preparation
+        Steps of the preparation.
+    reading : Reading
+        How the files are read.
+    """
+
+    window: Shape
+    spacing: Spacing | None = None
+    preparation: Preparation = field(default_factory=Preparation)
+    reading: Reading = field(default_factory=Reading)
+
+    def key(self, sha256s: Sequence[str]) -> str:
+        """Return the name of the library that files of these contents make: a SHA-256.
+
+        The versions of the libraries that read and prepare count, the window does not.
+        """
+        content = {
+            "reader": READER,
+            "versions": versions(("asperity", "numpy", "scipy", "SurfaceTopography")),
+            "maps": list(sha256s),
+            **{name: value for name, value in asdict(self).items() if name != "window"},
+        }
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True, eq=False)
+class Library:
+    """Prepared maps in shared memory.
+
+    Attributes
+    ----------
+    maps : tuple of PreparedMap
+        The maps in the order of their files.
+    spacing : tuple of float
+        Distance of the nodes along x and y [um].
+    file : Path
+        File that holds them.
+    """
+
+    maps: tuple[PreparedMap, ...]
+    spacing: Spacing
+    file: Path
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Nodes of each map along x and y."""
+        return tuple((each.heights.shape[0], each.heights.shape[1]) for each in self.maps)
+
+
+def prepared(
+    paths: Sequence[Path],
+    sha256s: Sequence[str],
+    wanted: Wanted,
+    folder: Path | None,
+) -> Library:
+    """Return the prepared maps of files; prepare them unless a file beside the database has them.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        The files.
+    sha256s : sequence of str
+        SHA-256 of their contents.
+    wanted : Wanted
+        What is to be made of them.
+    folder : Path, optional
+        Folder for the prepared maps, that of the database. If there is none, or it cannot be
+        written to, they go to the user's part of the temporary folder.
+
+    Returns
+    -------
+    Library
+        The maps; those that had been prepared before are as their SHA-256 says.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read or prepared, a map is smaller than the window, or spacings differ.
+    """
+    library = opened(sha256s, wanted, folder, verify=True)
+    if library is None:
+        home = folder if folder and _is_writable(folder) else _temporary_folder(make=True)
+        if home is None:
+            raise InputError(
+                f"there is no folder for prepared maps: {folder or tempfile.gettempdir()} cannot be"
+                " written to; set TMPDIR to a folder of yours"
+            )
+        key = wanted.key(sha256s)
+        path = _file(home, key)
+        damaged = path.exists()
+        if damaged and not (path.is_file() and kind_of(path) in {"maps", ""}):
+            raise InputError(f"{path}: is no file of prepared maps; move it away")
+        store.write(path, key, _each(paths, wanted), replace=damaged)
+        library = opened(sha256s, wanted, home, verify=False)
+        if library is None:
+            raise InputError(f"{path}: was damaged while it was written; delete it and try again")
+    for path, shape in zip(paths, library.shapes, strict=True):
+        _require_window(path, shape, wanted.window)
+    return library
+
+
+def opened(
+    sha256s: Sequence[str], wanted: Wanted, folder: Path | None, *, verify: bool
+) -> Library | None:
+    """Return prepared maps from the file that holds them, without looking at the maps' own files.
+
+    Parameters
+    ----------
+    sha256s : sequence of str
+        SHA-256 of the contents of the maps' files.
+    wanted : Wanted
+        What was made of them.
+    folder : Path, optional
+        Folder of the database.
+    verify : bool
+        Whether to read the prepared maps to the end and compare them with their SHA-256.
+
+    Returns
+    -------
+    Library or None
+        The maps; None if no file there or in the temporary folder holds them.
+    """
+    key = wanted.key(sha256s)
+    for place in (folder, _temporary_folder(make=False)):
+        if place is not None:
+            file = _file(place, key)
+            stored = store.opened(file, key, verify=verify)
+            if stored is not None:
+                return Library(stored.maps, stored.spacing, file)
+    return None
+
+
+def _file(folder: Path, key: str) -> Path:
+    """Return the file of prepared maps with a key, in a folder."""
+    return folder / f"asperity-{key[:16]}.maps"
+
+
+def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, Spacing]]:
+    """Read and prepare one map after the other; all have the spacing of the first."""
+    spacing, first = wanted.spacing, None
+    for path in paths:
+        topography = _read(path, wanted)
+        if wanted.spacing is not None:
+            topography = resampled(topography, wanted.spacing)
+        elif spacing is None or first is None:
+            spacing, first = _square(topography.spacing), path
+        elif not all(map(is_same, topography.spacing, spacing)):
+            raise InputError(
+                f"{path} has a node every {_words(topography.spacing)} um, {first} every"
+                f" {_words(spacing)} um: give spacing, to which all are resampled, or downsample"
+            )
+        _require_window(path, topography.heights.shape, wanted.window)
+        warnings = tuple(in_words_of_scenes(each) for each in topography.warnings)
+        yield PreparedMap(topography.heights, warnings), _square(spacing or (1.0, 1.0))
+
+
+def _read(path: Path, wanted: Wanted) -> Topography:
+    """Read and prepare one map."""
+    reading = wanted.reading
+    try:
+        measured = read(path, reading.side, reading.unit, channel=reading.channel)
+        return prepare(replace(measured, name=str(path)), wanted.preparation)
+    except InputError as error:
+        text = in_words_of_scenes(str(error))
+        raise InputError(text if str(path) in text else f"{path}: {text}") from None
+
+
+def _square(spacing: Spacing) -> Spacing:
+    """Round two spacings to 12 digits, and make them equal if they nearly are."""
+    x, y = (float(f"{step:.12g}") for step in spacing)
+    return (x, x) if is_same(x, y) else (x, y)
+
+
+def _require_window(path: Path, shape: tuple[int, ...], window: Shape) -> None:
+    """Refuse a map that is smaller than the window."""
+    (nx, ny), (wx, wy) = shape, window
+    if nx < wx or ny < wy:
+        raise InputError(
+            f"{path}: has {nx} x {ny} nodes after its preparation, less than the window of"
+            f" {wx} x {wy}: give fewer nodes, or leave the map out"
+        )
+
+
+def _words(spacing: Spacing) -> str:
+    """Write two spacings, one if they are the same."""
+    x, y = (f"{step:.6g}" for step in spacing)
+    return x if x == y else f"{x} x {y}"
+
+
+def _is_writable(folder: Path) -> bool:
+    """Tell whether files can be made in a folder."""
+    with suppress(OSError), tempfile.TemporaryFile(dir=folder):
+        return True
+    return False
+
+
+def _temporary_folder(*, make: bool) -> Path | None:
+    """Return this user's folder for prepared maps among the temporary files.
+
+    Returns
+    -------
+    Path or None
+        A folder that belongs to this user and that nobody else may write to; None if there is none.
+    """
+    folder = Path(tempfile.gettempdir()) / f"asperity-{os.getuid()}"
+    with suppress(OSError):
+        if make:
+            folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+        if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid():
+            return None if found.st_mode & 0o022 else folder
+    return None

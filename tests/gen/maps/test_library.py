@@ -1,0 +1,237 @@
+"""Tests of the library of maps: prepared once, shared, and refused where they do not fit."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.populations.made_maps import Faults, MadeMap, write_all
+from gen.maps import library
+from gen.maps.files import digests
+from gen.maps.library import Reading, Wanted, opened, prepared
+from gen.maps.prepare import prepare
+from gen.maps.read import read
+from gen.maps.settings import Preparation
+from gen.runtime.errors import InputError
+
+CLEAN = Preparation(despike=7.0, level="plane", fill=True)
+SMALL = (
+    MadeMap("honed", 0, (40, 30), 0.5, 10.0, faults=Faults(spikes=2, holes=2)),
+    MadeMap("ground", 0, (36, 44), 0.5, 10.0, format="nc", faults=Faults(tilt=(0.1, 0.0))),
+    MadeMap("fractal", 0, (33, 33), 0.5, 10.0, format="gwy"),
+)
+
+
+@pytest.fixture
+def paths(tmp_path):
+    return write_all(tmp_path / "scans", SMALL)
+
+
+@pytest.fixture
+def home(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    for name in ("temporary", "home"):
+        (tmp_path / name).mkdir()
+    return tmp_path / "home"
+
+
+CLEANED = Wanted((9, 9), None, CLEAN)
+
+
+def made(paths, home, wanted=CLEANED):
+    return prepared(paths, digests(paths), wanted, home)
+
+
+def forbid_reading(monkeypatch):
+    def fail(*arguments, **options):
+        raise AssertionError("a map is read again")
+
+    monkeypatch.setattr(library, "read", fail)
+
+
+def test_maps_are_those_of_the_readers_and_steps_of_gen_contact(paths, home):
+    found = made(paths, home)
+    assert found.spacing == (1.0, 1.0)
+    assert found.shapes == ((40, 30), (36, 44), (33, 33))
+    for path, each in zip(paths, found.maps, strict=True):
+        assert np.array_equal(each.heights, prepare(read(path), CLEAN).heights)
+
+
+def test_maps_are_prepared_once(paths, home, monkeypatch):
+    first = made(paths, home)
+    (file,) = home.iterdir()
+    forbid_reading(monkeypatch)
+    for again in (made(paths, home), opened(digests(paths), CLEANED, home, verify=False)):
+        for one, other in zip(first.maps, again.maps, strict=True):
+            assert np.array_equal(one.heights, other.heights)
+    assert list(home.iterdir()) == [file]
+    assert made(paths, home, Wanted((30, 30), None, CLEAN)).shapes == first.shapes
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [
+        Wanted((9, 9), None, Preparation(fill=True)),
+        Wanted((9, 9), (1.5, 1.5), CLEAN),
+        Wanted((9, 9), None, CLEAN, Reading(channel="0")),
+    ],
+)
+def test_other_settings_are_other_maps(paths, home, wanted):
+    made(paths, home)
+    made(paths, home, wanted)
+    assert len(list(home.iterdir())) == 2
+
+
+def test_another_content_or_version_is_another_key(monkeypatch):
+    wanted = Wanted((9, 9))
+    key = wanted.key(["a", "b"])
+    assert key == Wanted((5, 5)).key(["a", "b"])
+    assert key != wanted.key(["b", "a"])
+    monkeypatch.setattr(library, "READER", library.READER + 1)
+    assert key != wanted.key(["a", "b"])
+
+
+def test_a_damaged_file_is_made_anew(paths, home):
+    whole = made(paths, home).maps[0].heights.copy()
+    (file,) = home.iterdir()
+    content = bytearray(file.read_bytes())
+    content[5000] ^= 1
+    file.write_bytes(content)
+    assert np.array_equal(made(paths, home).maps[0].heights, whole)
+    assert file.read_bytes() != bytes(content)
+
+
+def test_a_strangers_file_is_refused(paths, home):
+    made(paths, home)
+    (file,) = home.iterdir()
+    file.write_bytes(b"\x89HDF\r\nsomething else")
+    with pytest.raises(InputError, match=r"\.maps: is no file of prepared maps; move it away"):
+        made(paths, home)
+    assert file.read_bytes() == b"\x89HDF\r\nsomething else"
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir])
+def test_a_pipe_or_a_folder_in_the_place_of_prepared_maps_is_refused(paths, home, make):
+    made(paths, home)
+    (file,) = home.iterdir()
+    file.unlink()
+    make(file)
+    with pytest.raises(InputError, match=r"\.maps: is no file of prepared maps; move it away"):
+        made(paths, home)
+    assert file.exists()
+
+
+def test_a_folder_that_cannot_be_written_to_sends_maps_to_the_temporary_one(
+    paths, home, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(library, "_is_writable", lambda folder: False)
+    found = made(paths, home)
+    kept = tmp_path / "temporary" / f"asperity-{os.getuid()}"
+    assert found.file.parent == kept
+    assert kept.stat().st_mode & 0o777 == 0o700
+    assert not list(home.iterdir())
+    forbid_reading(monkeypatch)
+    assert made(paths, home).file == found.file
+
+
+def test_a_temporary_folder_of_somebody_else_is_not_used(paths, home, tmp_path, monkeypatch):
+    monkeypatch.setattr(library, "_is_writable", lambda folder: False)
+    folder = tmp_path / "temporary" / f"asperity-{os.getuid()}"
+    folder.mkdir()
+    folder.chmod(0o777)
+    with pytest.raises(InputError, match=r"there is no folder for prepared maps: .* TMPDIR"):
+        made(paths, home)
+
+
+def test_processes_share_one_copy(paths, home):
+    """The heights of two processes lie in the same file, which both have mapped and not read."""
+    made(paths, home)
+    script = f"""
+import json, pathlib
+from gen.maps.files import digests
+from gen.maps.library import Wanted, opened
+from gen.maps.settings import Preparation
+paths = [pathlib.Path(p) for p in json.loads({json.dumps(json.dumps([str(p) for p in paths]))})]
+wanted = Wanted((9, 9), None, Preparation(despike=7.0, level="plane", fill=True))
+found = opened(digests(paths), wanted, pathlib.Path({str(home)!r}), verify=False)
+maps = open("/proc/self/maps").read()
+print(maps.count(".maps"), all(m.heights.base is not None for m in found.maps))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60
+    )
+    count, mapped = done.stdout.split()
+    assert int(count) >= len(paths)
+    assert mapped == "True"
+
+
+def test_spacings_have_to_agree(tmp_path, home):
+    other = MadeMap("fractal", 1, (60, 60), 0.5, 20.0, (0.5, 0.5))
+    paths = write_all(tmp_path / "scans", (SMALL[2], other))
+    with pytest.raises(InputError) as refusal:
+        made(paths, home)
+    assert str(refusal.value) == (
+        f"{paths[1]} has a node every 0.5 um, {paths[0]} every 1 um: give spacing, to which all"
+        " are resampled, or downsample"
+    )
+    assert not list(home.iterdir())
+    found = made(paths, home, Wanted((9, 9), (1.0, 1.0), CLEAN))
+    assert found.shapes == ((33, 33), (29, 29))
+
+
+def test_spacings_may_differ_by_rounding(tmp_path, home):
+    other = MadeMap("fractal", 1, (40, 40), 0.5, 20.0, (1.0004, 0.9997))
+    paths = write_all(tmp_path / "scans", (other, SMALL[2]))
+    found = made(paths, home)
+    assert found.spacing == (1.0004, 1.0004)
+
+
+def test_oblong_cells_stay_oblong(tmp_path, home):
+    oblong = MadeMap("fractal", 1, (40, 40), 0.5, 20.0, (0.5, 0.8))
+    found = made(write_all(tmp_path / "scans", [oblong]), home)
+    assert found.spacing == (0.5, 0.8)
+
+
+def test_a_map_smaller_than_the_window_is_refused(paths, home):
+    message = "honed-0.x3p: has 40 x 30 nodes after its preparation, less than the window of 33 x"
+    for wanted in (Wanted((33, 33), None, CLEAN), Wanted((9, 9), None, CLEAN)):
+        if wanted.window == (33, 33):
+            with pytest.raises(InputError, match=message):
+                made(paths, home, wanted)
+        else:
+            made(paths, home, wanted)
+    with pytest.raises(InputError, match=message):  # also where the maps are prepared already
+        made(paths, home, Wanted((33, 33), None, CLEAN))
+
+
+def test_faults_of_maps_are_said_in_the_words_of_scenes(paths, home):
+    with pytest.raises(InputError, match=r"honed-0.x3p: .* are missing \(NaN\): fill closes holes"):
+        made(paths, home, Wanted((9, 9)))
+
+
+def test_warnings_come_with_the_maps(tmp_path, home):
+    pierced = MadeMap("honed", 0, (40, 30), 0.5, 10.0, faults=Faults(holes=6))
+    for _ in range(2):  # as they are prepared, and from the file
+        (found,) = made(write_all(tmp_path / "scans", [pierced]), home).maps
+        assert any("of the heights were missing and are filled" in line for line in found.remarks)
+
+
+def test_warnings_of_maps_name_the_keys_of_scenes(tmp_path, home):
+    rough = write_all(tmp_path / "scans", [MadeMap("turned", 0, (40, 30), 0.5, 10.0)])
+    wanted = Wanted((9, 9), None, replace(CLEAN, despike=0.5))
+    (found,) = made(rough, home, wanted).maps
+    (warning,) = (line for line in found.remarks if "taken out as spikes" in line)
+    assert warning.endswith("raise despike")
+
+
+def test_maps_that_a_scene_leaves_tilted_are_told(paths, home):
+    wanted = Wanted((9, 9), None, Preparation(fill=True, level="mean"))
+    for path, found in zip(paths, made(paths, home, wanted).maps, strict=True):
+        told = [line for line in found.remarks if "level plane takes the tilt out" in line]
+        assert len(told) == ("ground" in path.name)
+    assert not any("tilt" in line for each in made(paths, home).maps for line in each.remarks)

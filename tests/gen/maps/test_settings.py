@@ -1,0 +1,67 @@
+"""Settings of a preparation: what they mean, and what is refused with their names."""
+
+from typing import Any
+
+import pytest
+
+from gen.maps.settings import Preparation, in_words_of_scenes
+from gen.runtime.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("text", "cutoffs"),
+    [
+        ("", (None, None)),
+        ("2.5:80", (2.5, 80.0)),
+        ("2.5:", (2.5, None)),
+        (":80", (None, 80.0)),
+        (" 1 : 2 ", (1.0, 2.0)),
+    ],
+)
+def test_cutoffs(text: str, cutoffs: tuple[float | None, float | None]) -> None:
+    assert Preparation(filter=text).cutoffs() == cutoffs
+
+
+@pytest.mark.parametrize(
+    ("text", "kept"),
+    [
+        ("", None),
+        ("-5:3", (-5.0, 3.0)),
+        (":3", (-float("inf"), 3.0)),
+        ("-5:", (-5.0, float("inf"))),
+    ],
+)
+def test_kept_heights(text: str, kept: tuple[float, float] | None) -> None:
+    assert Preparation(mask=text).kept_heights() == kept
+
+
+def test_settings_within_their_ranges_are_taken() -> None:
+    Preparation().check()
+    Preparation(despike=0.1, form=20, filter="1:2", downsample=2, mask="-1:1").check()
+    Preparation(level="quadratic", fill=True).check()
+
+
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    *(({"mask": text}, "--mask") for text in (":", "5", "a:b", "3:-5", "2:2", "nan:1", "1:2:3")),
+    *(({"mask": text}, "--mask") for text in ("-inf:1", "9" * 400, "1:" + "9" * 400)),
+    *(({"filter": text}, "--filter") for text in (":", "5", "x:", "80:2", "0:8", "-1:8", ":0")),
+    *(({"filter": text}, "--filter") for text in ("inf:", ":nan", "1:2:3", "5:5", "2,5:8")),
+    *(({"despike": number}, "--despike") for number in (0.0, -3.0, float("nan"), float("inf"))),
+    *(({"form": degree}, "--form") for degree in (0, -1, 21, 10**9)),
+    *(({"downsample": nodes}, "--downsample") for nodes in (1, 0, -2)),
+    *(({"level": level}, "--level") for level in ("up", "Plane", "0")),
+    ({"level": "plane", "form": 3}, "--level plane and --form 3"),
+]
+
+
+@pytest.mark.parametrize(("settings", "word"), REFUSED)
+def test_settings_out_of_their_ranges_are_refused(settings: dict[str, Any], word: str) -> None:
+    with pytest.raises(InputError) as refusal:
+        Preparation(**settings).check()
+    assert str(refusal.value).startswith(word)
+    assert "\n" not in str(refusal.value)
+    assert len(str(refusal.value)) < 300
+
+
+def test_options_are_keys_in_the_words_of_scenes():
+    assert in_words_of_scenes("--fill-most, --despike 7: no") == "fill_most, despike 7: no"
