@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.page.content import Content
-from bench.page.parts import contents_of
-from bench.table import write_rows
+from bench.contents import Content, contents_of
+from bench.files import write_rows
 from gen.runtime.errors import InputError
 from gen.runtime.files import write
 

@@ -1,4 +1,4 @@
-"""The date, machine, code and versions of a measurement."""
+"""The circumstances of a measurement: date, machine and its load, code, versions."""
 
 import hashlib
 import os
@@ -37,6 +37,11 @@ def circumstances() -> dict[str, Any]:
         },
         "versions": versions(PACKAGES),
     }
+
+
+def load() -> float:
+    """Return how many processes ran or waited on average in the last minute; quiet is near 0."""
+    return round(os.getloadavg()[0], 2)
 
 
 def code_state(root: Path = ROOT) -> str:

@@ -52,12 +52,13 @@ def compare(steps: int = STEPS) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns).astype({"nodes": object})
 
 
-def report(rows: pd.DataFrame) -> Report:
-    """Make a report of all solutions, the closed form first."""
-    return Report({"hertz": rows.to_dict("records")}, pictures={"hertz": _picture(rows)})
+def hertz() -> Report:
+    """Press the paraboloid, and draw what `compare` returns."""
+    rows = compare()
+    return Report({"hertz": rows.to_dict("records")}, pictures={"hertz": picture(rows)})
 
 
-def _picture(rows: pd.DataFrame) -> Any:
+def picture(rows: pd.DataFrame) -> Any:
     """Draw force and area above, and their deviations from Hertz below."""
     figure = new_figure(11, 7.5)
     panels = figure.subplots(2, 2, sharex=True, gridspec_kw={"height_ratios": (3, 2)})

@@ -22,13 +22,10 @@ import bem
 from bem.contact import Contact
 from bem.convolution import displacement_filter
 from bem.workers import Workers, led_by
+from bench.files import Row
 from bench.growth import RTOL, SIDE, displacement_at, require_nested, surface
-from bench.picture import new_figure
 from bench.report import Report, remark
-from bench.table import formatted
 from gen.arrays import Heights
-
-Row = dict[str, Any]
 
 # Share of the transforms' own gain that a solve is to reach.
 WANTED_SHARE = 0.9
@@ -42,19 +39,11 @@ LONG_FROM = 4097
 # Threads for which the gain is reckoned from the shared part of a solve.
 RECKONED = (4, 8)
 
-COLUMNS = {
-    "nodes": "{nodes}",
-    "contact": "{area_percent:.1f} %",
-    "threads": "{threads}",
-    "seconds on one": "{seconds_one:.3g}",
-    "seconds": "{seconds:.3g}",
-    "gain": "{gain:.2f}",
-    "gain of copies": "{copies:.2f}",
-    "gain over that": "{gain_over_copies:.2f}",
-    "shared": "{shared_percent:.0f} %",
-    "4 threads, estimate": "{reckoned_4:.2f}",
-    "8 threads, estimate": "{reckoned_8:.2f}",
-}
+
+def threads(nodes: Sequence[int], percents: Sequence[float], threads: int, rounds: int) -> Report:
+    """Measure the gains; the arguments are those of `measure`."""
+    rows = measure(nodes, percents, threads, rounds)
+    return Report({"threads": rows}, text=verdict(rows))
 
 
 def measure(
@@ -177,42 +166,6 @@ def _shared(solve: Callable[[], Contact], threads: int) -> float:
         began = time.perf_counter()
         solve()
         return watched.seconds / (time.perf_counter() - began)
-
-
-def report(rows: Sequence[Row]) -> Report:
-    """Make a report of the rows of `measure`."""
-    text = f"{formatted(COLUMNS, rows)}\n\n{verdict(rows)}"
-    return Report({"threads": rows}, pictures={"threads": draw(rows)}, text=text)
-
-
-def draw(rows: Sequence[Row]) -> Any:
-    """Draw gains over the contact: measured, of copies, and estimates for more threads.
-
-    Colours tell the grids apart, markers the numbers of threads.
-    """
-    figure = new_figure(5.5, 4.0)
-    panel = figure.subplots()
-    measured = f"{rows[0]['threads']} threads"
-    # Of each column: its name and its look.
-    columns: dict[str, tuple[str, Row]] = {
-        "copies": (f"copies, {measured}", {"lw": 1}),
-        "gain": (f"a solve, {measured}", {"ls": "", "marker": "o"}),
-    }
-    for many, marker in zip(RECKONED, "s^", strict=True):
-        look = {"ls": "", "marker": marker, "mfc": "none"}
-        columns[f"reckoned_{many}"] = (f"{many} threads (estimate)", look)
-    for color, size in enumerate(sorted({row["nodes"] for row in rows})):
-        mine = [row for row in rows if row["nodes"] == size]
-        area = [row["area_percent"] for row in mine]
-        panel.plot([], [], lw=4, color=f"C{color}", label=f"{size:,} nodes a side")
-        for column, (_, look) in columns.items():
-            panel.plot(area, [row[column] for row in mine], color=f"C{color}", **look)
-    for name, look in columns.values():
-        panel.plot([], [], color="0.4", label=name, **look)
-    panel.set(xscale="log", xlabel="nodes in contact [%]", ylabel="times as fast as one thread")
-    panel.set_ylim(0, None)
-    figure.legend(fontsize="small", loc="outside upper center", ncols=2)
-    return figure
 
 
 def verdict(rows: Sequence[Row]) -> str:

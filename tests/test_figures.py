@@ -20,8 +20,7 @@ from pages import PAGES, ROOT
 
 import gen.cli
 from bench.benchmarks import SOLVES
-from bench.files import named
-from bench.table import read_table
+from bench.files import named, read_table
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.scene import Scene

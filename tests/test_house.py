@@ -37,8 +37,8 @@ ONE_HOME = {
     "xgboost": {"learn/models.py"},
 }
 REPORTS = {
-    *("bench.circumstances", "bench.databases", "bench.files", "bench.page", "bench.picture"),
-    *("bench.report", "bench.table", "bench.template"),
+    *("bench.circumstances", "bench.contents", "bench.databases", "bench.files"),
+    *("bench.picture", "bench.record", "bench.report"),
 }
 """What the rooms of every report may import."""
 
@@ -109,15 +109,13 @@ ROOMS = {
     },
     "bench.references": set(),
     "bench.solvers": {"bench.references"},
-    "bench.page": REPORTS - {"bench.page", "bench.picture"},
     "bench.populations": {*REPORTS, "bench.surrogates"},
-    "bench.scale": REPORTS,
+    "bench.farm": REPORTS,
     "bench.stability": {*REPORTS, "bench.references"},
     "bench.surrogates": REPORTS,
     "bench.work_precision": {*REPORTS, "bench.solvers"},
     "bench.peers": {*REPORTS, "bench.solvers"},
     "bench.paper": {*REPORTS, "bench.hertz", "bench.surrogates"},
-    "bench.commands": {"bench"},
 }
 """What each room may import of its own package; `gen.runtime` is below everything of `gen`."""
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.page.parts import CHAPTERS
+from bench.report import CHAPTERS
 from gen.runtime.installation import VERSION
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -94,7 +94,7 @@ def described(wheel: zipfile.ZipFile) -> Message:
 DATA = {
     "asperity/py.typed",
     *("bem/py.typed", "gen/py.typed", "learn/py.typed"),
-    *("bench/page/page.html", "bench/two-blocks.inp"),
+    *("bench/page.html", "bench/two-blocks.inp"),
 }
 """Files of the wheel that are neither Python nor of a kind below."""
 

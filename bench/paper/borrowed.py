@@ -3,9 +3,11 @@
 from pathlib import Path
 
 from bench import hertz
-from bench.page.content import Content, Figure
+from bench.contents import Content, Figure
+from bench.files import write_rows
 from bench.paper.facts import AREA_MAX
 from bench.paper.texts import caption
+from bench.picture import save
 from learn.comparison import appendix
 from learn.request import Request
 
@@ -17,7 +19,8 @@ process's memory grows with their square."""
 def paraboloid(folder: Path) -> list[Content]:
     """Press the paraboloid, and draw it as `python -m bench hertz` does (section 2.4)."""
     rows = hertz.compare()
-    table, picture = hertz.report(rows).write(folder)
+    table = write_rows(folder / "hertz.csv", rows.to_dict("records"))
+    picture = save(hertz.picture(rows), folder / "hertz.png")
     exact, *areas = rows.groupby(["solution", "nodes"], sort=False)["area_percent"].sum().items()
     off = [
         f"{100 * (area / exact[1] - 1):+.1f} % ({kernel} on {nodes} nodes a side)"

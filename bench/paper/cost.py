@@ -6,14 +6,14 @@ from typing import Any
 
 import pandas as pd
 
-from bench.page.content import Content
+from bench.contents import Content
+from bench.files import write_table
 from bench.paper.facts import TUNING_PAYS
 from bench.paper.texts import picture, ratio, table
 from bench.picture import new_figure
 from bench.surrogates.cost import NEW, OURS, count, draw_costs
 from bench.surrogates.cost import PAPER as PAPERS
 from bench.surrogates.times import PAPER_BREAK_EVEN, TAKEN
-from bench.table import write_table
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
 from learn.surrogate.break_even import break_even, time_of

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bench.page.content import Content
+from bench.contents import Content
+from bench.files import write_table
 from bench.paper.facts import AREA_MAX, LONGEST_SOLVE, RANGES
 from bench.paper.texts import DIGITS, picture, table, why
 from bench.picture import COLOURS, new_figure
 from bench.surrogates.times import PAPER_ROWS, PAPER_SOLVE
-from bench.table import write_table
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.schema import COLUMNS, Column, Status, statistics_columns

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bench.page.content import Content
+from bench.contents import Content
+from bench.files import write_table
 from bench.paper.facts import AREA_MAX, FINE, FINE_ROWS
 from bench.paper.texts import DIGITS, picture, ratio, table, why
 from bench.picture import COLOURS, new_figure
 from bench.surrogates.fitting import fit, parted, read, request_for
 from bench.surrogates.times import median_seconds
-from bench.table import write_table
 from gen.arrays import Values
 from gen.database import Reader
 from gen.runtime.errors import InputError

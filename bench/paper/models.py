@@ -4,10 +4,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.page.content import Content
+from bench.contents import Content
+from bench.files import write_table
 from bench.paper.facts import TRAIN_ROWS
 from bench.paper.texts import DIGITS, ratio, table, why
-from bench.table import write_table
 from gen.runtime.errors import InputError
 from learn.comparison import paper, tables
 from learn.comparison.folder import Folder

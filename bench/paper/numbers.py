@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.page.content import Content
+from bench.contents import Content
+from bench.files import write_table
 from bench.paper import cost as costs
 from bench.paper import database as databases
 from bench.paper import models
@@ -11,7 +12,6 @@ from bench.paper.facts import AREA_MAX, LONGEST_SOLVE, TRAIN_ROWS, TUNING_PAYS
 from bench.paper.texts import ratio, table, why
 from bench.surrogates import times
 from bench.surrogates.times import PAPER_ROWS, PAPER_SOLVE
-from bench.table import write_table
 from gen.database import Reader
 from gen.schema import Status
 from learn.comparison import paper

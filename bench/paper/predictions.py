@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from bench.page.content import Content
+from bench.contents import Content
+from bench.files import write_table
 from bench.paper.models import Shown, opened, results
 from bench.paper.texts import DIGITS, picture
 from bench.picture import COLOURS, new_figure
-from bench.table import write_table
 from gen.runtime.figure import draw_parity, parity_axes
 from learn.comparison import paper, tables
 from learn.comparison.folder import Folder

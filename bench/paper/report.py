@@ -6,12 +6,11 @@ from inspect import signature
 from pathlib import Path
 
 from bench import databases
+from bench.contents import Absent, Content, files_of
 from bench.databases import OTHER_SEED
-from bench.page.content import Absent, Content, files_of
-from bench.page.inputs import typed
-from bench.page.record import Making, contents_of
 from bench.paper import borrowed, cost, database, fine, models, numbers, predictions, surfaces
-from bench.report import remark
+from bench.record import Making, recorded, typed
+from bench.report import Report, remark
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_folder, make_folder
 
@@ -37,6 +36,22 @@ PARTS: Mapping[str, Callable[..., list[Content]]] = {
 
 The further parameters of a function are its inputs by name; it makes more of those with a default.
 """
+
+
+def paper(
+    folder: Path,
+    rows: int,
+    database: Path | None,
+    fine: Path | None,
+    comparison: Path | None,
+    cost: Path | None,
+    only: Sequence[str],
+) -> Report:
+    """Draw the paper's figures and tables anew; the arguments are those of the command."""
+    inputs = {"database": database, "fine": fine, "comparison": comparison, "cost": cost}
+    given = {name: path for name, path in inputs.items() if path is not None}
+    return Report({}, text="\n".join(map(str, write_report(folder, given, rows, only=only))))
+
 
 GENERATED = {"database", "fine"}  # inputs that are generated where they are not given
 
@@ -79,7 +94,7 @@ def write_report(
     for number, name in enumerate(parts, 1):
         own = {each: sources[each] for each in inputs_of(name) if each in sources}
         making = Making(_record(folder, name), _command(folder, name, given, rows), own)
-        shown = contents_of(making.path)
+        shown = recorded(making.path)
         if shown is None or not making.stays():
             remark(f"{number} of {len(parts)}: {name}")
             began = time.monotonic()
@@ -94,7 +109,7 @@ def contents(folder: Path) -> list[Content]:
     shown: list[Content] = []
     for name in PARTS:
         how = "".join(HOW[each] for each in missing_of(name, {})) + "python -m bench paper"
-        shown += contents_of(_record(folder, name)) or [Absent(name, how)]
+        shown += recorded(_record(folder, name)) or [Absent(name, how)]
     return shown
 
 

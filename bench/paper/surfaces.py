@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
-from bench.page.content import Content
+from bench.contents import Content
+from bench.files import write_table
 from bench.paper.facts import DELTAS, GRIDS
 from bench.paper.texts import DIGITS, picture
 from bench.picture import COLOURS, new_figure
-from bench.table import write_table
 from gen.arrays import Heights
 from gen.scene import DisplacedSurface, load
 from gen.scene.distribution import limits

@@ -4,8 +4,8 @@ import math
 from pathlib import Path
 from typing import Any
 
+from bench.contents import Figure, Table
 from bench.files import read_toml
-from bench.page.content import Figure, Table
 from bench.picture import save
 
 DIGITS = 4  # significant digits of numbers in tables that people read

@@ -7,13 +7,12 @@ average. Surfaces have a power spectrum from a quarter of the side down to four 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any
 
 import numpy as np
 
+from bench.files import Row
 from bench.peers.compare import Errors, find_errors
 from bench.peers.compare import compare as equal_accuracy
-from bench.picture import draw_curves, new_figure
 from bench.report import Report
 from bench.solvers import aspher, contact_mechanics, tamaas
 from bench.solvers.case import PERIODIC_RTOL, Case, find_exact
@@ -22,8 +21,6 @@ from bench.solvers.own import press_boundary_elements
 from bench.solvers.solver import REFERENCE_RTOL, Failure, Press, Solver
 from gen.runtime.errors import InputError
 from gen.spectral import SelfAffineSpectrum, generate_spectral
-
-Row = dict[str, Any]
 
 HURSTS = (0.8, 0.3, 0.5, 0.65, 0.95)  # one surface each; solvers are timed on the first
 # Mean pressures over E* times the rms slope: some 1, 10, 50, 90 and 99 % of the nodes touch.
@@ -132,21 +129,12 @@ def compare(nodes: Sequence[int], rounds: int) -> list[Row]:
 
 
 def report(rows: Sequence[Row]) -> Report:
-    """Return the table, and a picture of the times over ours."""
-    nodes = list(dict.fromkeys(row["nodes"] for row in rows))
-    figure = new_figure(3.2 * len(nodes), 3.6)
-    panels = figure.subplots(1, len(nodes), sharey=True, squeeze=False)[0]
-    for panel, size in zip(panels, nodes, strict=True):
-        timed = [row for row in rows if row["nodes"] == size and row["seconds"]]
-        draw_curves(panel, timed, "mean_pressure", "times_ours", by="solver")
-        panel.set(title=f"{size} × {size} nodes", xlabel="p / (E* h′)", xscale="log", yscale="log")
-    panels[0].set_ylabel("processor time over ours")
-    panels[0].legend(fontsize="x-small")
+    """Make a report of the timed contacts, and of how far solvers are from ours at most."""
     tables = {
         "periodic": [row for row in rows if row["seconds"] or row["remark"]],
         "periodic-agreement": list(agreement(rows)),
     }
-    return Report(tables, pictures={"periodic": figure})
+    return Report(tables, of="periodic")
 
 
 def agreement(rows: Sequence[Row]) -> Iterator[Row]:

@@ -21,24 +21,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.databases import generated
+from bench.files import Row
 from bench.picture import COLOURS, new_figure
 from bench.populations.made_maps import KINDS, ONE_INSTRUMENT, write_all
 from bench.report import Report, remark
 from bench.surrogates.fitting import fit, read, request_for
 from gen.arrays import Values
 from gen.database import Reader
-from gen.generation.run import Request, generate_database
 from gen.runtime.errors import InputError
-from gen.runtime.farm import World
 from gen.runtime.figure import draw_parity, parity_axes
-from gen.runtime.files import make_folder, write
 from gen.scene import ScanSurface
 from learn.arrays import Indices
 from learn.dataset import Dataset
 from learn.metrics import scores
 from learn.split import FOLDS
-
-Row = dict[str, Any]
 
 LEVEL = 0.9
 """Of the intervals whose coverage is counted."""
@@ -148,7 +145,17 @@ class Judged:
         return [self.row("all", every), *each]
 
 
-def scans(folder: Path, rows: int, nodes: Sequence[int], seed: int = 0) -> list[Judged]:
+def scans(folder: Path, rows: int, nodes: Sequence[int], seed: int) -> Report:
+    """Judge surrogates of windows: the arguments are those of `judged_scans`."""
+    found = judged_scans(folder, rows, nodes, seed)
+    table = [row for judged in found for row in judged.rows()]
+    text = "\n".join(_in_words(row) for row in table if row["map"] == "all")
+    return Report(
+        {"scans": table}, pictures={"scans": picture(found)}, text=text, text_name="scans"
+    )
+
+
+def judged_scans(folder: Path, rows: int, nodes: Sequence[int], seed: int = 0) -> list[Judged]:
     """Judge surrogates of windows with some numbers of nodes a side, on tiles and maps left out.
 
     Parameters
@@ -173,32 +180,10 @@ def scans(folder: Path, rows: int, nodes: Sequence[int], seed: int = 0) -> list[
         write_all(folder / "maps", ONE_INSTRUMENT)
     found = []
     for size in nodes:
-        path = _database(folder / "databases", rows, size)
+        text = SCENE.format(rows=rows, nodes=size)
+        path = generated(folder / "databases", f"windows-{size}", text)
         found += [_judged(path, size, left_out, seed) for left_out in PARTS]
     return found
-
-
-def report(found: Sequence[Judged]) -> Report:
-    """Make a report: the table of all maps, the picture, and the figures of all rows in words."""
-    rows = [row for judged in found for row in judged.rows()]
-    text = [_in_words(row) for row in rows if row["map"] == "all"]
-    return Report(
-        {"scans": rows},
-        pictures={"scans": _picture(found)},
-        text="\n".join(text),
-        text_name="scans",
-    )
-
-
-def _database(folder: Path, rows: int, nodes: int) -> Path:
-    """Generate the windows of a size, as far as they are missing."""
-    scene, path = folder / f"windows-{nodes}.toml", folder / f"windows-{nodes}.h5"
-    make_folder(folder)
-    write(scene, SCENE.format(rows=rows, nodes=nodes))
-    if generate_database(Request(str(scene), path), World()).signal:
-        remark(f"{path}: interrupted; the same command goes on")
-        raise KeyboardInterrupt
-    return path
 
 
 def _judged(path: Path, nodes: int, left_out: str, seed: int) -> Judged:
@@ -270,7 +255,7 @@ def _flagged(row: Row) -> str:
     return f"{round(row['wrong'] * row['wrong_flagged'])} of them" if row["wrong"] else "none"
 
 
-def _picture(found: Sequence[Judged]) -> Any:
+def picture(found: Sequence[Judged]) -> Any:
     """Draw prediction over truth, a panel for each study, a colour for each kind of surface."""
     figure = new_figure(5.0 * len(PARTS), 4.4 * (len(found) / len(PARTS)))
     panels = figure.subplots(-(-len(found) // len(PARTS)), len(PARTS), squeeze=False)

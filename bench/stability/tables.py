@@ -1,23 +1,13 @@
-"""The tables: how they are run, printed, written, and shown on the page."""
+"""The tables of `bench stability`: their cases, and how they are run."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from itertools import groupby
-from pathlib import Path
 
-from rich.console import Console
-from rich.progress import track
-from rich.table import Table
-
+from bench.files import Row
+from bench.report import Report, remark
 from bench.stability.case import Answer, Case, run_case
-from bench.table import write_rows
 from gen.runtime.errors import InputError
-from gen.runtime.files import check_folder
-from gen.runtime.terminal import echo, print_table
-
-MANY_COLUMNS = 1000  # of a file or a pipe, whose lines are not broken
-
 
 FIRST = "family", "case", "input"
 LAST = "check", "error", "allowed"
@@ -33,7 +23,7 @@ class Sheet:
     modules: tuple[str, ...]
     columns: tuple[str, ...] = (*FIRST, "what_came_out", *LAST, "all_checks", "verdict")
 
-    def row(self, case: Case, answer: Answer) -> Mapping[str, object]:
+    def row(self, case: Case, answer: Answer) -> Row:
         """Return a row of the file: the answer, its numbers, the worst check, then all checks."""
         worst, checks = answer.worst, "; ".join(map(str, answer.findings))
         cells: dict[str, object] = {
@@ -57,19 +47,19 @@ class Sheet:
 TABLES = {
     "surfaces": Sheet(
         "Generators and statistics",
-        "surfaces.csv",
+        "surfaces",
         ("surfaces.generator_cases", "surfaces.statistics_cases"),
     ),
     "solver": Sheet(
         "The contact solver",
-        "stability.csv",
+        "stability",
         ("solver.elastic_cases", "solver.hardness_cases"),
         (*FIRST, "message", *NUMBERS, "times_ordinary", "checks", "worst", "verdict", "reason"),
     ),
-    "loads": Sheet("Random loads", "loads.csv", ("loads",)),
-    "hardness": Sheet("Random contacts that yield", "hardness.csv", ("hardness",)),
-    "edgeless": Sheet("Random contacts without edges", "edgeless.csv", ("edgeless",)),
-    "models": Sheet("The nine models", "models.csv", ("models.fit_cases", "models.part_cases")),
+    "loads": Sheet("Random loads", "loads", ("loads",)),
+    "hardness": Sheet("Random contacts that yield", "hardness", ("hardness",)),
+    "edgeless": Sheet("Random contacts without edges", "edgeless", ("edgeless",)),
+    "models": Sheet("The nine models", "models", ("models.fit_cases", "models.part_cases")),
 }
 """In the order of the page, which is that of the work."""
 
@@ -80,51 +70,24 @@ def cases_of(name: str) -> list[Case]:
     return [case for module in modules for case in module.cases()]
 
 
-def report(folder: Path | None = None, *, full: bool = False, of: Sequence[str] = ()) -> bool:
-    """Run and print tables, all unless named, and write a CSV file of each where a folder is given.
-
-    Return whether every case passed; only the `full` tables have the slow ones.
+def report(full: bool, of: Sequence[str]) -> Report:
+    """Run the cases of some tables, of all unless named; only `full` tables have the slow ones.
 
     Raises
     ------
     InputError
-        If there is no such table, or the folder cannot be written to, before anything is run.
+        If there is no such table, before anything is run.
     """
     unknown = [name for name in of if name not in TABLES]
     if unknown:
         raise InputError(f"--of {unknown[0]!r}: give one of {', '.join(TABLES)}")
-    if folder is not None:
-        check_folder(folder)
-    passed = True
+    tables, said = {}, []
     for name in of or TABLES:
         sheet, cases = TABLES[name], [case for case in cases_of(name) if full or not case.slow]
-        progress = Console(stderr=True)
-        tracked = track(cases, console=progress, transient=True, disable=not progress.is_terminal)
-        judged = [(case, run_case(case)) for case in tracked]
-        show(sheet.title, judged)
-        if folder is not None:
-            write_rows(folder / sheet.file, [sheet.row(*each) for each in judged])
-        passed &= all(answer.passed for _, answer in judged)
-    return passed
-
-
-def show(title: str, judged: Sequence[tuple[Case, Answer]]) -> None:
-    """Print a table, red where a case failed, and the number of failures."""
-    table = Table(
-        *("case", "input (um, MPa)", "result", "checks: error ≤ allowed", "verdict"),
-        box=None,
-        pad_edge=False,
-    )
-    for family, members in groupby(judged, key=lambda each: each[0].family):
-        table.add_row(family, style="bold")
-        for case, answer in members:
-            worst = "refused as it should be" if case.refusal else str(answer.worst)
-            cells = f"  {case.name}", answer.asked, answer.out, answer.failed or worst
-            table.add_row(*cells, answer.verdict, style="" if answer.passed else "red")
-    failed = [case.name for case, answer in judged if not answer.passed]
-    echo("")
-    echo(title)
-    print_table(table, MANY_COLUMNS)
-    echo("")
-    names = f": {'; '.join(failed)}" if failed else ""
-    echo(f"{len(judged)} cases, {len(failed)} failed{names}")
+        remark(f"{sheet.title}: {len(cases)} cases")
+        judged = [(case, run_case(case)) for case in cases]
+        tables[sheet.file] = [sheet.row(*each) for each in judged]
+        failed = [(case, answer) for case, answer in judged if not answer.passed]
+        said.append(f"{sheet.title}: {len(judged)} cases, {len(failed)} failed")
+        said += [f"  {case.family}, {case.name}: {answer.failed}" for case, answer in failed]
+    return Report(tables, text="\n".join(said))

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from bench.scale.launch import launch
-from bench.writers import Spec, create, require_rows, template_of, write
+from bench.farm.launch import launch
+from bench.farm.writers import Spec, create, require_rows, template_of, write
 from gen import database
 from gen.generation.delivery import Target
 from gen.generation.run import blocks_of
@@ -44,7 +44,7 @@ def test_write_by_all(benchmark: Any, tmp_path: Path, size: str) -> None:
     if not database.parallel_hdf5():
         pytest.skip("this h5py has no MPI: make parallel")
     spec = SIZES[size]
-    arguments = (RANKS, "bench.writers", asdict(spec), tmp_path)
+    arguments = (RANKS, "bench.farm.writers", asdict(spec), tmp_path)
     seconds = benchmark.pedantic(launch, args=arguments, rounds=1)
     for writer in ("single", "parallel"):
         (found,) = seconds[writer]

@@ -11,8 +11,7 @@ from typing import Any
 
 import pytest
 
-from bench.dispatch import dispatch, expected
-from bench.scale.launch import launch
+from bench.farm.launch import dispatch, expected, launch
 from gen.runtime.errors import InputError
 from gen.runtime.farm import World
 
@@ -33,7 +32,7 @@ def test_dispatch_to_workers(benchmark: Any, size: str, tmp_path: Path) -> None:
     tasks = TASKS[size]
     if size != "smoke" and not benchmark.enabled:
         pytest.skip("the smoke size asserts the same; this one is for times")
-    arguments = (RANKS, "bench.dispatch", {"tasks": tasks}, tmp_path)
+    arguments = (RANKS, "bench.farm.launch", {"tasks": tasks}, tmp_path)
     try:
         found = benchmark.pedantic(launch, args=arguments, rounds=1)
     except InputError as error:

@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bench import databases
-from bench.picture import STYLES, draw_curves, new_figure
+from bench.files import Row, rendered
+from bench.picture import STYLES, draw_panel, new_figure
 from bench.report import Report, remark
 from bench.surrogates import times
 from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_for
 from bench.surrogates.times import SolverTimes, SurrogateTimes
-from bench.template import rendered
 from gen.runtime.errors import InputError
 from gen.runtime.figure import log_axis
 from learn.comparison import paper
@@ -36,7 +36,6 @@ FEWEST = 100  # training rows of a learning curve's first point
 # Fits of a point, each to other rows, as long as the rows suffice; the median error counts.
 DRAWS = 3
 
-Row = dict[str, Any]
 Build = dict[str, float]
 """Times before the first answer [s]: t_d, `database`, with the surfaces generated again where
 features need them; t_h, `tuning`; t_f, `fit`."""
@@ -55,8 +54,25 @@ class Costs(NamedTuple):
 def cost(
     folder: Path,
     rows: int,
-    *,
-    given: Path | None = None,
+    database: Path | None = None,
+    comparison: Path | None = None,
+    area_max: float = 16.56,
+    surfaces: int = 32,
+) -> Report:
+    """Report what `measured` returns, and when to use a surrogate; the arguments are the same."""
+    costs = measured(folder, rows, database, comparison, area_max, surfaces)
+    return Report(
+        {"cost": costs.questions, "learning": costs.points},
+        pictures={"cost": _picture(costs)},
+        text=_advice(costs),
+        text_name="cost",
+    )
+
+
+def measured(
+    folder: Path,
+    rows: int,
+    database: Path | None = None,
     comparison: Path | None = None,
     area_max: float = 16.56,
     surfaces: int = 32,
@@ -74,7 +90,7 @@ def cost(
     if rows < 200:
         raise InputError(f"--rows {rows}: give 200 or more, the paper has 15878")
     searched = 0.0 if comparison is None else tuning_seconds(comparison)
-    path = databases.of_the_paper(given, folder / "databases", rows)
+    path = databases.of_the_paper(database, folder / "databases", rows)
     remark(f"the solver on {surfaces} surfaces")
     contacts = times.new_contacts(surfaces)
     costs = Costs(times.measure_solver(contacts), {}, [of_the_paper()], [])
@@ -196,16 +212,6 @@ def _fits(request: Request, parts: Parts, size: int) -> list[Fitted]:
     return [fit(request, rows, parts.calibration, folds) for rows in drawn]
 
 
-def report(costs: Costs) -> Report:
-    """Make a report of what was measured."""
-    return Report(
-        {"cost": costs.questions, "learning": costs.points},
-        pictures={"cost": _picture(costs)},
-        text=_advice(costs),
-        text_name="cost",
-    )
-
-
 def _advice(costs: Costs) -> str:
     """Describe the measurement, and say when to use a surrogate and when not."""
     new, loose = _new(costs, OURS), costs.solver.loose
@@ -244,7 +250,7 @@ def _picture(costs: Costs) -> Any:
         draw_costs(axis, questions, names, "solver")
         axis.set(title=f"New surfaces, {title}", xlabel="queries", ylabel="total cost [s]")
     for axis, column in ((samples, "trained"), (seconds, "build")):
-        draw_curves(axis, costs.points, column, "nmae", by="features", marker="o")
+        draw_panel(axis, {"x": column, "y": "nmae", "label": "{features}"}, costs.points)
         axis.set_ylabel("nMAE [%]")
         log_axis(axis.xaxis)
         log_axis(axis.yaxis)

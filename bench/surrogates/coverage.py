@@ -7,15 +7,14 @@ surrogate has not been trained on, and for as many draws of training rows as the
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.files import Row
 from bench.report import Report, remark
 from bench.surrogates.coverage_cases import Case, cases, databases, pools
 from bench.surrogates.fitting import Fitted, Parts, fit, parted, request_for
-from bench.table import formatted
 from gen.arrays import Values
 from gen.runtime.errors import InputError
 from learn import dataset
@@ -26,8 +25,6 @@ from learn.request import Request
 from learn.split import FOLDS
 from learn.surrogate.groups import groups_of
 
-Row = dict[str, Any]
-
 LEVEL = 0.9
 """Of the intervals whose coverage is counted."""
 
@@ -37,27 +34,11 @@ WANTED = 0.88
 FEWEST = 300
 """Smallest number of rows of the preset."""
 
-PRINTED = {
-    "trained on": "{trained_on}",
-    "tested on": "{tested_on}",
-    "rows": "{judged}",
-    "nMAE [%]": "{nmae:.2f}",
-    "flagged": "{flagged:.1%}",
-    "in 90 %": "{covered:.1%}",
-    "unflagged": "{unflagged}",
-    "of these in 90 %": "{shown}",
-    "width [%]": "{wide}",
-    "verdict": "{verdict}",
-}
 
+def coverage(folder: Path, rows: int, seeds: int) -> Report:
+    """Judge all cases with each seed, and report rows of all seeds and of the cases.
 
-def coverage(folder: Path, rows: int, seeds: int) -> list[Row]:
-    """Judge all cases with each seed; the arguments are those of the command.
-
-    Returns
-    -------
-    list of dict
-        A row for each case and seed.
+    The arguments are those of the command.
 
     Raises
     ------
@@ -76,7 +57,9 @@ def coverage(folder: Path, rows: int, seeds: int) -> list[Row]:
                 judged = _judged(case, read, rows, seed)
                 remark(_in_words(judged[0]))
                 found += judged
-    return found
+    table = pooled(found)
+    text = "\n".join(map(_in_words, table))
+    return Report({"coverage-seeds": found, "coverage": table}, text=text, text_name="coverage")
 
 
 def _request(path: Path) -> Request:
@@ -199,28 +182,8 @@ def verdict(share: float, error: float) -> str:
     return "met within its error" if share + error >= WANTED else "not met"
 
 
-def report(found: Sequence[Row]) -> Report:
-    """Make a report: all seeds, the table of all cases, and the same as text."""
-    table = pooled(found)
-    printed = [
-        {
-            **row,
-            "shown": f"{row['covered_unflagged']:.1%} +- {row['error']:.1%}",
-            "wide": f"{row['width']:.1f}",
-        }
-        if row["unflagged"]
-        else {**row, "shown": "-", "wide": "-"}
-        for row in table
-    ]
-    return Report(
-        {"coverage-seeds": found, "coverage": table},
-        text=formatted(PRINTED, printed),
-        text_name="coverage",
-    )
-
-
 def _in_words(row: Row) -> str:
-    """Say how a case came out with one seed."""
+    """Say how a case came out."""
     return (
         f"{row['trained_on']}: {row['tested_on']}: nMAE {row['nmae']:.2f} %, {row['flagged']:.0%}"
         f" flagged, {row['covered_unflagged']:.1%} of {row['unflagged']} others in 90 %"

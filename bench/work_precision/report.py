@@ -15,7 +15,7 @@ from bench.circumstances import circumstances
 from bench.picture import STYLES, new_figure
 from bench.report import Report, remark
 from bench.work_precision.measurement import AREA_GATE, FORCE_GATE, PRESSURE_GATE, Row
-from bench.work_precision.studies import Extent, sweep
+from bench.work_precision.studies import FULL, QUICK, sweep
 from gen.runtime.figure import log_axis
 
 TITLES = {
@@ -123,8 +123,9 @@ def _scale(axis: Any, values: Any) -> None:
     log_axis(axis)
 
 
-def report(extent: Extent) -> Report:
-    """Measure all studies."""
+def solver(*, quick: bool) -> Report:
+    """Measure all studies, on small grids if that is to be `quick`."""
+    extent = QUICK if quick else FULL
     rows = list(sweep(extent))
     points = [row for row in rows if "reason" not in row]
     left_out = [row for row in rows if "reason" in row]

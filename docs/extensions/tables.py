@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import mean
 
+from bench.answers import lines as answers
 from bench.benchmarks import in_short
-from bench.page.goals import lines as answers
-from bench.page.inputs import Inputs
-from bench.page.parts import PARTS
+from bench.record import Inputs
+from bench.report import PARTS
 from gen.schema import markdown_table
 from learn.comparison.search_tables import hours
 from learn.models import MODELS

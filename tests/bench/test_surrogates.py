@@ -10,12 +10,11 @@ import pytest
 import gen.cli
 from bench import __main__ as bench
 from bench import databases
+from bench.files import read_table
 from bench.surrogates import times
-from bench.surrogates.cost import cost, of_the_paper, sizes, tuning_seconds
-from bench.surrogates.cost import report as report_of_costs
+from bench.surrogates.cost import cost, measured, of_the_paper, sizes, tuning_seconds
 from bench.surrogates.fitting import fit, parted, read, request_for
 from bench.surrogates.times import PAPER_BREAK_EVEN
-from bench.table import read_table
 from gen.database import Counts, Reader
 from gen.generation.run import RunResult
 from gen.runtime.errors import InputError
@@ -95,9 +94,10 @@ def test_a_fit_knows_where_it_was_trained(paper):
 
 def test_costs_end_to_end(paper, tmp_path, monkeypatch):
     monkeypatch.setattr(times, "ENOUGH", 0.01)
-    costs = cost(tmp_path, 200, given=paper, area_max=60.0, surfaces=3)
-    report = report_of_costs(costs)
-    paths, text = report.write(tmp_path / "report"), report.text
+    costs = measured(tmp_path, 200, paper, area_max=60.0, surfaces=3)
+    monkeypatch.setattr("bench.surrogates.cost.measured", lambda *_: costs)
+    report = cost(tmp_path, 200)
+    paths, text = report.write(tmp_path / "report", "cost"), report.text
     names = ["cost.csv", "learning.csv", "cost.txt", "cost.png"]
     assert [path.name for path in paths] == names
     assert all(path.stat().st_size > 300 for path in paths)

@@ -8,7 +8,7 @@ import pytest
 
 from bem.analytic import BUSH_GIBSON_THOMAS, PERSSON
 from bench import theory
-from bench.page.parts import contents_of
+from bench.report import Report
 from gen.spectral import SelfAffineSpectrum
 
 NODES = 128
@@ -16,7 +16,7 @@ NODES = 128
 
 @pytest.fixture(scope="module")
 def rows() -> list[dict[str, Any]]:
-    return theory.compare(NODES, surfaces=1)
+    return theory.theory(NODES, surfaces=1)
 
 
 def column(rows: list[dict[str, Any]], name: str) -> np.ndarray:
@@ -71,13 +71,6 @@ def test_perssons_interface_has_the_moments_of_the_surfaces() -> None:
     assert interface.rms_height() == pytest.approx(rms_height, rel=0.05)
 
 
-def test_report_is_a_table_and_two_pictures_with_captions(
-    rows: list[dict[str, Any]], tmp_path: Path
-) -> None:
-    paths = theory.report(rows).write(tmp_path)
+def test_report_is_a_table_and_two_pictures(rows: list[dict[str, Any]], tmp_path: Path) -> None:
+    paths = Report({"theory": rows}).write(tmp_path, "theory")
     assert [path.name for path in paths] == ["theory.csv", "area.png", "gap.png"]
-    shown = contents_of("theory", tmp_path)
-    assert [content.picture.name for content in shown] == ["area.png", "gap.png"]
-    assert all(len(content.caption) > 100 for content in shown)
-    header = paths[0].read_text(encoding="utf-8").splitlines()[0]
-    assert header.startswith("pressure,area_percent,corrected_percent,persson_percent,mean_gap")

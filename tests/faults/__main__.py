@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from bench.table import write_rows
+from bench.files import write_rows
 from gen.runtime import command_line, farm
 from tests.faults.campaign import KINDS, ROUNDS, campaign
 from tests.faults.table import by_kind, line, summary

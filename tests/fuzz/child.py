@@ -53,7 +53,7 @@ LOADED = {
         "sklearn.tree",
         "xgboost",
     ),
-    "bench": ("bench.page.run",),
+    "bench": ("bench.run",),
 }
 """Modules that commands import when they need them: loaded once here, not once in every case."""
 

@@ -8,13 +8,13 @@ import pytest
 import learn.cli
 from bench import __main__ as bench
 from bench import hertz, picture
-from bench.page.content import Absent, Figure, Table, Words, files_of
-from bench.page.record import Making, read
+from bench.contents import Absent, Figure, Table, Words, files_of
+from bench.files import write_table
 from bench.paper import facts, fine, report
 from bench.paper.report import contents
 from bench.paper.texts import why
+from bench.record import Making, read
 from bench.surrogates.times import PAPER_BREAK_EVEN
-from bench.table import write_table
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from learn.surrogate.break_even import break_even

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from bench import __main__ as bench
-from bench.page.content import Figure, Table, Words
-from bench.page.parts import contents_of
+from bench.contents import Figure, Table, Words, contents_of
 from bench.populations import scans as study
 from bench.populations.made_maps import MAPS
-from bench.populations.scans import Judged, report, scans
+from bench.populations.scans import Judged, judged_scans, scans
 from gen.database import Reader
 from gen.runtime.errors import InputError
 
@@ -19,7 +18,7 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scans")
     with pytest.MonkeyPatch.context() as few:
         few.setattr(study, "ONE_INSTRUMENT", [each for each in MAPS if each.number == 0])
-        return folder, scans(folder, 200, [32])
+        return folder, judged_scans(folder, 200, [32])
 
 
 def test_every_row_is_judged_once_by_surrogates_of_the_others(made):
@@ -47,9 +46,13 @@ def test_every_row_is_judged_once_by_surrogates_of_the_others(made):
                 assert np.unique(index[rows.rows[test]]).size == 1
 
 
-def test_the_report_has_a_row_for_each_map(made):
+def test_the_report_has_a_row_for_each_map(made, monkeypatch, tmp_path):
     _, found = made
-    written = report(found)
+    monkeypatch.setattr(study, "judged_scans", lambda *_: found)
+    assert bench.main(["scans", "-o", str(tmp_path)]) == 0
+    kinds = [type(each) for each in contents_of("scans", tmp_path)]
+    assert kinds == [Figure, Words, Table]
+    written = scans(tmp_path, 200, [32], 0)
     rows = list(written.tables["scans"])
     assert len(rows) == 2 * 6
     every, *each = rows[:6]
@@ -78,18 +81,7 @@ def test_scores_are_those_of_the_rows():
     assert second["covered"] == 0.0
 
 
-def test_the_command_writes_its_files(made, monkeypatch, tmp_path):
-    _, found = made
-    monkeypatch.setattr(study, "scans", lambda folder, rows, nodes, seed: found)
-    assert bench.main(["scans", "-o", str(tmp_path / "out")]) == 0
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        *("scans.csv", "scans.txt", "scans.png")
-    }
-    kinds = [type(each) for each in contents_of("populations/scans", tmp_path / "out")]
-    assert kinds == [Figure, Words, Table]
-
-
 def test_few_rows_are_refused(tmp_path):
     with pytest.raises(InputError, match="--rows 50: give 200 or more, ten of each map"):
-        scans(tmp_path, 50, [32])
+        judged_scans(tmp_path, 50, [32])
     assert not list(tmp_path.iterdir())

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from bench import __main__ as bench
-from bench.page.parts import contents_of
+from bench.contents import contents_of
 from bench.surrogates import coverage as study
 from bench.surrogates import coverage_cases
-from bench.surrogates.coverage import coverage, pooled, report, verdict
+from bench.surrogates.coverage import coverage, verdict
 from bench.surrogates.coverage_cases import FEW, HARDNESS, Case, cases, column, pools
 from gen.runtime.errors import InputError
 
@@ -39,7 +39,7 @@ def made(tmp_path_factory):
 
 
 def test_every_case_is_judged_with_every_seed(made):
-    _, found = made
+    found = made[1].tables["coverage-seeds"]
     names = [(row["trained_on"], row["tested_on"], row["seed"]) for row in found]
     assert len(set(names)) == len(names) == 2 * 7
     for row in found:
@@ -108,8 +108,7 @@ def test_rows_of_several_scenes_are_told_apart(made):
 
 
 def test_the_table_pools_the_seeds(made):
-    _, found = made
-    table = pooled(found)
+    found, table = (made[1].tables[name] for name in ("coverage-seeds", "coverage"))
     assert len(table) == 7
     for row in table:
         own = [each for each in found if each["trained_on"] == row["trained_on"]]
@@ -120,8 +119,7 @@ def test_the_table_pools_the_seeds(made):
         )
         if row["unflagged"]:
             assert row["covered_unflagged"] == pytest.approx(inside / row["unflagged"])
-    text = report(found).text
-    assert text.count("\n") == 8
+    assert len(made[1].text.splitlines()) == 7
 
 
 def test_verdicts_allow_for_a_standard_error():
@@ -132,15 +130,14 @@ def test_verdicts_allow_for_a_standard_error():
 
 
 def test_the_command_writes_what_the_page_shows(made, tmp_path, monkeypatch):
-    _, found = made
-    monkeypatch.setattr(study, "coverage", lambda *_: found)
+    monkeypatch.setattr(study, "coverage", lambda **_: made[1])
     assert bench.main(["coverage", "-o", str(tmp_path)]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {
         "coverage.csv",
         "coverage-seeds.csv",
         "coverage.txt",
     }
-    assert contents_of("surrogates/coverage", tmp_path)
+    assert contents_of("coverage", tmp_path)
 
 
 def test_pools_hold_every_broad_scene():

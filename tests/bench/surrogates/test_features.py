@@ -1,21 +1,17 @@
-"""What feature sets are worth: the study on few rows, its coverage, and its marks."""
+"""What feature sets are worth: the study on few rows, and its coverage."""
 
 import numpy as np
 import pytest
 
 from bench import __main__ as bench
+from bench.contents import contents_of, files_of
+from bench.files import read_table
 from bench.surrogates.features import (
-    FINER,
-    HYBRID,
     VARIANTS,
     Judged,
     covered,
-    features,
-    marks,
     scored,
-    summary,
 )
-from bench.table import read_table
 
 ONES = {each.name: 1.0 for each in VARIANTS}
 
@@ -31,51 +27,32 @@ def judged(name, error, half, seed=0, rows=2000):
 
 
 def test_coverage_is_counted_in_quarters_over_all_seeds():
-    right = [judged(HYBRID, 0.01, 1.645 * 0.01, seed) for seed in range(3)]
+    right = [judged("hybrid", 0.01, 1.645 * 0.01, seed) for seed in range(3)]
     rows = list(covered(right))
     assert [row["rows"] for row in rows] == [1500] * 4
     assert all(row["holds"] for row in rows)
     assert all(row["covered"] == pytest.approx(0.9, abs=0.03) for row in rows)
     assert rows[0]["slack"] == pytest.approx(3 * np.sqrt(0.09 * (1 / 1500 + 4 / 3030)))
     assert rows[1]["from"] == rows[0]["to"]
-    narrow = covered([judged(HYBRID, 0.01, 0.01)])
+    narrow = covered([judged("hybrid", 0.01, 0.01)])
     assert not any(row["holds"] for row in narrow)
 
 
-def test_marks_are_met_or_not():
-    good = [judged(name, 0.01, 0.01645, seed) for name in (HYBRID, FINER) for seed in range(3)]
-    rows = list(scored(good, ONES))
-    assert [met for _, met in marks(rows, list(covered(good)))] == [True] * 6
-    bad = [judged(HYBRID, 0.2, 0.329), judged(FINER, 0.01, 0.01645)]
-    found = marks(list(scored(bad, ONES)), list(covered(bad)))
-    assert [met for _, met in found] == [False, False, True, True, True, True]
-    assert "0.24 at most" in found[0][0]
-
-
 def test_a_row_has_intervals_of_its_scores_and_the_ratio_of_nmse_to_r2():
-    (row,) = scored([judged(HYBRID, 0.05, 0.1)], ONES)
+    (row,) = scored([judged("hybrid", 0.05, 0.1)], ONES)
     assert row["nmse_low"] < row["nmse"] < row["nmse_high"]
     assert row["r2_low"] < row["r2"] < row["r2_high"]
     assert row["nmse"] == pytest.approx((100 - row["r2"]) * row["ratio"])
     assert row["small_p95"] == pytest.approx(100 * 1.96 * 0.05, rel=0.3)
-    mean = summary([row, {**row, "nmse": 3 * row["nmse"], "nmse_low": 0.0}])[0]
-    assert mean["nmse"] == pytest.approx(2 * row["nmse"])
-    assert mean["nmse_low"] == 0.0
 
 
-def test_the_study_runs_and_goes_on_with_what_it_has(tmp_path, capsys):
+def test_the_command_writes_what_the_page_shows(tmp_path, capsys):
     command = ["features", "-o", str(tmp_path), "--features", "dimensionless", "--seeds", "3"]
     assert bench.main([*command, "--surfaces", "2", "--rows", "100"]) == 0
     assert "(1 - R2) times the variance" in capsys.readouterr().out
-    again = features(tmp_path, 100, seeds=[3], names=["dimensionless"])
-    assert "nMAE" not in capsys.readouterr().err, "all is kept"
-    assert [each.variant.name for each in again] == ["dimensionless"]
     _, rows = read_table(tmp_path / "features.csv")
     assert [row["features"] for row in rows] == ["dimensionless"]
-    (path,) = (tmp_path / "predictions").glob("*.npz")
-    with np.load(path) as kept:
-        np.savez(path, **{name: kept[name] for name in ("known", "numbers")})
-    assert bench.main([*command, "--surfaces", "2", "--rows", "100"]) == 2
-    assert f"{path} is not what this command keeps there" in capsys.readouterr().err
+    files = {path.name for each in contents_of("features", tmp_path) for path in files_of(each)}
+    assert files == {"features.csv", "coverage.csv", "features.png"}
     assert bench.main([*command, "--rows", "50"]) == 2
-    assert "--rows 50: give 100 or more" in capsys.readouterr().err
+    assert "--rows 50" in capsys.readouterr().err
