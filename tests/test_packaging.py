@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from bench.report import CHAPTERS
-from gen.runtime.installation import VERSION
+from gen.runtime import VERSION
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("asperity", "bem", "gen", "learn", "bench")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gen import schema
-from gen.runtime.installation import VERSION
+from gen.runtime import VERSION
 from learn.surrogate import storage
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -18,7 +18,7 @@ from typing import Annotated, Any, TextIO, get_type_hints
 
 import typer
 
-from gen.runtime import farm, memory
+from gen.runtime import VERSION, farm, memory
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
 from gen.runtime.terminal import OUTPUT, echo, started_as, to_type
@@ -49,8 +49,6 @@ EXTRAS = {
 def _print_version(wanted: bool) -> None:
     """Print the version and end the command, if `--version` was given."""
     if wanted:
-        from gen.runtime.installation import VERSION
-
         echo(f"asperity {VERSION}")
         raise typer.Exit
 

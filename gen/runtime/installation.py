@@ -1,4 +1,4 @@
-"""The installation: its version, its commit, and the command that adds a missing package.
+"""The installation: its versions, its commit, and the command that adds a missing package.
 
 A package index may not have the name asperity, or somebody else's package under it. So the commands
 name this clone, the file or the address that Asperity was installed from, or else the libraries.
@@ -16,8 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-VERSION = "1.0.0rc1"
-"""Version as PEP 440 writes it, stated here alone."""
+from gen.runtime import VERSION
 
 STAMP = "commit.txt"
 """File beside this module with the commit that an installed package was built from."""

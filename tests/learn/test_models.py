@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from target_kinds import KIND_SCENES, KINDS
 
-from asperity.serving.models import SurrogateModel
-from asperity.serving.questions import Configuration
+from asperity.serving.models import Configuration, SurrogateModel
 from gen import cli as gen
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli, dataset, split
