@@ -20,7 +20,8 @@ from gen.runtime.errors import InputError
 from gen.runtime.farm import World
 from gen.runtime.files import make_folder, write
 from gen.scene import Scene, Store, differences, flags, load
-from gen.schema import Status, row_bytes
+from gen.scene.columns import row_bytes
+from gen.schema import Status
 
 PAPER = "paper"  # preset that all surrogates of the reports are trained on
 # Of databases to be tested on: the preset's own seed would give them the surfaces trained on.

@@ -15,7 +15,8 @@ from gen.runtime.errors import InputError
 from gen.runtime.figure import log_axis, new_figure, require_picture_name, save
 from gen.runtime.terminal import shortened
 from gen.scene import Scene
-from gen.schema import Status, columns_for, parameter_columns
+from gen.scene.columns import columns_for, parameter_columns
+from gen.schema import Status
 
 WIDTH = 11.0
 """Width of the picture [inches]."""

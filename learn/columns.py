@@ -13,15 +13,8 @@ from numpy.typing import NDArray
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.scene import Scene
-from gen.schema import (
-    REASONS,
-    Column,
-    Reason,
-    Status,
-    columns_for,
-    parameter_columns,
-    statistics_columns,
-)
+from gen.scene.columns import columns_for, parameter_columns
+from gen.schema import REASONS, Column, Reason, Status, statistics_columns
 from learn.arrays import Indices, Values
 from learn.features.sets import patch_length
 
@@ -154,7 +147,7 @@ def read_stored(path: Path, targets: Sequence[str]) -> Stored:
     """
     with Reader(path) as reader:
         draws = reader.scene.contact.draws_hardness
-        places = reader.scene.surface.places()
+        places = reader.scene.surface.PLACES.keys()
         columns = [_target_column(reader, target) for target in targets]
         return Stored(
             path=path,

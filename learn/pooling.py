@@ -17,7 +17,7 @@ import numpy as np
 
 from gen.runtime.errors import InputError
 from gen.scene import ScanSurface, Scene
-from gen.scene.words import shown
+from gen.scene.faults import shown
 from learn.arrays import Indices, Values
 from learn.features.sets import modulus
 

@@ -8,8 +8,9 @@ import numpy as np
 
 from gen import database, schema
 from gen.database import Writer, create
-from gen.scene import DisplacedSurface, Scene
-from gen.schema import Reason, Status, columns_for
+from gen.scene import DisplacedSurface, Scene, columns
+from gen.scene.columns import columns_for
+from gen.schema import Reason, Status
 
 NO_ROOM = """
     import resource, signal, sys
@@ -70,4 +71,4 @@ def filled(path, scene, *runs):
 def raise_physics(monkeypatch):
     """Have a version of the code that computes other results."""
     for module in (database.creation, database.layout, database.opening):
-        monkeypatch.setattr(module, "physics_of", lambda scene: schema.physics_of(scene) + 1)
+        monkeypatch.setattr(module, "physics_of", lambda scene: columns.physics_of(scene) + 1)

@@ -47,10 +47,12 @@ ROOMS = {
         *("bem.influence", "bem.interface", "bem.iterate", "bem.problem"),
     },
     "gen.runtime": set(),
-    "gen.scene": {"gen.material", "gen.runtime"},
+    "gen.scene": {
+        *("gen.distribution", "gen.generators", "gen.material", "gen.runtime", "gen.schema"),
+    },
     "gen.database": {"gen.runtime", "gen.scene", "gen.schema"},
-    "gen.populations": {
-        *("gen.arrays", "gen.maps", "gen.runtime", "gen.scene", "gen.spectral"),
+    "gen.generators": {
+        *("gen.arrays", "gen.distribution", "gen.maps", "gen.runtime", "gen.spectral"),
         "gen.surface",
     },
     "gen.maps": {
@@ -58,26 +60,26 @@ ROOMS = {
         "gen.statistics",
     },
     "gen.draft": {
-        *("gen.arrays", "gen.maps", "gen.material", "gen.runtime", "gen.scene"),
-        *("gen.spectral", "gen.statistics"),
+        *("gen.arrays", "gen.generators", "gen.maps", "gen.material", "gen.runtime"),
+        *("gen.scene", "gen.spectral", "gen.statistics"),
     },
     "gen.law": {
-        *("gen.arrays", "gen.database", "gen.generation", "gen.material", "gen.maps"),
-        *("gen.option_groups", "gen.populations", "gen.reading", "gen.runtime", "gen.scene"),
+        *("gen.arrays", "gen.database", "gen.distribution", "gen.generation", "gen.material"),
+        *("gen.maps", "gen.option_groups", "gen.reading", "gen.runtime", "gen.scene"),
     },
     "gen.generation": {
-        *("gen.arrays", "gen.database", "gen.material", "gen.populations", "gen.runtime"),
+        *("gen.arrays", "gen.database", "gen.distribution", "gen.material", "gen.runtime"),
         *("gen.scene", "gen.schema", "gen.statistics"),
     },
     "gen.display": {
-        *("gen.database", "gen.generation", "gen.maps", "gen.runtime"),
+        *("gen.database", "gen.distribution", "gen.generation", "gen.maps", "gen.runtime"),
         *("gen.scene", "gen.schema", "gen.statistics"),
     },
     "gen.export": {"gen.database", "gen.runtime", "gen.schema"},
     "gen.commands": {
         *("gen.database", "gen.display", "gen.draft", "gen.export", "gen.generation", "gen.law"),
         *("gen.material", "gen.maps", "gen.option_groups", "gen.options", "gen.picture"),
-        *("gen.runtime", "gen.scene", "gen.schema", "gen.statistics"),
+        *("gen.runtime", "gen.scene", "gen.statistics"),
     },
     "learn.features": {"learn.arrays", "learn.executor"},
     "learn.comparison.search": {
@@ -351,7 +353,7 @@ def test_the_command_asperity_is_quick(arguments, tmp_path):
     assert not loaded & (NUMERICS | others | {"importlib.metadata", "rich", "pydantic"})
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["columns"]])
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"]])
 def test_help_imports_no_numerics(arguments, tmp_path):
     assert not loaded_by(command(*arguments), tmp_path) & NUMERICS
 

@@ -9,12 +9,12 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
 import bem
 from gen.arrays import Heights
+from gen.distribution import is_drawn
 from gen.generation.completion import completed
 from gen.generation.sample import load_of, solve_contact, surface_numbered
 from gen.runtime.errors import InputError
 from gen.runtime.files import kind_of
 from gen.scene import PythonSurface, ScanSurface, Scene, load, preset_names
-from gen.scene.distribution import is_drawn
 
 AREA_FORCE_DELTA = 3
 """Number of the solver's outputs: area [%], force [uN] and Delta [um]."""

@@ -27,7 +27,8 @@ from gen.generation.run import blocks_of
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.scene import Scene
-from gen.schema import Status, columns_for, row_bytes
+from gen.scene.columns import columns_for, row_bytes
+from gen.schema import Status
 
 SCENE = "samples = {rows}\n[surface]\nnodes = {nodes}\n[store]\npressure = true\n"
 

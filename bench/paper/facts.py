@@ -7,7 +7,7 @@ Its ranges (Table 1) stand in `gen.schema`, its search spaces and optima (Table 
 """
 
 from bench.surrogates.times import PAPER_ROWS, PAPER_TESTS
-from gen.schema import COLUMNS
+from gen.scene.columns import ALL_COLUMNS
 from learn.metrics import Scores
 
 GRIDS = (2, 8, 32, 128)  # cells a side of the surfaces that show how the generator works
@@ -18,5 +18,5 @@ FINE_ROWS = 800  # simulations on the finer grid (section 4.3)
 FINE = Scores(1.46, 3.95, 7.56, 99.16)  # scores of kernel ridge on the finer grid, Table 5 [%]
 TUNING_PAYS = 14  # evaluations after which the search for settings has paid (section 4.4)
 # Smallest and largest value of each quantity of Table 1.
-RANGES = {column.name: column.paper_range for column in COLUMNS if column.paper_range}
+RANGES = {column.name: column.paper_range for column in ALL_COLUMNS if column.paper_range}
 AREA_MAX = RANGES["area_percent"][1]  # largest area in the paper's database [%]

@@ -13,8 +13,8 @@ from bench.paper.facts import DELTAS, GRIDS
 from bench.paper.texts import DIGITS, picture
 from bench.picture import COLOURS, new_figure
 from gen.arrays import Heights
+from gen.distribution import limits
 from gen.scene import DisplacedSurface, load
-from gen.scene.distribution import limits
 from gen.statistics import describe
 from gen.surface import GENERATORS, generate
 

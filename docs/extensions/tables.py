@@ -11,7 +11,7 @@ from bench.answers import lines as answers
 from bench.benchmarks import in_short
 from bench.record import Inputs
 from bench.report import PARTS
-from gen.schema import markdown_table
+from gen.scene.columns import markdown_table
 from learn.comparison.search_tables import hours
 from learn.models import MODELS
 

@@ -29,7 +29,7 @@ def plot(
 
 def columns() -> None:
     """Print the columns of a database as a table in Markdown."""
-    from gen.schema import markdown_table
+    from gen.scene.columns import markdown_table
 
     for line in markdown_table().splitlines():
         echo(line)

@@ -11,7 +11,7 @@ from gen.database.making import new_file
 from gen.database.opening import checked_for, open_file
 from gen.runtime.errors import InputError
 from gen.scene import Scene
-from gen.schema import columns_for, physics_of
+from gen.scene.columns import columns_for, physics_of
 
 
 class Opened(NamedTuple):

@@ -15,7 +15,8 @@ import numpy as np
 
 from gen.runtime.errors import InputError
 from gen.scene import Scene
-from gen.schema import DRAWN_NAMES, Column, columns_for
+from gen.scene.columns import columns_for
+from gen.schema import DRAWN_NAMES, Column
 
 TEXTS = ("title", "scene", "scene_hash", "versions", "git_commit", "created")
 NUMBERS = ("samples", "schema", "physics", "physics_forced")

@@ -13,18 +13,8 @@ from gen.database.disk import chunks, write_rows
 from gen.database.inspection import check_attributes
 from gen.runtime.installation import git_commit, versions
 from gen.scene import Scene
-from gen.schema import (
-    PART,
-    REASON,
-    REASONS,
-    RUNTIME,
-    SCHEMA,
-    STATUS,
-    Column,
-    Status,
-    columns_for,
-    physics_of,
-)
+from gen.scene.columns import columns_for, physics_of
+from gen.schema import PART, REASON, REASONS, RUNTIME, SCHEMA, STATUS, Column, Status
 
 PART_NUMBERS = ("first_row", "rows")
 """Attributes of a part: its first row in the scene's plan, and its number of rows."""

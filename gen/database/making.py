@@ -15,7 +15,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import hand_on, place_of
 from gen.runtime.memory import size
 from gen.scene import Scene
-from gen.schema import row_bytes
+from gen.scene.columns import row_bytes
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """First bytes of HDF5 files."""

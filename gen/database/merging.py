@@ -17,7 +17,8 @@ from gen.database.opening import Counts, checked, counts, open_file
 from gen.runtime.errors import InputError
 from gen.runtime.lock import lock
 from gen.scene import Scene, differences
-from gen.schema import STATUS, Column, Status, columns_for
+from gen.scene.columns import columns_for
+from gen.schema import STATUS, Column, Status
 
 
 def merge(target: Path, sources: Sequence[Path]) -> Counts:

@@ -15,7 +15,8 @@ from gen.database.layout import read_attributes, rows_of
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file, require_writable
 from gen.scene import Scene, differences
-from gen.schema import PART, SCHEMA, STATUS, Column, Status, columns_for, physics_of
+from gen.scene.columns import columns_for, physics_of
+from gen.schema import PART, SCHEMA, STATUS, Column, Status
 
 
 class Counts(NamedTuple):

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
+from gen.distribution import limits
 from gen.runtime.memory import size
 from gen.runtime.terminal import echo, print_table, to_type
-from gen.scene.distribution import limits
-from gen.scene.load import UNITS
-from gen.schema import REASONS, RUNTIME, Column, Status, changes_since
+from gen.scene.columns import changes_since
+from gen.scene.tables import UNITS
+from gen.schema import REASONS, RUNTIME, Column, Status
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -22,12 +22,12 @@ from gen.draft.proposal import (
     known_texture,
 )
 from gen.draft.survey import FORM, MapSurvey, remarks
+from gen.generators.scans import MOST_PATTERNS
 from gen.runtime.errors import InputError
 from gen.runtime.files import atomic
 from gen.runtime.terminal import to_type
 from gen.scene import Scene
-from gen.scene.scans import MOST_PATTERNS
-from gen.scene.words import one_line
+from gen.scene.faults import one_line
 
 FEW_TILES = 10
 """Tiles from which the part that tests a surrogate, a fifth, holds two or more."""

@@ -11,7 +11,6 @@ from gen.arrays import Columns, Values
 from gen.database import Reader
 from gen.generation.plan import parameters, planned_columns
 from gen.generation.sample import compute_rows
-from gen.populations import make_ready
 from gen.scene import Scene
 from gen.schema import (
     DONE_REASONS,
@@ -63,7 +62,7 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:
                 finished.append(start + some)
                 yield from _chunk_faults(reader, start, stop, status)
         if finished and recompute:
-            make_ready(reader.scene, path.parent, sources=True)
+            reader.scene.surface.make_ready(path.parent, sources=True)
         if finished:
             rows = np.concatenate(finished)
             chosen = np.random.default_rng(seed).permutation(rows)[:recompute]

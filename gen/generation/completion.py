@@ -4,11 +4,10 @@ import json
 from contextlib import suppress
 from pathlib import Path
 
-from gen.populations import make_ready, resolved
 from gen.runtime.errors import InputError
 from gen.runtime.user_code import load_function, source_hash, source_of
 from gen.scene import PythonSurface, Scene
-from gen.schema import require_own_names
+from gen.scene.columns import require_own_names
 
 TRIED_ROWS = 16
 """Rows of which the first one with a solution shows the outputs of the user's function."""
@@ -39,7 +38,7 @@ def completed(scene: Scene, home: Path | None = None) -> Scene:
         first row, or names of parameters or outputs are those of other columns.
     """
     require_own_names(scene)
-    scene = resolved(scene, home)
+    scene = scene.resolved(home)
     if isinstance(scene.surface, PythonSurface):
         load_function(scene.surface.function, str(scene.surface.source))
     if scene.store.function is None:
@@ -47,7 +46,7 @@ def completed(scene: Scene, home: Path | None = None) -> Scene:
     source = scene.store.source or source_hash(scene.store.function)
     load_function(scene.store.function, source)
     scene = _storing(scene, source=source)
-    make_ready(scene, home)
+    scene.surface.make_ready(home)
     if scene.store.outputs is None:
         scene = _storing(scene, outputs=_first_outputs(scene))
         require_own_names(scene)

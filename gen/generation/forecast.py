@@ -9,8 +9,8 @@ import numpy as np
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows
 from gen.scene import Scene
-from gen.scene.load import Quantity
-from gen.schema import row_bytes
+from gen.scene.columns import row_bytes
+from gen.scene.tables import Quantity
 
 MEASURED_SURFACES = 16
 """Surfaces computed for an estimate, spread evenly over the plan."""
@@ -36,7 +36,7 @@ class Plan:
         Smallest, mean and largest load of the planned rows, of the first `COUNTED_ROWS` if there
         are more.
     quantity : str
-        Quantity of these loads, see `gen.scene.load`.
+        Quantity of these loads, one of `gen.scene.tables.UNITS`.
     file_bytes : int
         Size of the database's columns [bytes].
     hardness : tuple of float or None

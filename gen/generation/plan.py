@@ -24,11 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Columns, Values
-from gen.generation.quantiles import log_within, quantiles
-from gen.populations import places
+from gen.distribution import log_within, quantiles
 from gen.scene import Piece, Scene
-from gen.scene.load import Quantity
-from gen.schema import parameter_columns
+from gen.scene.columns import parameter_columns
+from gen.scene.tables import Quantity
 
 CHUNK = 65_536
 """Surfaces that share a stream: one stream per row would take minutes for millions of rows."""
@@ -45,7 +44,7 @@ class Parameters:
     drawn : dict of str to ndarray, shape (rows,)
         Parameters of the row's surface by their names, as "hurst" [1] and "sigma0" [um].
     load : ndarray, shape (rows,)
-        Load in the scene's quantity, see `gen.scene.load`.
+        Load in the scene's quantity, one of `gen.scene.tables.UNITS`.
     quantity : str
         That quantity.
     hardness : ndarray, shape (rows,), or None
@@ -118,7 +117,7 @@ def parameters(scene: Scene, start: int, stop: int) -> Parameters:
         name: quantiles(distribution, of_surfaces[name])[surface - first]
         for name, distribution in scene.drawn_parameters.items()
     }
-    taken = places(scene, (surface_random(scene, number) for number in range(first, last)))
+    taken = scene.surface.places(surface_random(scene, each) for each in range(first, last))
     return Parameters(
         surface=surface,
         drawn=drawn,

@@ -23,12 +23,11 @@ from gen.generation.delivery import (
     in_parallel,
 )
 from gen.generation.sample import compute_rows
-from gen.populations import make_ready, remarks
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.signals import Interruption
 from gen.scene import Scene, load
-from gen.schema import row_bytes
+from gen.scene.columns import row_bytes
 
 if TYPE_CHECKING:  # a worker that writes nothing needs neither HDF5 nor a progress bar
     from gen.database import Counts
@@ -161,7 +160,7 @@ class _Job:
                 scene = writer.scene
                 self.retried = writer.retry_failed(first, last) if request.retry_failed else 0
                 self.pending = writer.pending(first, last)
-            make_ready(scene, request.path.parent)
+            scene.surface.make_ready(request.path.parent)
             self.target = Target(request.path, scene, parallel, request.force)
             self._stack = stack.pop_all()
 
@@ -264,7 +263,9 @@ def _supervise(
         progress.say(_opening_line(job, todo, world))
         for function in functions(job.target.scene):
             progress.say(f"runs {function}")
-        for line in remarks(job.target.scene):
+        scene = job.target.scene
+        doubts = [f"warning: {line}" for line in scene.contact.doubts]
+        for line in (*doubts, *scene.surface.remarks()):
             progress.say(f"  {line}")
 
         def take(block: Block, result: Any) -> None:
@@ -291,7 +292,7 @@ def _opening_line(job: _Job, todo: int, world: farm.World) -> str:
 
 def _compute_block(target: Target, rank: int, limit: float | None, block: Block) -> Columns:
     """Compute the rows of a worker's block."""
-    make_ready(target.scene, target.path.parent, verify=False)
+    target.scene.surface.make_ready(target.path.parent, verify=False)
     return compute_rows(target.scene, *block, rank=rank, limit=limit)
 
 

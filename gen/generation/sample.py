@@ -19,12 +19,12 @@ from gen.generation.plan import (
     surface_random,
 )
 from gen.material import plane_strain_modulus
-from gen.populations import opposite_heights, surface_heights
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.memory import too_little_for_solve
 from gen.runtime.signals import Overtime, at_most
 from gen.scene import Scene
-from gen.schema import DONE_REASONS, Reason, Status, columns_for
+from gen.scene.columns import columns_for
+from gen.schema import DONE_REASONS, Reason, Status
 from gen.statistics import Description, describe, rms_slope
 
 ANSWERS = ("area_percent", "force", "contact_nodes")
@@ -78,7 +78,7 @@ def compute_rows(
     Returns
     -------
     Columns
-        Every column of `gen.schema.columns_for(scene)`, with stop - start rows.
+        Every column of `gen.scene.columns_for(scene)`, with stop - start rows.
 
     Raises
     ------
@@ -130,14 +130,20 @@ def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
     """Make the surface of one row of a plan: heights of the scene's shape [um].
 
     Of two rough bodies it is the composite surface, the sum of both heights. The second one is
-    drawn as it faces the first, so neither is turned over.
+    drawn as it faces the first, so neither is turned over. An InputError says what cannot be made.
     """
-    surface, drawn = int(plan.surface[row]), plan.parameters_of(row)
-    heights = surface_heights(scene, surface, drawn, surface_random(scene, surface))
-    if scene.surface.against is None:
-        return heights
-    streams = surface_random(scene, surface), opposite_random(scene, surface)
-    heights = heights + opposite_heights(scene, surface, drawn, *streams)
+    number, drawn, table = int(plan.surface[row]), plan.parameters_of(row), scene.surface
+    try:
+        heights = table.heights(scene.grid, number, drawn, surface_random(scene, number))
+        if table.against is None:
+            return heights
+        streams = surface_random(scene, number), opposite_random(scene, number)
+        heights = heights + table.opposite_heights(scene.grid, number, drawn, *streams)
+    except ArithmeticError as error:
+        raise InputError(
+            f"surface {number} cannot be made in double precision ({type(error).__name__}): give"
+            " other parameters"
+        ) from error
     heights -= heights.min()
     return heights
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from bem.spacing import Boundary
 from gen.arrays import Values
+from gen.distribution import LogUniform, limits
 from gen.maps.bodies import Opposite, composite
 from gen.maps.doubts import surface_warnings
 from gen.maps.read import Topography
@@ -17,7 +18,6 @@ from gen.option_groups import Reading
 from gen.reading import files_in, is_table, read_surface
 from gen.runtime.errors import InputError
 from gen.scene import Scene, preset_names
-from gen.scene.distribution import LogUniform, limits
 
 Sides = tuple[float, float]
 Load = Literal["delta", "pressure"]
@@ -333,15 +333,14 @@ def is_scene(text: str) -> bool:
 
 def scene_of(text: str) -> Scene:
     """Return the scene of a name, of a file, or of a database."""
-    from gen.populations import make_ready, resolved
     from gen.scene import load
 
     if not text.lower().endswith(".h5"):
-        return resolved(load(text))
+        return load(text).resolved()
     from gen.database import Reader
 
     with Reader(Path(text)) as reader:
-        make_ready(reader.scene, Path(text).parent)
+        reader.scene.surface.make_ready(Path(text).parent)
         return reader.scene
 
 

@@ -1,10 +1,12 @@
-"""Scenes as a whole: the tables of a TOML file that describe a database."""
+"""Scenes: the tables of a TOML file that describe a database, shipped ones and those in files."""
 
 import hashlib
 import json
 import math
 import tomllib
 from collections.abc import Iterator, Mapping
+from importlib.resources import files
+from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import (
@@ -16,19 +18,19 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from gen.distribution import Distribution, Table, limits
+from gen.generators import DisplacedSurface, ScanSurface, Surface, tag_of
+from gen.generators.rules import Grid
 from gen.runtime.errors import InputError
-from gen.scene.contact import Contact
-from gen.scene.distribution import Distribution, limits
-from gen.scene.faults import first_fault
-from gen.scene.load import UNITS, Delta, Load, Piece, Quantity
-from gen.scene.store import Store
-from gen.scene.surface import DisplacedSurface, ScanSurface, Surface, tag_of
-from gen.scene.table import Table
-from gen.scene.toml import require_simple
-from gen.scene.words import Location, dotted, one_line, shown
+from gen.runtime.files import require_file
+from gen.scene.faults import Location, dotted, first_fault, one_line, require_simple, shown
+from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
 
 INERT = {"samples", "title", "creator", "licence"}
 """Keys of a scene that change no row."""
+
+MOST_BYTES = 1_000_000
+"""Largest size of a scene's file: a scene takes a few hundred bytes, apart from its title."""
 
 
 class Scene(Table):
@@ -97,7 +99,7 @@ class Scene(Table):
         """Refuse surfaces that cannot be made, and loads all of which exceed the hardness."""
         if not self.surface.has_sides():  # known when its maps have been looked for
             return self
-        if fault := self.surface.fault_on(self.spacing, self.contact.boundary):
+        if fault := self.surface.fault_on(self.grid):
             raise PydanticCustomError("conflict", f"surface: {fault}")
         hardness = self.contact.hardness_limits
         if hardness is None or self.quantity not in {"pressure", "force"}:
@@ -177,6 +179,37 @@ class Scene(Table):
         return x / self.contact.intervals(nx), y / self.contact.intervals(ny)
 
     @property
+    def grid(self) -> Grid:
+        """The grid that surfaces are made on."""
+        return Grid(self.shape, self.spacing, self.contact.boundary)
+
+    def resolved(self, home: Path | None = None) -> Self:
+        """Complete a scene by hashes of the files and sources that its surfaces depend on.
+
+        Parameters
+        ----------
+        home : Path, optional
+            Folder of the database, for what is prepared once for all processes; a temporary folder
+            if it is left out.
+
+        Returns
+        -------
+        Scene
+            The scene as a database records it; the same one if everything stands in the scene.
+
+        Raises
+        ------
+        InputError
+            If something that the scene names is missing, or does not go with the rest of it.
+        """
+        surface = self.surface.resolved(home)
+        if surface is self.surface:
+            return self
+        # Read anew: some rules of a scene need what has been found, as the spacing of maps.
+        text = self.model_copy(update={"surface": surface}).text()
+        return self.from_text(text, "the scene with its maps")
+
+    @property
     def drawn_parameters(self) -> dict[str, Distribution]:
         """Distributions of the surface's parameters by their names, which are columns."""
         return self.surface.drawn()
@@ -223,7 +256,7 @@ class Scene(Table):
     def optional_columns(self) -> frozenset[str]:
         """Names of the optional columns that this scene asks for."""
         names = {name for name, wanted in self.store if wanted is True}
-        names |= self.drawn_parameters.keys() | self.surface.places()
+        names |= self.drawn_parameters.keys() | self.surface.PLACES.keys()
         if self.quantity != "delta":
             names.add("load")
         if self.contact.draws_hardness:
@@ -331,6 +364,63 @@ class Scene(Table):
         """Return the keys that change results, with their values."""
         content = self.model_dump(exclude=INERT, exclude_none=True)
         return {**content, "surface": self.surface.relevant(content["surface"])}
+
+
+def preset_names() -> tuple[str, ...]:
+    """Return the names of the scenes that are shipped in `gen/scenes`, in alphabetical order."""
+    names = (entry.name for entry in (files("gen") / "scenes").iterdir())
+    return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
+
+
+def load(name_or_path: str) -> Scene:
+    """Read a shipped scene by its name, or a scene from a TOML file.
+
+    Parameters
+    ----------
+    name_or_path : str
+        One of `preset_names` or the path of a file; the name of a preset takes precedence.
+
+    Returns
+    -------
+    Scene
+        The scene.
+
+    Raises
+    ------
+    InputError
+        If there is no such scene, the file cannot be read, or the scene is not valid. The message
+        is one line with the file, the key, its value and the values that are allowed.
+    """
+    if name_or_path in preset_names():
+        preset = files("gen") / "scenes" / f"{name_or_path}.toml"
+        return Scene.parse(preset.read_text(encoding="utf-8"), f"scene {name_or_path}")
+    scene = Scene.parse(_read(name_or_path), name_or_path)
+    anchored = scene.surface.anchored(Path(name_or_path).parent)
+    return scene.model_copy(update={"surface": anchored})
+
+
+def _read(path: str) -> str:
+    """Read a scene's file; drop the byte order mark that some editors write."""
+    try:
+        with require_file(Path(path)).open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) <= MOST_BYTES:
+            return content.decode("utf-8-sig")
+        reason = f"over {MOST_BYTES:,} bytes"
+    except InputError:
+        raise
+    except FileNotFoundError:
+        reason = "neither a file nor a preset"
+    except UnicodeDecodeError as error:
+        reason = f"not UTF-8 text (byte {error.start} is {error.object[error.start]:#04x})"
+    except OSError as error:
+        reason = error.strerror or str(error)
+    except ValueError as error:  # a null character in the path
+        reason = str(error)
+    presets = ", ".join(preset_names())
+    raise InputError(
+        one_line(f"scene {path!r}: {reason}; give a preset ({presets}) or the path of a TOML file")
+    )
 
 
 def differences(in_file: Scene, asked_for: Scene) -> list[str]:

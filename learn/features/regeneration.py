@@ -19,12 +19,12 @@ import numpy as np
 from gen.database import Reader
 from gen.generation.plan import Parameters, parameters
 from gen.generation.sample import surface_of
-from gen.populations import make_ready
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.files import atomic, require_file
 from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
-from gen.schema import PHYSICS, Status, physics_of
+from gen.scene.columns import physics_of
+from gen.schema import PHYSICS, Status
 from learn.arrays import Values
 from learn.executor import Executor
 from learn.features.sets import BLOCKS, HYBRID, STATISTICS, modulus
@@ -77,7 +77,9 @@ def hybrid_rows(
 
 def _work_off(job: "_Job", executor: Executor, stopping: Callable[[], bool]) -> None:
     """Compute the missing blocks; raise InputError for a wrong surface."""
-    make_ready(*job.shared[:2])  # maps are prepared here before many processes ask for them at once
+    scene, folder, *_ = job.shared
+    # Maps are prepared here before many processes ask for them at once.
+    scene.surface.make_ready(folder)
     faults: list[str] = []
     rows = sum(stop - start for start, stop, _ in job.blocks)
     with RunProgress(rows, "surfaces") as progress:
@@ -111,7 +113,7 @@ def _work_off(job: "_Job", executor: Executor, stopping: Callable[[], bool]) -> 
 def _compute(shared: tuple[Scene, Path, int], block: Block) -> tuple[Values, Values]:
     """Compute a block of the rows of a scene, whose database lies in a folder."""
     scene, folder, blocks = shared
-    make_ready(scene, folder, verify=False)
+    scene.surface.make_ready(folder, verify=False)
     return compute_block(scene, block, blocks)
 
 

@@ -13,7 +13,6 @@ from gen.database import Reader, Writer
 from gen.generation.completion import rehearse
 from gen.generation.run import blocks_of
 from gen.generation.sample import compute_rows, finished_parts
-from gen.populations import make_ready
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress, to_type
@@ -113,7 +112,7 @@ def generate(
         rehearse(wider)
     before = stock(path).rows
     database.open_or_create(path, wider)
-    make_ready(scene, path.parent)
+    scene.surface.make_ready(path.parent)
     with Writer(path, wider) as writer:
         pending = writer.pending()
         todo = sum(stop - start for start, stop in pending)
@@ -141,8 +140,9 @@ def generate(
 
 def _compute(shared: tuple[Scene, Path], block: Block) -> Columns:
     """Compute a block of the rows of a scene, whose database lies in a folder."""
-    make_ready(*shared, verify=False)
-    return compute_rows(shared[0], *block, rank=farm.this_world().rank)
+    scene, folder = shared
+    scene.surface.make_ready(folder, verify=False)
+    return compute_rows(scene, *block, rank=farm.this_world().rank)
 
 
 def _write(writer: Writer, block: Block, columns: Columns) -> int:

@@ -94,10 +94,8 @@ def _tiles(rows: Dataset) -> Indices:
 
 def _groups_of_tiles(scene: Scene) -> int:
     """Return the number of different values that the column of tiles can have."""
-    from gen.populations.scans import tile_groups
-
     assert isinstance(scene.surface, ScanSurface)
-    return tile_groups(scene)
+    return scene.surface.tile_groups()
 
 
 def parted(sets: list[Dataset], seed: int) -> Split:

@@ -11,7 +11,7 @@ from gen import cli
 from gen.database import Reader, Writer, create, merge, open_or_create
 from gen.runtime.errors import InputError
 from gen.scene import Scene
-from gen.schema import row_bytes
+from gen.scene.columns import row_bytes
 from learn import dataset
 
 SCENE = "samples = {}\nsamples_per_surface = 2\n[surface]\nnodes = 17\n"

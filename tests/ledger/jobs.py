@@ -6,7 +6,7 @@ from pathlib import Path
 from gen.database import Reader
 from gen.generation.run import Request, generate_database
 from gen.runtime.farm import World
-from gen.schema import row_bytes
+from gen.scene.columns import row_bytes
 from learn.comparison import jobs
 from learn.comparison.folder import Folder
 from learn.comparison.search import pruning, spaces

@@ -9,7 +9,7 @@ from small_databases import small
 from gen import schema
 from gen.database import Counts, Reader, create, open_or_create
 from gen.scene import Scene, Store
-from gen.schema import columns_for
+from gen.scene.columns import columns_for
 
 
 def test_new_file_has_every_column_pending(path):

@@ -13,7 +13,7 @@ from bem.large_filter import LARGE_NODES
 from gen import database, schema
 from gen.database import Reader, Writer, create, merge, open_or_create
 from gen.runtime.errors import InputError
-from gen.scene import DisplacedSurface, Scene
+from gen.scene import DisplacedSurface, Scene, columns
 
 
 def bad_file(path, kind):
@@ -142,12 +142,12 @@ def test_patches_without_edges_have_a_number_of_their_own(tmp_path):
         create(path, scene)
         with Reader(path) as reader:
             assert reader.attributes["physics"] == number
-        assert schema.changes_since(number, scene) == {}
+        assert columns.changes_since(number, scene) == {}
     with h5py.File(path, "r+") as file:
         file.attrs.modify("physics", schema.PHYSICS)
     with pytest.raises(InputError, match="physics 4, this version computes physics 9"):
         open_or_create(path, periodic)
-    changes = list(schema.changes_since(schema.PHYSICS, periodic))
+    changes = list(columns.changes_since(schema.PHYSICS, periodic))
     assert changes == [5, 7, 8, schema.EDGELESS_PHYSICS]
 
 
@@ -161,8 +161,8 @@ def test_large_grids_have_a_number_of_their_own(boundary):
         for nodes in (513, 1025)
     )
     newest = schema.EDGELESS_PHYSICS if edgeless else schema.LARGE_PHYSICS
-    assert schema.physics_of(below) == (newest if edgeless else schema.PHYSICS)
-    assert schema.physics_of(above) == newest
-    since = [list(schema.changes_since(schema.PHYSICS, scene)) for scene in (below, above)]
+    assert columns.physics_of(below) == (newest if edgeless else schema.PHYSICS)
+    assert columns.physics_of(above) == newest
+    since = [list(columns.changes_since(schema.PHYSICS, scene)) for scene in (below, above)]
     assert since == ([[5, 7, 8, 9], [5, 6, 7, 8, 9]] if edgeless else [[], [6, 10]])
-    assert not schema.changes_since(newest, above)
+    assert not columns.changes_since(newest, above)

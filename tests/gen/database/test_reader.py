@@ -8,7 +8,8 @@ from gen import database
 from gen.database import Reader, Writer, create, lock
 from gen.runtime.errors import InputError
 from gen.scene import Store
-from gen.schema import Reason, Status, columns_for
+from gen.scene.columns import columns_for
+from gen.schema import Reason, Status
 
 
 def test_ranges_are_those_of_done_rows(path, monkeypatch):

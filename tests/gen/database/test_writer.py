@@ -12,7 +12,8 @@ from small_databases import NO_ROOM, block, filled, run, small
 from gen import database
 from gen.database import Reader, Writer, create, open_or_create
 from gen.scene import Scene, Store
-from gen.schema import Reason, Status, columns_for
+from gen.scene.columns import columns_for
+from gen.schema import Reason, Status
 
 KILLED_BEFORE_STATUS = """
     import os, signal, sys

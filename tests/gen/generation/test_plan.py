@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gen.distribution import log_within
 from gen.generation.plan import (
     CHUNK,
     Parameters,
@@ -16,7 +17,6 @@ from gen.generation.plan import (
     planned_columns,
     surface_random,
 )
-from gen.generation.quantiles import log_within
 from gen.generation.run import BLOCK_BYTES, blocks_of
 from gen.scene import Scene, load
 

@@ -10,7 +10,8 @@ from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows, solve_contact, surface_of
 from gen.runtime.errors import InputError
 from gen.scene import Scene, load
-from gen.schema import Reason, Status, columns_for
+from gen.scene.columns import columns_for
+from gen.schema import Reason, Status
 from gen.statistics import describe
 
 STORE_ALL = "{mean_gap=true, largest_pressure=true, perimeter=true, heights=true, pressure=true}"

@@ -1,16 +1,22 @@
-"""Distributions of the numbers that a scene draws.
+"""Numbers of a scene that are fixed or drawn: how they are written, and their quantiles.
 
 A number is fixed, `[low, high]` is uniform, and a table names every other distribution:
 `{ log_uniform = [low, high] }`, `{ normal = [mean, deviation] }`, which is truncated, and
-`{ choice = [...] }`.
+`{ choice = [...] }`. Quantiles turn numbers in [0, 1) into values; their operations are rounded
+alike on every processor, so that a plan is the same everywhere.
 """
 
+import functools
 import math
 import sys
 from dataclasses import dataclass
-from typing import Annotated, Self
+from typing import Annotated, Self, TypeVar
 
+import numpy as np
 from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
     Field,
     PlainSerializer,
     PlainValidator,
@@ -20,13 +26,52 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from gen.scene.table import Number, Positive, Range, Table
+from gen.arrays import Values
+
+T = TypeVar("T")
 
 LEAST_INSIDE = 1e-9
 """Smallest share of a normal distribution that its range may hold."""
 
 REACH = 3.0
 """Deviations from the mean at which a normal distribution ends unless a range is given."""
+
+DIGITS = 53
+"""Binary digits of a random number in [0, 1)."""
+
+KNOTS = 2**16
+"""Intervals of equal probability inside which a normal distribution's quantiles are linear."""
+
+SIGNIFICANT = 9
+"""Decimal digits of the quantiles at the ends of these intervals, on which processors agree."""
+
+
+class Table(BaseModel):
+    """Rules for every table of a scene: no unknown keys, no conversions, no changes afterwards.
+
+    The description of a field completes an error message: it says which values are allowed.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+def without_negative_zero(number: float) -> float:
+    """Turn -0.0 into 0.0: the two are equal, and equal scenes must have equal texts."""
+    return number + 0.0
+
+
+def ascending(limits: tuple[T, T]) -> tuple[T, T]:
+    """Refuse a range whose lower limit is above the upper one."""
+    low, high = limits
+    if low > high:  # type: ignore[operator]  # pydantic has made both numbers
+        raise ValueError(f"{low!r} is above {high!r}")
+    return limits
+
+
+Number = Annotated[float, AfterValidator(without_negative_zero)]
+Positive = Annotated[Number, Field(gt=0)]
+# TOML and JSON have arrays where the models have tuples: this conversion alone is allowed.
+Range = Annotated[tuple[T, T], Strict(False), AfterValidator(ascending)]
 
 
 class LogUniform(Table):
@@ -214,3 +259,98 @@ def limits(distribution: Distribution) -> tuple[float, float]:
 def is_drawn(distribution: Distribution) -> bool:
     """Tell whether the value is drawn rather than one fixed number."""
     return not isinstance(distribution, float)
+
+
+def quantiles(distribution: Distribution, uniform: Values) -> Values:
+    """Map numbers in [0, 1) to the values of a distribution.
+
+    Parameters
+    ----------
+    distribution : Distribution
+        A number, a pair, which is uniform, or a table, as a scene has it.
+    uniform : ndarray
+        Numbers in [0, 1).
+
+    Returns
+    -------
+    ndarray, shape of `uniform`
+        Values that are within the distribution's limits.
+    """
+    match distribution:
+        case LogUniform():
+            return log_within(*distribution.log_uniform, uniform)
+        case Normal():
+            return _normal(distribution.normal, distribution.ends, uniform)
+        case Choice():
+            return _chosen(distribution, uniform)
+        case (low, high):
+            return within(low, high, uniform)
+    return np.full(uniform.shape, distribution)
+
+
+def within(low: Values | float, high: Values | float, uniform: Values) -> Values:
+    """Map numbers in [0, 1) linearly to [low, high].
+
+    Rounding cannot exceed the upper end: the largest number, 1 - 2^-53, takes off as much as the
+    rounding of high - low can add.
+    """
+    return low + (high - low) * uniform
+
+
+def log_within(low: float, high: float, uniform: Values) -> Values:
+    """Map numbers in [0, 1) logarithmically to [low, high].
+
+    Each binary digit of a number multiplies by a root of high / low. Roots and products are rounded
+    alike on every processor, which logarithms and exponentials are not: a plan must not differ.
+    """
+    values = np.full(uniform.shape, low)
+    factor = math.sqrt(high) / math.sqrt(low)
+    rest = uniform.copy()
+    for _ in range(DIGITS):
+        rest *= 2.0
+        digit = rest >= 1.0
+        values[digit] *= factor
+        rest -= digit
+        factor = math.sqrt(factor)
+    np.minimum(values, high, out=values)
+    return values
+
+
+def _normal(normal: tuple[float, float], ends: tuple[float, float], uniform: Values) -> Values:
+    """Map numbers in [0, 1) to a truncated normal distribution, linear between its knots."""
+    knots = _normal_knots(*normal, *ends)
+    places = uniform * KNOTS
+    left = places.astype(np.intp)
+    steps = knots[left + 1] - knots[left]
+    steps *= places - left
+    return np.clip(knots[left] + steps, *ends)
+
+
+@functools.lru_cache(maxsize=16)
+def _normal_knots(mean: float, deviation: float, low: float, high: float) -> Values:
+    """Compute quantiles of a truncated normal distribution at equal steps of probability.
+
+    The normal distribution and its inverse are not rounded alike on all processors: the quantiles
+    are rounded to `SIGNIFICANT` digits, beyond which they may differ.
+    """
+    from scipy.special import ndtr, ndtri
+
+    # In the lower tail probabilities keep their digits: a range above the mean is turned over.
+    below, above = (low - mean) / deviation, (high - mean) / deviation
+    turned = below > 0
+    first, last = (-above, -below) if turned else (below, above)
+    shares = np.linspace(ndtr(first), ndtr(last), KNOTS + 1)
+    reduced = ndtri(shares)
+    reduced[0], reduced[-1] = first, last
+    if turned:
+        reduced = -reduced[::-1]
+    rounded = np.array([float(f"{value:.{SIGNIFICANT}g}") for value in reduced.tolist()])
+    return np.clip(mean + deviation * rounded, low, high)
+
+
+def _chosen(distribution: Choice, uniform: Values) -> Values:
+    """Map numbers in [0, 1) to the numbers of a choice."""
+    values = np.array(distribution.choice)
+    shares = distribution.shares or (1.0 / len(values),) * len(values)
+    # The last number takes the rest: rounded shares cannot leave a gap below 1.
+    return np.asarray(values[np.searchsorted(np.cumsum(shares)[:-1], uniform, side="right")])

@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 from scipy import stats
 
+from gen.distribution import AnyNumber, limits, quantiles
 from gen.generation.plan import CHUNK, parameters
-from gen.generation.quantiles import quantiles
 from gen.scene import Scene, load, preset_names
-from gen.scene.distribution import AnyNumber, limits
 
 READ = TypeAdapter(AnyNumber).validate_python
 EVEN = (np.arange(200_000) + 0.5) / 200_000

@@ -1,23 +1,27 @@
 """Tests of windows of maps as a scene's surfaces, from the files to the rows of a database."""
 
+import json
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from bench.populations.made_maps import Faults, MadeMap, write_all
 from gen import cli
 from gen.database import Reader
 from gen.generation.plan import parameters, surface_random
 from gen.generation.sample import compute_rows, surface_of
+from gen.generators import scans
+from gen.generators.scans import Found, ScannedMap
 from gen.maps.prepare import prepare
-from gen.maps.read import read
+from gen.maps.read import read, sides_from
 from gen.maps.settings import Preparation
 from gen.maps.windows import Tiling, drawn, turned
-from gen.populations import make_ready, places, remarks, resolved, scans
 from gen.runtime.errors import InputError, SourceError
-from gen.scene import load
+from gen.scene import ScanSurface, Scene, differences, load
 from gen.schema import Reason
 
 MAPS = (
@@ -59,7 +63,7 @@ def write_scene(folder, samples=30, nodes="16", keys="", name="s.toml"):
 
 
 def scene_of(folder, name="s.toml"):
-    return resolved(load(str(folder / name)), folder)
+    return load(str(folder / name)).resolved(folder)
 
 
 def run(folder, *arguments):
@@ -139,10 +143,10 @@ def test_rules_that_need_the_spacing_hold_before_there_is_a_database(
 
 def test_rows_know_their_maps_and_tiles_without_the_files(folder):
     scene = scene_of(folder)
-    before = places(scene, (surface_random(scene, n) for n in range(50)))
+    before = scene.surface.places(surface_random(scene, n) for n in range(50))
     shutil.rmtree(folder / "maps")
     scans._OPEN.clear()
-    after = places(scene, (surface_random(scene, n) for n in range(50)))
+    after = scene.surface.places(surface_random(scene, n) for n in range(50))
     for name in ("map", "tile"):
         assert np.array_equal(before[name], after[name])
     assert set(before["map"]) == {0, 1, 2}
@@ -219,10 +223,10 @@ def test_prepared_maps_are_enough_for_a_process_that_goes_on(folder):
     expected = surface_of(scene, parameters(scene, 0, 2), 0)
     shutil.rmtree(folder / "maps")
     scans._OPEN.clear()
-    make_ready(scene, folder)
+    scene.surface.make_ready(folder)
     assert np.array_equal(surface_of(scene, parameters(scene, 0, 2), 0), expected)
     with pytest.raises(SourceError, match="the map is gone"):
-        make_ready(scene, folder, sources=True)
+        scene.surface.make_ready(folder, sources=True)
     for path in folder.glob("*.maps"):
         path.unlink()
     scans._OPEN.clear()
@@ -239,7 +243,7 @@ def test_damaged_prepared_maps_are_made_anew_by_whoever_opens_them_first(folder)
         content[place + 6] ^= 0xFF
     kept.write_bytes(content)
     scans._OPEN.clear()
-    make_ready(scene, folder)
+    scene.surface.make_ready(folder)
     assert np.array_equal(surface_of(scene, parameters(scene, 0, 2), 0), expected)
 
 
@@ -248,7 +252,7 @@ def test_a_database_of_a_surface_that_is_read_otherwise_is_refused(folder):
     found = scene.surface.found.model_copy(update={"spacing": (2.0, 2.0)})
     other = scene.model_copy(update={"surface": scene.surface.model_copy(update={"found": found})})
     with pytest.raises(SourceError, match="with other nodes or another spacing than when"):
-        make_ready(other, folder)
+        other.surface.make_ready(folder)
 
 
 @pytest.mark.parametrize(
@@ -281,7 +285,7 @@ def test_a_dry_run_writes_nothing_beside_the_scene(folder, capsys):
 
 def test_warnings_of_the_maps_are_said(folder):
     write_all(folder / "maps", [MadeMap("honed", 5, (40, 30), 0.5, 10.0, faults=Faults(holes=6))])
-    lines = remarks(scene_of(folder))
+    lines = scene_of(folder).surface.remarks()
     assert lines[0].startswith("4 maps")
     assert any("honed-5.x3p" in line and "were missing" in line for line in lines)
 
@@ -311,13 +315,13 @@ def test_a_second_body_is_a_window_of_its_group_of_tiles(second, monkeypatch, ag
     scene = scene_of(second)
     first = scene.model_copy(update={"surface": scene.surface.alone()})
     windows = []
-    cut_out = scans._cut
+    cut_out = ScanSurface._cut
 
     def watched(made, window):
         windows.append(window)
         return cut_out(made, window)
 
-    monkeypatch.setattr(scans, "_cut", watched)
+    monkeypatch.setattr(ScanSurface, "_cut", watched)
     plan = parameters(scene, 0, scene.samples)
     groups: dict[tuple, int] = {}
     for row in range(0, scene.samples, 2):
@@ -333,9 +337,9 @@ def test_a_second_body_is_a_window_of_its_group_of_tiles(second, monkeypatch, ag
                 group = groups.setdefault((body, *node), plan.places["tile"][row])
                 assert group == plan.places["tile"][row], "parts of a split share a node"
         alone = surface_of(first, parameters(first, row, row + 1), 0)
-        opposite = cut_out(scans.opposite(scene), other)
+        opposite = cut_out(scene.surface.opposite(), other)
         np.testing.assert_allclose(whole, alone + opposite - (alone + opposite).min(), atol=1e-12)
-    tiles = 12 if "another" in against else min(12, scans._tiling(scene.surface.opposite()).total)
+    tiles = 12 if "another" in against else min(12, scene.surface.opposite()._tiling().total)
     assert set(plan.places["tile"]) == set(range(tiles))
 
 
@@ -381,8 +385,193 @@ def test_maps_of_two_bodies_that_do_not_go_together_are_refused(second):
 
 def test_other_scenes_have_nothing_to_open(tmp_path):
     scene = load("quick")
-    assert resolved(scene, tmp_path) is scene
-    make_ready(scene, Path("none"))
-    assert remarks(scene) == []
-    assert places(scene, []) == {}
+    assert scene.resolved(tmp_path) is scene
+    scene.surface.make_ready(Path("none"))
+    assert scene.surface.remarks() == []
+    assert scene.surface.places([]) == {}
     assert parameters(scene, 0, 3).places == {}
+
+
+SCANS = """samples = 10
+[surface]
+generator = "scans"
+files = {files}
+nodes = {nodes}
+[surface.preparation]
+level = "plane"
+[load]
+quantity = "pressure/(E* slope_rms)"
+range = [0.01, 0.02]
+"""
+
+
+def parsed(files='"maps"', nodes="[20, 30]", more=""):
+    return Scene.parse(SCANS.format(files=files, nodes=nodes) + more, "a.toml")
+
+
+def with_maps(made, *, folder="/here", spacing=(0.5, 0.5), sha256s=("a" * 64, "b" * 64)):
+    maps = tuple(
+        ScannedMap(file=f"{folder}/{n}", sha256=each, nodes=(90, 80 + n))
+        for n, each in enumerate(sha256s)
+    )
+    found = Found(spacing=spacing, maps=maps)
+    return made.model_copy(update={"surface": made.surface.model_copy(update={"found": found})})
+
+
+def test_windows_are_mirrored_unless_the_scene_says_otherwise():
+    assert parsed().contact.boundary == "mirror"
+    assert parsed(more="[contact]\nmodulus = 7.0\n").contact.boundary == "mirror"
+    for boundary in ("free", "periodic", "mirror"):
+        given = parsed(more=f"[contact]\nboundary = '{boundary}'\n")
+        assert given.contact.boundary == boundary
+        again = Scene.from_text(given.text())
+        assert again == given
+        assert again.fingerprint() == given.fingerprint()
+    assert Scene.parse("samples = 1", "a").contact.boundary == "free"
+
+
+def test_a_scene_with_its_maps_is_written_and_read():
+    made = with_maps(parsed())
+    again = Scene.from_text(made.text())
+    assert again == made
+    assert isinstance(again.surface, ScanSurface)
+    assert again.optional_columns >= {"map", "tile"}
+    assert not again.drawn_parameters
+
+
+@pytest.mark.parametrize(
+    ("boundary", "sides"),
+    [("mirror", (10.0, 24.0)), ("free", (9.5, 23.2)), ("periodic", (10.0, 24.0))],
+)
+def test_the_spacing_is_that_of_the_maps(boundary, sides):
+    made = with_maps(parsed(more=f"[contact]\nboundary = '{boundary}'\n"), spacing=(0.5, 0.8))
+    assert made.shape == (20, 30)
+    assert made.sides == pytest.approx(sides, rel=1e-12)
+    assert made.spacing == pytest.approx((0.5, 0.8), rel=1e-12)
+
+
+def test_nobody_knows_the_sides_before_the_maps_are_found():
+    with pytest.raises(InputError, match="the maps of this scene have not been looked for"):
+        _ = parsed().sides
+
+
+def test_moved_maps_are_the_same_scene_and_changed_ones_another():
+    made = with_maps(parsed())
+    assert with_maps(parsed('"elsewhere"'), folder="/there").fingerprint() == made.fingerprint()
+    changed = with_maps(parsed(), sha256s=("a" * 64, "c" * 64))
+    (difference,) = differences(made, changed)
+    old, new = f"'{'b' * 64}, 90 x 81'", f"'{'c' * 64}, 90 x 81'"
+    assert difference == f"surface.found.maps[1]: {old} in the file, {new} asked for"
+    (fewer, *_) = differences(made, with_maps(parsed(), sha256s=("a" * 64,)))
+    assert fewer == "surface.found.number: 2 in the file, 1 asked for"
+    coarser = with_maps(parsed(), spacing=(1.0, 1.0))
+    assert coarser.fingerprint() != made.fingerprint()
+
+
+def test_files_start_from_the_folder_of_the_scene(tmp_path):
+    path = tmp_path / "folder" / "a.toml"
+    path.parent.mkdir()
+    path.write_text(SCANS.format(files='["maps", "/abs/*.x3p", "~/b.nc"]', nodes="9"))
+    assert load(str(path)).surface.files == (f"{path.parent}/maps", "/abs/*.x3p", "~/b.nc")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('files = "maps"', "files = []", "surface.files = []; allowed: a file, a folder"),
+        ('files = "maps"', "files = ['']", "surface.files = ['']; allowed: a file"),
+        ('files = "maps"', "files = 3", "surface.files = 3; allowed: a file"),
+        ('files = "maps"\n', "", "surface.files is missing; allowed: a file"),
+        ("nodes = [20, 30]", "nodes = [20, 1]", "surface.nodes = [20, 1]; allowed: a whole"),
+        ("nodes", "spacing = 0\nnodes", "surface.spacing = 0; allowed: a finite number above 0"),
+        ("nodes", "hurst = 0.8\nnodes", "surface.hurst = 0.8 of this generator; it is one of"),
+        ("nodes", "against = true\nnodes", "'another', for a second window of a tile, or maps"),
+        ("nodes", "against = []\nnodes", "surface.against"),
+        ('"plane"', '"flat"', "surface.preparation.level = 'flat'; allowed: 'mean', 'plane'"),
+        ("level", "despike = 0\nlevel", "surface.preparation.despike = 0; allowed: a number above"),
+        ("level", "form = 1.5\nlevel", "surface.preparation.form = 1.5; allowed: the degree"),
+        ("level", "downsample = 1\nlevel", "surface.preparation.downsample = 1; allowed: a whole"),
+        ("level", "despik = 7\nlevel", "key surface.preparation.despik = 7; the closest known"),
+        (
+            "[load]",
+            "[surface.reading]\nunits = 'nm'\n[load]",
+            "the closest known key is surface.re",
+        ),
+        ("[load]", "[surface.reading]\nside = [9, true]\n[load]", "side = [9, True]; allowed: the"),
+        ("[load]", "[surface.reading]\nside = 0\n[load]", "side = 0; allowed: the scan length"),
+        ("[load]", "[contact]\nfar_field = 'compliant'\n[load]", "needs far_field = 'rigid'"),
+    ],
+)
+def test_faults_are_one_line(old, new, message):
+    text = SCANS.format(files='"maps"', nodes="[20, 30]")
+    assert old in text
+    with pytest.raises(InputError) as refusal:
+        Scene.parse(text.replace(old, new, 1), "a.toml")
+    assert message in str(refusal.value)
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_scans_need_loads():
+    text = SCANS[: SCANS.index("[load]")].format(files='"maps"', nodes="9")
+    with pytest.raises(InputError, match=r"a.toml: surfaces of scans need loads: give \[load\]"):
+        Scene.parse(text, "a.toml")
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [("99.0", "99"), ("99.25", "99.25"), ("[99, 48.5]", "99,48.5"), ("'99,48.5'", "99,48.5")],
+)
+def test_lengths_of_maps_are_numbers_pairs_or_texts(given, text):
+    table = f"[surface.reading]\nside = {given}\n[load]"
+    written = SCANS.format(files='"maps"', nodes="9").replace("[load]", table, 1)
+    own = Scene.parse(written, "a.toml")
+    assert own.surface.reading.given() == {"side": text}
+    assert Scene.from_text(own.text()) == own
+    assert sides_from(text)[0] in {99.0, 99.25}
+
+
+def test_keys_that_are_not_given_stay_out_of_the_text():
+    surface = json.loads(parsed().text())["surface"]
+    assert surface == {
+        "generator": "scans",
+        "files": ["maps"],
+        "nodes": [20, 30],
+        "preparation": {"level": "plane"},
+        "reading": {},
+    }
+
+
+KEYS = (
+    *("files", "nodes", "spacing", "reading", "preparation", "found", "against", "generator"),
+    *("reading.side", "reading.unit", "reading.channel", "reading.other"),
+    *("preparation.crop", "preparation.invert", "preparation.mask", "preparation.despike"),
+    *("preparation.level", "preparation.form", "preparation.fill", "preparation.filter"),
+    *("preparation.downsample", "found.maps", "found.spacing"),
+)
+junk = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=2)
+    ),
+    max_leaves=5,
+)
+
+
+@settings(max_examples=200)
+@given(st.sampled_from(KEYS), junk)
+def test_any_value_of_any_key_is_taken_or_refused_in_one_line(key, value):
+    content = json.loads(with_maps(parsed()).text())
+    table = content["surface"]
+    *above, last = key.split(".")
+    for name in above:
+        table = table[name]
+    table[last] = value
+    said = ""
+    try:
+        taken = Scene.from_text(json.dumps(content), "a.toml")
+    except InputError as refusal:
+        said = str(refusal)
+    else:
+        assert Scene.from_text(taken.text()) == taken
+    assert said == "" or (said.startswith("a.toml: ") and len(said) < 1000)
+    assert len(said.splitlines()) <= 1
