@@ -32,6 +32,7 @@ ONE_HOME = {
     "matplotlib": {"gen/runtime/figure.py", "bench"},
     "sklearn": {"learn", "bench"},
     "xgboost": {"learn/models.py"},
+    "skops": {"learn/surrogate/file.py"},
 }
 REPORTS = {
     *("bench.circumstances", "bench.contents", "bench.databases", "bench.files"),
@@ -92,7 +93,6 @@ ROOMS = {
         *("learn.kernel_ridge", "learn.memory", "learn.metrics", "learn.models"),
         *("learn.request", "learn.split"),
     },
-    "learn.surrogate.law": {"learn.arrays", "learn.features", "learn.surrogate"},
     "learn.surrogate": {
         *("learn.arrays", "learn.columns", "learn.comparison", "learn.dataset", "learn.executor"),
         *("learn.features", "learn.kernel_ridge", "learn.memory", "learn.metrics", "learn.models"),

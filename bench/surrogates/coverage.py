@@ -23,7 +23,7 @@ from learn.executor import Executor
 from learn.features.regeneration import hybrid_rows
 from learn.request import Request
 from learn.split import FOLDS
-from learn.surrogate.groups import groups_of
+from learn.surrogate.calibration import groups_of
 
 LEVEL = 0.9
 """Of the intervals whose coverage is counted."""

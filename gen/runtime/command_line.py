@@ -32,7 +32,7 @@ LONGEST = 1200
 EXTRAS = {
     "aiohttp": "serve",
     "jinja2": "bench",
-    "mapie": "learn",
+    "skops": "learn",
     "matplotlib": "plot",
     "mlcroissant": "export",
     "pandas": "bench",

@@ -136,7 +136,7 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
     from learn.features import chosen
     from learn.models import models_named
     from learn.request import Request
-    from learn.surrogate import training
+    from learn.surrogate import fitting
     from learn.surrogate.settings import normalisation_of
 
     models_named([choice.model])
@@ -166,7 +166,7 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
         "normalisation": choice.normalise,
     }
     stated = {name: value for name, value in stated.items() if value not in {"", None}}
-    return training.request_from(request, choice.source, stated)
+    return fitting.request_from(request, choice.source, stated)
 
 
 def _blocks(choice: Choice) -> int:
@@ -189,11 +189,11 @@ def _blocks(choice: Choice) -> int:
 def _fit(request: Request, source: Path | None, executor: Executor) -> int:
     """Fit and save a surrogate; return the exit code."""
     from gen.runtime.signals import Interruption
-    from learn.surrogate import training
+    from learn.surrogate import fitting
 
     with Interruption(listening=True) as interruption:
         stopping = interruption.requested
-        surrogate = training.fit(request, executor, note, source=source, stopping=stopping)
+        surrogate = fitting.fit(request, executor, note, source=source, stopping=stopping)
     if surrogate is None:
         note("stopped; the same command goes on with what is left")
         return 128 + interruption.signal

@@ -148,7 +148,7 @@ def _grow(
     from learn.grow import picture, rounds, summary
     from learn.grow.pace import Pace
     from learn.grow.population import scene_of
-    from learn.surrogate.training import require_better
+    from learn.surrogate.fitting import require_better
 
     pace = Pace(seconds(goal.budget) if goal.budget else None, executor.workers)
     order, drawing = _order(output, goal), _beside(output, ".png")

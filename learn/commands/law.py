@@ -63,9 +63,8 @@ def law(
     from gen.law.writers import write
     from gen.maps.contacts import require_conductivities
     from learn.surrogate import Surrogate
-    from learn.surrogate.calibration_text import require_level
+    from learn.surrogate.interval import checked_level
     from learn.surrogate.law import Order, make
-    from learn.surrogate.quantiles import checked_level
 
     files = files.filled(output)
     check_outputs(files.outputs, inputs)
@@ -87,7 +86,7 @@ def law(
     )
     surrogate = None if file is None else Surrogate.load(file)
     if surrogate is not None and not solver:
-        require_level(surrogate.card, surrogate.learnt, order.level)
+        surrogate.require_level(order.level)
     tables = make(surrogate, order, note)
     show(tables)
     for written in write(tables, files, figure):

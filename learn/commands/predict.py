@@ -1,4 +1,4 @@
-"""`learn predict`: ask a surrogate about surfaces."""
+"""`learn predict` and `card`: ask a surrogate about surfaces, or about itself."""
 
 from pathlib import Path
 from typing import Annotated
@@ -33,12 +33,10 @@ def predict(
     from gen.runtime.terminal import RunProgress
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, show
-    from learn.surrogate.calibration_text import require_level
-    from learn.surrogate.quantiles import checked_level
 
     check_outputs([Output(output, "--output")], [file, *inputs])
     surrogate = Surrogate.load(file)
-    require_level(surrogate.card, surrogate.learnt, checked_level(interval))
+    surrogate.require_level(interval)
     question = Question(
         deltas=deltas_from(delta) if delta else None,
         e_star=material.modulus(),
@@ -55,3 +53,11 @@ def predict(
     if output is not None:
         write_csv(output, rows)
         echo(f"wrote {output}")
+
+
+def card(file: File) -> None:
+    """Print a surrogate's model card: what it was made of, its scores, intervals and ranges."""
+    from learn.surrogate.card import show
+    from learn.surrogate.file import read_card
+
+    show(*read_card(file))

@@ -15,7 +15,7 @@ from learn.grow.sizes import risk
 from learn.metrics import no_better
 from learn.request import Request
 from learn.split import Split
-from learn.surrogate import training
+from learn.surrogate import fitting
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.model import Surrogate
 
@@ -142,13 +142,13 @@ def appraise(
         If there are too few rows to fit or to judge, or too little memory.
     """
     began = time.monotonic()
-    sets = training.read(request, executor, stopping)
+    sets = fitting.read(request, executor, stopping)
     if sets is None:
         return None
     reading = time.monotonic() - began
     sets = [each.at(np.flatnonzero(each.rows < rows)) for each in sets]
     parts = parted(sets, request.seed)
-    surrogate = training.fit_parts(request, sets, parts, say)
+    surrogate = fitting.fit_parts(request, sets, parts, say)
     judged = {
         target: judge(surrogate.learnt[target], each.at(parts.test))
         for target, each in zip(request.targets, sets, strict=True)

@@ -18,7 +18,7 @@ from learn.grow.accuracy import quantile, summed
 from learn.grow.appraisal import Appraisal, judge
 from learn.grow.sizes import Sizes, risk
 from learn.request import Request
-from learn.surrogate.calibration_rows import without_calibration
+from learn.surrogate.calibration import without_calibration
 from learn.surrogate.fitting import fit_target
 
 FEWEST_ROWS = 15

@@ -48,7 +48,7 @@ LOADED = {
         "learn.surrogate.answers",
         "learn.surrogate.card",
         "learn.surrogate.law",
-        "learn.surrogate.training",
+        "learn.surrogate.fitting",
         "sklearn.ensemble",
         "sklearn.tree",
         "xgboost",

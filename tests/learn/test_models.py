@@ -27,7 +27,7 @@ from learn.models import (
     scaling_of,
 )
 from learn.request import Request
-from learn.surrogate import training
+from learn.surrogate import fitting
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -166,7 +166,7 @@ def test_roots_of_areas_are_standardised_and_squared_again(solved):
 def fitted(path, targets, model="kernel-ridge", features="dimensionless"):
     scaling = "l2" if features == "paper" else "standard"
     request = Request(path, path, targets, (model,), None, scaling, features)
-    return training.fit(request, Executor(), lambda line: None)
+    return fitting.fit(request, Executor(), lambda line: None)
 
 
 def answers(surrogate, path):

@@ -17,9 +17,9 @@ from learn.features import chosen
 from learn.models import STEP
 from learn.request import Request
 from learn.surrogate import Surrogate, card
+from learn.surrogate.calibration import near
 from learn.surrogate.fitting import Fit, fit_target
-from learn.surrogate.groups import near
-from learn.surrogate.prediction import Rows
+from learn.surrogate.model import Rows
 from learn.surrogate.settings import Settings
 
 FEWER: dict[str, dict[str, Any]] = {

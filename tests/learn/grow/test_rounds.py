@@ -1,12 +1,12 @@
 """Growths from their first row to their end: kills and stops, budgets, marks of all kinds."""
 
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from databases import deterministic_bytes
+from surrogate_numbers import numbers_of
 
 from gen import database
 from gen.database import Reader, Writer
@@ -19,7 +19,6 @@ from learn.grow import appraisal, generation, pace, rounds
 from learn.grow.pace import Pace
 from learn.grow.rounds import Order
 from learn.request import Request
-from learn.surrogate.packing import packed
 
 SCENE = Scene.parse("samples = 10\nsamples_per_surface = 1\n[surface]\nnodes = 9\n", "scene")
 MARK = 25.0
@@ -51,10 +50,7 @@ def grow(wanted: Order, *, limit=None, scene=SCENE, stopping=lambda: False):
 
 def parts(path: Path):
     """Models of a surrogate, as numbers, and what its card says of the growth."""
-    found = Surrogate.load(path)
-    numbers = packed(found.card, found.learnt, found.low, found.high, found.distance)
-    with np.printoptions(threshold=sys.maxsize, precision=17):
-        return repr(numbers), found.card["grown"]
+    return numbers_of(path), Surrogate.load(path).card["grown"]
 
 
 @pytest.fixture(scope="module")

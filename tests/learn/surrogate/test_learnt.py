@@ -1,6 +1,9 @@
-"""Moments beyond those of the training are taken for the nearest ones; other features are not."""
+"""The model of one target: kernel ridge is scikit-learn's, and moments keep to their ranges.
 
-from pathlib import Path
+Moments beyond those of the training are taken for the nearest ones; other features are not.
+"""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,14 +11,14 @@ import pytest
 from learn import Surrogate
 from learn.executor import Executor
 from learn.request import Request
-from learn.surrogate import training
-from learn.surrogate.prediction import Rows
+from learn.surrogate import fitting
+from learn.surrogate.model import Rows
 
 
 def fitted(path, features):
     scaling = "l2" if features == "paper" else "standard"
     request = Request(path, path, ("area",), ("kernel-ridge",), None, scaling, features)
-    return training.fit(request, Executor(), lambda line: None)
+    return fitting.fit(request, Executor(), lambda line: None)
 
 
 def rows_of(surrogate, inputs):
@@ -64,19 +67,23 @@ def test_a_file_holds_the_same_moments(surrogate, middle, tmp_path):
     read = Surrogate.load(tmp_path / "x.surrogate")
     asked = rows_of(surrogate, np.array([middle, surrogate.high + 3.0]))
     np.testing.assert_array_equal(read.predict_rows(asked).area, surrogate.predict_rows(asked).area)
-    for one, other in zip(
-        vars(read.learnt["area"].clipped).values(),
-        vars(surrogate.learnt["area"].clipped).values(),
-        strict=True,
-    ):
+    for one, other in zip(read.learnt["area"].clip, surrogate.learnt["area"].clip, strict=True):
         np.testing.assert_array_equal(one, other)
-    assert np.isfinite(read.learnt["area"].clipped.low).sum() == 8
-
-
-def test_files_of_before_hold_no_moments():
-    old = Surrogate.load(Path(__file__).with_name("rooted.surrogate"))
-    assert old.learnt["area"].clipped is None
+        assert np.isfinite(one).sum() == 8
 
 
 def test_the_paper_s_features_are_as_they_were(solved):
-    assert fitted(solved, "paper").learnt["area"].clipped is None
+    assert fitted(solved, "paper").learnt["area"].clip is None
+
+
+@pytest.mark.parametrize("features", ["paper", "dimensionless"])
+def test_kernel_ridge_is_scikit_learns(solved, features):
+    learnt = replace(fitted(solved, features).learnt["area"], clip=None)
+    ridge = learnt.pipeline.named_steps["model"]
+    inputs = learnt.pipeline.steps[0][1].transform(
+        np.abs(np.random.default_rng(0).normal(size=(5000, 23)))
+    )
+    assert learnt._expansion is not None
+    learnt.pipeline.steps[0] = ("scaling", "passthrough")
+    theirs = learnt.scaling.restored(ridge.predict(inputs))
+    np.testing.assert_allclose(learnt.raw(inputs), theirs, rtol=1e-6, atol=1e-9)

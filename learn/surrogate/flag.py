@@ -1,4 +1,4 @@
-"""How far a row's features lie from those of the training: a flag of surfaces of another kind.
+"""The flag of rows that are unlike the training: their features, distance, grid or hardness.
 
 Each feature may lie within its range and all of them together may still be unlike any surface of
 the training. The distance is Mahalanobis's, over the root of the number of features. Its limit is
@@ -14,12 +14,16 @@ covariance is drawn towards the mean of all, as a database may have fewer rows t
 Friedman (1989), J. Am. Stat. Assoc. 84, 165, regularised discriminant analysis).
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from bem.spacing import BOUNDARIES, Boundary, node_spacing
 from learn.arrays import Indices, Values
-from learn.surrogate.quantiles import quantile_over_groups
+from learn.features import FeatureSet
+from learn.surrogate.interval import CONSTANT, quantile_over_groups
 
 SHARE = 0.9
 """Share of the rows of a new group that lie within the limit, or more."""
@@ -31,8 +35,8 @@ RIDGE = 0.01
 """Added to the variances of features of deviation 1: features that repeat others, such as roots,
 leave directions without any."""
 
-CONSTANT = 1e-9
-"""Deviation of a constant feature over its largest size, at most."""
+ROUNDING = 1e-6
+"""Relative distance from the training's hardness within which a hardness counts as equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,39 +66,11 @@ class Distance:
                 nearest = np.minimum(nearest, np.sqrt(np.mean(scaled**2, axis=1)))
         return nearest
 
-    def noted(self, inputs: Values, notes: tuple[str, ...]) -> tuple[str, ...]:
-        """Add to notes how far rows lie outside the limit.
-
-        Parameters
-        ----------
-        inputs : ndarray, shape (n, d)
-            Features.
-        notes : tuple of str
-            Notes on the rows: n, or one for all, or none.
-
-        Returns
-        -------
-        tuple of str
-            n notes; "" for a row without any.
-        """
-        found = self.of(inputs)
-        far = [
-            f"distance from the training {each:.4g} outside 0 to {self.limit:.4g}" if beyond else ""
-            for each, beyond in zip(found, found > self.limit, strict=True)
-        ]
-        given = notes if len(notes) == len(far) else (notes or ("",)) * len(far)
-        return tuple("; ".join(filter(None, each)) for each in zip(given, far, strict=True))
-
 
 def from_training(inputs: Values, groups: Indices) -> Distance:
-    """Measure distances from training rows; the limit comes from groups that are left out.
+    """Measure distances from training rows, (n, d); their groups, (n,), give the limit.
 
-    Parameters
-    ----------
-    inputs : ndarray, shape (n, d)
-        Features of the training rows.
-    groups : ndarray of int, shape (n,)
-        Group of each row.
+    Each group is left out in turn.
     """
     found = np.empty(len(inputs))
     for group in np.unique(groups):
@@ -104,17 +80,7 @@ def from_training(inputs: Values, groups: Indices) -> Distance:
 
 
 def from_others(inputs: Values, others: Values, groups: Indices) -> Distance:
-    """Measure distances from training rows; the limit comes from other rows.
-
-    Parameters
-    ----------
-    inputs : ndarray, shape (n, d)
-        Features of the training rows.
-    others : ndarray, shape (m, d)
-        Features of the rows that calibrate.
-    groups : ndarray of int, shape (m,)
-        Groups of the latter.
-    """
+    """Measure distances from training rows, (n, d); other rows, (m, d), by group give the limit."""
     return _limited(inputs, _unlimited(inputs).of(others), groups)
 
 
@@ -145,10 +111,8 @@ def from_groups(inputs: Values, labels: Indices, parts: Indices) -> Distance:
     ----------
     inputs : ndarray, shape (n, d)
         Features of the training rows.
-    labels : ndarray of int, shape (n,)
-        Group of each row.
-    parts : ndarray of int, shape (n,)
-        Part of each row.
+    labels, parts : ndarray of int, shape (n,)
+        Group and part of each row.
     """
     found = np.full(len(inputs), np.nan)
     for part in np.unique(parts):
@@ -162,7 +126,7 @@ def from_groups(inputs: Values, labels: Indices, parts: Indices) -> Distance:
 
 
 def squares_from(inputs: Values, labels: Indices, unseen: Indices, mine: Indices) -> Values:
-    """Return the squared distances of some rows from training rows that a model has seen.
+    """Return squared distances of the rows `mine` from those that a model has seen.
 
     Parameters
     ----------
@@ -178,23 +142,24 @@ def squares_from(inputs: Values, labels: Indices, unseen: Indices, mine: Indices
 
 
 def _limited(inputs: Values, found: Values, groups: Indices) -> Distance:
-    _, place = np.unique(groups, return_inverse=True)
-    scores = tuple(np.sort(found[place == each]) for each in range(int(place.max()) + 1))
+    """Return distances with the limit that a new group keeps, by the distances of known ones."""
+    scores = tuple(np.sort(found[groups == each]) for each in np.unique(groups))
     return replace(_unlimited(inputs), limit=quantile_over_groups(scores, SHARE))
 
 
 def _unlimited(inputs: Values, labels: Indices | None = None) -> Distance:
     """Return the distances from some rows, or from the nearest of their groups, without a limit."""
     labels = np.zeros(len(inputs), dtype=np.int64) if labels is None else labels
-    centre, deviation = inputs.mean(axis=0), inputs.std(axis=0)
+    features, deviation = inputs.shape[1], inputs.std(axis=0)
     groups = [inputs[labels == label] for label in np.unique(labels)]
     # A new value of a feature that is constant, in every group, is flagged by its range.
     least = CONSTANT * np.abs(inputs).max(axis=0)
     varying = np.any([own.std(axis=0) > least for own in groups], axis=0)
     scale = np.where(varying, deviation, np.inf)
     means = [own.mean(axis=0) for own in groups]
-    squares = [_products((own - mean) / scale) for own, mean in zip(groups, means, strict=True)]
-    features, shared = centre.size, np.sum(squares, axis=0) / len(inputs)
+    units = [(own - mean) / scale for own, mean in zip(groups, means, strict=True)]
+    squares = [unit.T @ unit for unit in units]
+    shared = np.sum(squares, axis=0) / len(inputs)
     whitenings = []
     for own, products in zip(groups, squares, strict=True):
         covariance = (products + features * shared) / (len(own) + features)
@@ -203,6 +168,128 @@ def _unlimited(inputs: Values, labels: Indices | None = None) -> Distance:
     return Distance(np.array(means), np.array(whitenings), np.inf)
 
 
-def _products(unit: Values) -> Values:
-    """Return the sums of the products of columns, (d, d)."""
-    return np.asarray(unit.T @ unit)
+def joined(*reasons: str) -> str:
+    """Write reasons, of which some may be empty, one after the other."""
+    return "; ".join(filter(None, reasons))
+
+
+def reasons_of(
+    inputs: Values,
+    notes: Sequence[str],
+    features: FeatureSet,
+    ranges: tuple[Values, Values],
+    distance: Distance,
+) -> tuple[str, ...]:
+    """Return why each row is outside the training; "" if it is inside.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n, d)
+        Features.
+    notes : sequence of str
+        Reasons that are known of the n rows, which stand first; "" if there is none.
+    features : FeatureSet
+        The feature set.
+    ranges : tuple of ndarray, each of shape (d,)
+        Ends of the training ranges of the features.
+    distance : Distance
+        Distances from the training.
+    """
+    (low, high), far = ranges, distance.of(inputs)
+    outside = (inputs < low) | (inputs > high)
+    found = list(notes)
+    for row in np.flatnonzero(outside.any(axis=1) | (far > distance.limit)).tolist():
+        beyond = [
+            f"{features.columns[place]} {inputs[row, place]:.4g} outside {low[place]:.4g} to"
+            f" {high[place]:.4g}"
+            for place in np.flatnonzero(outside[row])
+        ]
+        if far[row] > distance.limit:
+            text = f"distance from the training {far[row]:.4g} outside 0 to {distance.limit:.4g}"
+            beyond.insert(0, text)
+        found[row] = joined(notes[row], *beyond)
+    return tuple(found)
+
+
+def grid_note(
+    card: Mapping[str, Any],
+    features: FeatureSet,
+    shape: tuple[int, int],
+    sides: tuple[float, float],
+) -> str:
+    """Return how a grid differs from the training's; "" if it does not.
+
+    Parameters
+    ----------
+    card : mapping of str to object
+        Card of the surrogate.
+    features : FeatureSet
+        Feature set; one with units binds the surrogate to its side and spacing.
+    shape : tuple of int
+        Nodes along both axes.
+    sides : tuple of float
+        Scan lengths [um].
+    """
+    said = []
+    grids = list(dict.fromkeys(pair(each, "nodes") for each in card.get("databases", [card])))
+    if shape not in grids and not features.needs_nodes:
+        trained = ", ".join(f"{nodes[0]:g} x {nodes[1]:g}" for nodes in grids)
+        said.append(f"{shape[0]} x {shape[1]} nodes, trained on {trained}")
+    own = pair(card, "side")
+    if not np.isclose(sides[0] * own[1], sides[1] * own[0], rtol=1e-3):
+        trained = "square patches" if own[0] == own[1] else f"{own[0]:.6g} x {own[1]:.6g} um"
+        said.append(f"{sides[0]:.6g} x {sides[1]:.6g} um, trained on {trained}")
+    elif not features.scaled and not np.isclose(sides[0], own[0], rtol=1e-3):
+        said.append(f"side {sides[0]:.6g} um, trained on {own[0]:.6g} um")
+    if features.scaled or features.needs_nodes:  # whose nodes are in their range or not
+        return joined(*said)
+    boundary = boundary_of(card)
+    for nodes, side, usual in zip(shape, sides, pair(card, "spacing"), strict=True):
+        spacing = node_spacing(max(nodes, 2), side, boundary)
+        if not np.isclose(spacing, usual, rtol=0.02):
+            said.append(f"spacing {spacing:.4g} um, trained on {usual:.4g} um")
+            break
+    return joined(*said)
+
+
+def pair(card: Mapping[str, Any], name: str) -> tuple[float, float]:
+    """Return an entry of a card along x and y: "nodes" [1], "side" or "spacing" [um]."""
+    first, second = card[name]
+    return float(first), float(second)
+
+
+def boundary_of(card: Mapping[str, Any]) -> Boundary:
+    """Return the boundary of the training's patches; the card of free patches has no such entry."""
+    (boundary,) = (each for each in BOUNDARIES if each == card.get("boundary", "free"))
+    return boundary
+
+
+def between(limits: tuple[float, float]) -> str:
+    """Describe a range of the hardness over E*: "0.003 to 0.1", or "0.01" for a fixed one."""
+    low, high = limits
+    return f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+
+
+def hardness_note(
+    limits: tuple[float, float] | None, hardness_ratio: float | None, *, elastic: bool = False
+) -> str:
+    """Return how a hardness lies outside that of the training; "" if it does not.
+
+    Parameters
+    ----------
+    limits : tuple of float or None
+        Smallest and largest hardness over E* of the training, None for elastic bodies.
+    hardness_ratio : float or None
+        Hardness over E* of the prediction.
+    elastic : bool
+        True if elastic bodies are in the training: they are the end of the harder ones.
+    """
+    if limits is None or hardness_ratio is None:
+        return ""
+    low, high = limits
+    least, most = low * (1 - ROUNDING), np.inf if elastic else high * (1 + ROUNDING)
+    if least <= hardness_ratio <= most:
+        return ""
+    return (
+        f"hardness/E* {hardness_ratio:.4g} outside {low:.4g} to {np.inf if elastic else high:.4g}"
+    )

@@ -1,20 +1,41 @@
-"""Laws from a surrogate: predicted over Delta, and inverted at given pressures."""
+"""Contact laws that a surrogate predicts, or the solver with its material and range.
 
-from collections.abc import Sequence
-from dataclasses import replace
+A law is area, force, mean gap and closure against Delta and nominal pressure: that of one surface,
+or the mean and quantiles over the surfaces of a population, with the numbers and writers of
+`gen.law`.
+
+Where no surrogate was trained on the mean gap, it follows from the force: it is (z_max - mean z) -
+Delta plus the mean displacement. The latter is linear in the pressures and, for a given patch,
+nearly F / (E* L) times a number that depends on the place of the load, and that comes from the
+coarse contact solve.
+
+The surrogate predicts at given Delta. At a given pressure p, Delta is the point at which the curve
+of the pressure reaches p; area and mean gap are the values of their curves at that Delta. The
+interval follows by inversion of the ends of the pressure's interval: Delta is at least the point at
+which the upper end reaches p, and at most the point at which the lower end does. Area and mean gap
+lie between the ends of their own intervals at these two Deltas. This holds whenever both intervals
+do; it is wider than an interval made for given pressures, because the errors of area and force are
+correlated. For a population the curves of each surface are inverted, and the band is that of the
+results.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bem.derived.stiffness import without_patch
+from bem.spacing import Boundary
+from gen.law import Law, contact_law
+from gen.law.contact_law import STEPS, law_of, solved_law, usual_loads
 from gen.law.curves import Curves, continued, monotone, slopes, tabulated
 from gen.law.points import STIFFNESS, Points
-from gen.law.subjects import LawSurface
+from gen.law.subjects import LawSurface, LawSurfaces, is_scene, read_subjects, scene_of
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 from learn.arrays import Values
 from learn.features import SurfaceFeatures, Undefined
-from learn.surrogate.law import inversion
 from learn.surrogate.model import OnSurface, Surrogate
 
 BEYOND = (1.15, 1.4, 2.0, 3.0)
@@ -36,8 +57,111 @@ YIELDING_STIFFNESS = (
 CORRECTED = 0.01
 """Correction for monotone curves, over the largest value, above which there is a warning."""
 
+FINE = 20
+"""Steps into which an interval of Delta is divided to invert the cubic in it."""
 
-def defined(
+ROUNDING = 1e-12
+"""Relative distance beyond the last pressure within which a pressure counts as the last one."""
+
+
+@dataclass(frozen=True)
+class Order(contact_law.Order):
+    """A request for a law of a surrogate.
+
+    Attributes
+    ----------
+    solver : bool
+        True to solve instead of predicting.
+
+    E*, hardness, boundary and range of Delta are those of the training where they are not given.
+    """
+
+    solver: bool = False
+
+
+def make(surrogate: Surrogate | None, order: Order, say: Callable[[str], None]) -> Law:
+    """Make a law.
+
+    Parameters
+    ----------
+    surrogate : Surrogate or None
+        Surrogate that predicts. Where contacts are solved it may be None; otherwise its E*,
+        hardness, boundary and range of Delta stand in for those that are not given.
+    order : Order
+        The request.
+    say : callable
+        Called with a line for the user about each file.
+
+    Raises
+    ------
+    InputError
+        For input that cannot be used, or a pressure that the law does not reach.
+    """
+    if not order.solver:
+        _check_surrogate(surrogate)
+    deltas, pressures = order.loads()
+    boundary = _boundary(surrogate, order)
+    subjects = read_subjects(order.inputs, order.surfaces, order.reading, boundary, say)
+    left_out: list[str] = []
+    if surrogate is not None and not order.solver:
+        kept, left_out = _defined(surrogate, subjects.surfaces)
+        subjects = replace(subjects, surfaces=kept)
+    bodies = _bodies(surrogate, order, subjects)
+    if deltas is None and (pressures is None or not order.solver):
+        if surrogate is None:
+            deltas, pressures = usual_loads(subjects, bodies.e_star)
+        else:
+            low, high = surrogate.card["delta"]
+            deltas = np.unique(np.linspace(float(low), float(high), STEPS))
+    if order.solver:
+        return solved_law(order, subjects, bodies, (deltas, pressures))
+    assert surrogate is not None
+    assert deltas is not None
+    stiffness = order.stiffness or order.conductivities is not None
+    tables = _tables(
+        surrogate, subjects.surfaces, deltas, pressures, order.level, bodies, stiffness=stiffness
+    )
+    tables = (*tables[:2], [*left_out, *tables[2]])
+    said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % conformal interval"
+    return law_of(order, subjects, bodies, tables, said)
+
+
+def _check_surrogate(surrogate: Surrogate | None) -> None:
+    if surrogate is None:
+        raise InputError("a law needs a surrogate, or --solver, which needs none")
+    if not {"area", "force"} <= set(surrogate.learnt):
+        raise InputError("a law needs a surrogate of both area and force: fit --target both")
+
+
+def _boundary(surrogate: Surrogate | None, order: Order) -> Boundary:
+    """Return the boundary of the options, the surrogate or the first scene; else mirror."""
+    if surrogate is not None and order.boundary in {None, surrogate.boundary}:
+        return surrogate.boundary
+    if surrogate is not None and not order.solver:
+        raise InputError(
+            f"--boundary {order.boundary}: the surrogate was trained on patches with a"
+            f" {surrogate.boundary} one: leave that out, or fit one to a database of this boundary"
+        )
+    if order.boundary is not None:
+        return order.boundary
+    scenes = [text for text in order.inputs if is_scene(text)]
+    return scene_of(scenes[0]).contact.boundary if scenes else "mirror"
+
+
+def _bodies(surrogate: Surrogate | None, order: Order, subjects: LawSurfaces) -> Bodies:
+    """Return E* and hardness of the options, the surrogate's training or the scenes; else 1 MPa."""
+    e_star, hardness = order.e_star, order.hardness
+    if e_star is None:
+        e_star = (subjects.modulus() or 1.0) if surrogate is None else surrogate.modulus
+    if hardness is None and (ratio := subjects.hardness_ratio()) is not None:
+        hardness = ratio * e_star
+    if surrogate is not None and not (order.solver and hardness is not None):
+        ratio = surrogate.hardness_ratio(hardness, e_star)
+        hardness = None if ratio is None else ratio * e_star
+    return Bodies(e_star, hardness, known=order.e_star is not None)
+
+
+def _defined(
     surrogate: Surrogate, surfaces: Sequence[LawSurface]
 ) -> tuple[Sequence[LawSurface], list[str]]:
     """Leave out surfaces that lack statistics which the surrogate needs.
@@ -77,7 +201,7 @@ def defined(
     return kept, [f"warning: {many}, the first: {faults[0]}"]
 
 
-def tables(
+def _tables(
     surrogate: Surrogate,
     surfaces: Sequence[LawSurface],
     deltas: Values,
@@ -142,7 +266,7 @@ def tables(
     if bodies.hardness is not None and "mean_gap" not in surrogate.learnt:
         notes.append(ESTIMATED_GAP)
     chosen, late = _pressures(over_delta, whole, pressures)
-    inverted = [inversion.at_pressures(each, chosen) for each in whole]
+    inverted = [at_pressures(each, chosen) for each in whole]
     return over_delta, tabulated("pressure_MPa", chosen, inverted, level, rest), [*notes, *late]
 
 
@@ -288,7 +412,7 @@ def _pressures(
     last = f"Delta = {over_delta.at[-1]:.4g} um"
     if not mean[-1] > 0:
         raise InputError("the law has no force at all: nothing to tabulate against pressure")
-    reach = min(inversion.reached(each) for each in whole)
+    reach = min(float(each.values["pressure_MPa"].max()) for each in whole)
     if asked is None:
         usual = np.unique(mean)  # as close as Delta's where it is small
         if usual[-1] <= reach:
@@ -307,3 +431,112 @@ def _pressures(
             " a larger --delta, or smaller pressures"
         )
     return asked, []
+
+
+def at_pressures(points: Points, pressures: Values) -> Points:
+    """Evaluate the law of one surface at given pressures.
+
+    Parameters
+    ----------
+    points : Points
+        Monotone points, from first touch on.
+    pressures : ndarray, shape (m,)
+        Ascending pressures that the law reaches [MPa].
+
+    Returns
+    -------
+    Points
+        Points at these pressures. Where an end of an interval lies beyond the law or outside the
+        training, the interval is NaN and the reason says so.
+    """
+    deltas = points.values["delta_um"]
+    at = _inverse(deltas, points.values["pressure_MPa"], pressures, first=True)
+    values = {
+        "delta_um": at,
+        "area_percent": _cubic(deltas, points.values["area_percent"])(at),
+        "mean_gap_um": _cubic(deltas, points.values["mean_gap_um"])(at),
+        "closure_um": _cubic(deltas, points.values["closure_um"])(at),
+    }
+    if STIFFNESS in points.values:
+        values[STIFFNESS] = _read(deltas, points.values[STIFFNESS], at)
+    reasons = _reasons(points, at)
+    if not points.low:
+        return Points(values, reasons=reasons)
+    least, most = _ends_of_delta(points, pressures, at)
+    low, high = {"delta_um": least}, {"delta_um": most}
+    for name, (one, other) in {"area_percent": (least, most), "mean_gap_um": (most, least)}.items():
+        low[name] = _read(deltas, points.low[name], one)
+        high[name] = _read(deltas, points.high[name], other)
+    if STIFFNESS in points.low:
+        low[STIFFNESS] = _read(deltas, points.low[STIFFNESS], least)
+        high[STIFFNESS] = _read(deltas, points.high[STIFFNESS], most)
+    unknown = np.isnan(least) | np.isnan(most)
+    said = []
+    ends = zip(_reasons(points, least), _reasons(points, most), unknown, strict=True)
+    for lower, upper, nowhere in ends:
+        end = "beyond the last displacement" if nowhere else lower or upper
+        said.append(f"its interval ends {end if nowhere else f'where {end}'}" if end else "")
+    return Points(values, low, high, reasons, tuple(said))
+
+
+def _ends_of_delta(points: Points, pressures: Values, at: Values) -> tuple[Values, Values]:
+    """Return the least and most Delta at given pressures, each (m,); NaN beyond the law [um]."""
+    deltas = points.values["delta_um"]
+    low, high = points.low["pressure_MPa"], points.high["pressure_MPa"]
+    nowhere = np.full_like(at, np.nan)
+    least, most = nowhere, nowhere
+    if np.isfinite(high).all():
+        least = np.minimum(_inverse(deltas, high, pressures, first=True), at)
+    if np.isfinite(low).all():
+        most = np.maximum(_inverse(deltas, low, pressures, first=False), at)
+    return least, most
+
+
+def _inverse(deltas: Values, reach: Values, pressures: Values, *, first: bool) -> Values:
+    """Return the Delta at which a rising pressure reaches given ones, (m,); NaN beyond its end.
+
+    Parameters
+    ----------
+    deltas, reach : ndarray, shape (k,)
+        Curve of the pressure against Delta [um, MPa].
+    pressures : ndarray, shape (m,)
+        Pressures to reach; 0 is at first touch [MPa].
+    first : bool
+        True for the beginning of a level stretch, False for its end.
+    """
+    shares = np.arange(FINE) / FINE
+    fine = np.append((deltas[:-1, None] + np.diff(deltas)[:, None] * shares).ravel(), deltas[-1])
+    curve = np.maximum.accumulate(_cubic(deltas, reach)(fine))
+    rises = np.diff(curve) > 0
+    kept = np.concatenate([[True], rises] if first else [rises, [True]])
+    end = curve[-1]
+    asked = np.where(pressures <= end * (1 + ROUNDING), np.minimum(pressures, end), pressures)
+    deltas_at = np.interp(asked, curve[kept], fine[kept], right=np.nan)
+    return np.where(pressures > 0, deltas_at, 0.0)
+
+
+def _read(deltas: Values, values: Values, at: Values) -> Values:
+    """Interpolate between points, (m,); NaN at NaN, and next to an interval without an end."""
+    if np.isfinite(values).all():
+        return _cubic(deltas, values)(at)
+    with np.errstate(invalid="ignore"):
+        return np.interp(at, deltas, values)
+
+
+def _cubic(arguments: Values, values: Values) -> Callable[[Values], Values]:
+    """Return the monotone cubic through the points."""
+    from scipy.interpolate import PchipInterpolator
+
+    interpolation: Callable[[Values], Values] = PchipInterpolator(arguments, values)
+    return interpolation
+
+
+def _reasons(points: Points, at: Values) -> tuple[str, ...]:
+    """Return why Deltas between points lie outside the training: because a neighbour does."""
+    deltas = points.values["delta_um"]
+    above = np.searchsorted(deltas, at).clip(0, deltas.size - 1)
+    below = np.where(deltas[above] == at, above, (above - 1).clip(0))
+    return tuple(
+        points.reasons[one] or points.reasons[other]
+        for one, other in zip(below, above, strict=True)
+    )

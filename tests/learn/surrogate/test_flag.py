@@ -1,11 +1,21 @@
 """Rows that no feature's range flags, and that are unusual all the same."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from learn.surrogate.distance import INSIDE, RIDGE, from_groups, from_rows
+from learn.features import SETS
+from learn.surrogate.flag import (
+    INSIDE,
+    RIDGE,
+    from_groups,
+    from_rows,
+    from_training,
+    reasons_of,
+)
 
 
 def correlated(rows, seed, size=3):
@@ -105,3 +115,22 @@ def test_a_database_with_fewer_rows_than_features_has_distances():
     nearest = from_groups(inputs, kinds, np.arange(320) % 5)
     fresh = random.normal(size=(200, 40)) + 3.0
     assert (nearest.of(fresh) <= nearest.limit).mean() > 0.8
+
+
+def test_rows_of_another_kind_are_far_away():
+    random = np.random.default_rng(2)
+    groups = np.repeat(np.arange(20), 30)
+    along = random.normal(size=600)
+    inputs = np.column_stack([along, along + 0.05 * random.normal(size=600), np.zeros(600)])
+    inputs += 0.1 * random.normal(size=(20, 3))[groups] * [1, 1, 0]
+    found = from_training(inputs, groups)
+    assert np.mean(found.of(inputs) > found.limit) < 0.1
+    odd = np.array([[1.5, -1.5, 0.0]])
+    assert (np.abs(odd) < np.abs(inputs).max(axis=0) + 1e-12).all(), "in the range of each feature"
+    named = replace(SETS["paper"], columns=("a", "b", "c"))
+    ranges = np.full(3, -9.0), np.full(3, 9.0)
+    both = np.concatenate([odd, np.zeros((1, 3)), np.full((1, 3), 10.0)])
+    first, inside, beyond = reasons_of(both, ["a note", "", ""], named, ranges, found)
+    assert first.startswith("a note; distance from the training")
+    assert inside == ""
+    assert beyond.endswith("; a 10 outside -9 to 9; b 10 outside -9 to 9; c 10 outside -9 to 9")
