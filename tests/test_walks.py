@@ -28,8 +28,8 @@ class Counts(NamedTuple):
 MOST = {
     "heights": Counts(18, 117, 13),  # heights to the pressure on a free patch
     "scene": Counts(70, 407, 32),  # a scene to the rows of a database
-    "fit": Counts(62, 263, 25),  # a database to a surrogate
-    "predict": Counts(61, 278, 20),  # a surrogate and a map to a prediction
+    "fit": Counts(48, 255, 24),  # a database to a surrogate
+    "predict": Counts(36, 200, 20),  # a surrogate and a map to a prediction
     "law": Counts(76, 416, 31),  # a map to its contact law
 }
 """Most of each that a walk may pass."""

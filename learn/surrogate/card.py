@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gen.runtime.errors import InputError
 from gen.runtime import VERSION
+from gen.runtime.errors import InputError
 from gen.runtime.terminal import printable
 from gen.scene import Scene
 from learn.arrays import Indices, Values
