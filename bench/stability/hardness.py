@@ -14,9 +14,9 @@ from bem.problem import RTOL as DEFAULT_RTOL
 from bench.references import dense, yielding
 from bench.references.half_space import Field
 from bench.stability.case import Answer, Case, Finding
-from bench.stability.solver.checks import honesty, says_what_yields, unlike_nodes, violation
-from bench.stability.solver.setup import Setup
-from bench.stability.tally import Tally, blocks, surface_and_aspect
+from bench.stability.checks import honesty, says_what_yields, unlike_nodes, violation
+from bench.stability.loads import Tally, blocks, surface_and_aspect
+from bench.stability.setup import Setup
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.scene import load

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from bench.stability.surfaces import exact
+from bench.stability import exact
 from gen.statistics import describe
 from gen.surface import GENERATORS, generate
 

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bench.stability.models.fitted import fitted, rows_of
-from bench.stability.models.samples import ordinary
+from bench.stability.fitted import fitted, ordinary, rows_of
 from gen.surface import generate
 from learn.features import SETS, SurfaceFeatures, chosen
 from learn.features.sets import HYBRID

@@ -18,7 +18,7 @@ from bench.stability.edgeless import (
     periodic_problem,
     problem,
 )
-from bench.stability.solver.setup import Setup
+from bench.stability.setup import Setup
 
 SEED = 16
 

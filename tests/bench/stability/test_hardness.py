@@ -8,7 +8,7 @@ import pytest
 
 import bem
 from bench.stability.hardness import beside_least_squares, cases, expected, problem
-from bench.stability.solver.setup import Setup
+from bench.stability.setup import Setup
 
 SEED = 11
 

@@ -7,7 +7,7 @@ import pytest
 
 import bem
 from bench.stability.loads import SOLVES, cases, examine
-from bench.stability.solver.setup import Setup
+from bench.stability.setup import Setup
 
 MANY = 40
 

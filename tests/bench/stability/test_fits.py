@@ -4,18 +4,16 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pytest
 
-from bench.stability.models import fit_cases, fit_checks, part_cases
-from bench.stability.models.fit_checks import optimal
-from bench.stability.models.fitted import Asked, fitted
-from bench.stability.models.samples import ordinary
-from bench.stability.tables import cases_of
+from bench.stability import fits
+from bench.stability.case import cases_of
+from bench.stability.fits import optimal
+from bench.stability.fitted import Asked, fitted, ordinary
 from learn.models import MODELS
 
 
 def test_all_models_are_asked() -> None:
-    families = {kind.family for kind in fit_cases.KINDS if len(kind.models) == len(MODELS)}
+    families = {kind.family for kind in fits.KINDS if len(kind.models) == len(MODELS)}
     cases = cases_of("models")
     for family in families:
         titles = {case.name for case in cases if case.family == f"models: {family}"}
@@ -78,28 +76,14 @@ def test_what_lies_beyond_the_targets_fails() -> None:
 
 def test_an_unflagged_row_fails() -> None:
     fit = asked("kernel-ridge", "tuned")
-    assert all(finding.passed for finding in fit_checks.flagged(fit))
+    assert all(finding.passed for finding in fits.flagged(fit))
     low, high = fit.surrogate.low - np.inf, fit.surrogate.high + np.inf
     wide = replace(fit.surrogate, low=low, high=high, distance=None)
-    found = list(fit_checks.flagged(replace(fit, surrogate=wide)))
+    found = list(fits.flagged(replace(fit, surrogate=wide)))
     assert any(not finding.passed for finding in found)
 
 
 def test_silent_nonsense_fails() -> None:
     fit = asked("decision-tree")
     other = replace(fit, train=replace(fit.train, target=fit.train.target[::-1]))
-    assert [f.what for f in fit_checks.sound(other) if not f.passed] == [
-        "worse than a constant, unsaid"
-    ]
-
-
-def test_a_split_that_tears_surfaces_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    groups = np.arange(90) // 3
-    assert all(finding.passed for finding in part_cases._split(groups).findings)
-    draw = part_cases.draw
-
-    def by_row(rows: Any, seed: int) -> Any:
-        return draw(replace(rows, groups=np.arange(90)), seed)
-
-    monkeypatch.setattr(part_cases, "draw", by_row)
-    assert any(not finding.passed for finding in part_cases._split(groups).findings)
+    assert [f.what for f in fits.sound(other) if not f.passed] == ["worse than a constant, unsaid"]

@@ -1,6 +1,6 @@
-"""Elastic contacts: loads, surfaces, models, and input that has to be refused."""
+"""Cases of the contact solver: elastic bodies, and a hardness from none to all nodes yielded."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -14,12 +14,11 @@ from bem.equilibrium import BeyondCriticalDelta
 from bem.influence import KERNELS, Kernel
 from bench.references import dense
 from bench.references.half_space import Field, critical_delta, influence_coefficients
+from bench.stability import checks as judged
+from bench.stability import setup as topographies
 from bench.stability.case import Case, Refusal
-from bench.stability.solver import checks as judged
-from bench.stability.solver import topographies
-from bench.stability.solver.case import contact_case
-from bench.stability.solver.setup import DELTA, Setup
-from bench.stability.solver.topographies import CELL, NODES, SIDE, SMALL, flat, paper
+from bench.stability.checks import contact_case
+from bench.stability.setup import CELL, DELTA, NODES, SIDE, SMALL, Setup, flat, paper
 
 # Heights times a power of ten are rounded anew: two solves then differ by their tolerance.
 HEIGHT_ROUNDING = 1e-6
@@ -45,11 +44,17 @@ SYMMETRIC = (judged.is_symmetric,)
 
 
 def cases() -> Iterator[Case]:
+    """Elastic contacts, then bodies that yield."""
+    yield from elastic_cases()
+    yield from yielding_cases()
+
+
+def elastic_cases() -> Iterator[Case]:
     """Family after family."""
-    given = _materials_and_sizes(), _displacements(), _grids(), _arrays(), _tolerances()
+    given = _materials_and_sizes(), _displacements(), _grids()
     surfaces = _roughness(), _single_nodes(), _terraces(), _bodies()
     models = _concentrated_forces(), _compliant_far_fields()
-    return chain(*given, *surfaces, *models, _refusals())
+    return chain(*given, *surfaces, *models)
 
 
 def _one_cell(delta: float, spacing: float) -> Any:
@@ -114,35 +119,6 @@ def _grids() -> Iterator[Case]:
         yield long(f"{name}, coarse", paper(SMALL), checks=DENSE)
         yield long(name, paper)
         yield long(f"{name}, large contact", paper, 500.0)
-
-
-def _arrays() -> Iterator[Case]:
-    whole = np.round(paper() * (40 / paper().max()))
-    copy = partial(judged.equals, "a float64 copy", partial(_higher, 0.0))
-    for name, given in (
-        ("float32", paper().astype(np.float32)),
-        ("float16", paper().astype(np.float16)),
-        ("big-endian", paper().astype(">f8")),
-        ("int64", whole.astype(np.int64)),
-        ("uint8", whole.astype(np.uint8)),
-        ("Fortran order", np.asfortranarray(paper())),
-        ("every other column of a wider array", np.repeat(paper(), 2, axis=1)[:, ::2]),
-        ("read-only", paper()),
-    ):
-        yield contact_case("array", name, given, checks=(copy,))
-    near = partial(judged.equals, "the same without the offset", partial(_higher, -1e8))
-    raised, name = paper() / np.ptp(paper()) + 1e8, "an offset of 1e8 um, roughness of 1 um"
-    yield contact_case("array", name, raised, 0.5, checks=(near,))
-
-
-def _higher(offset: float, setup: Setup) -> Setup:
-    return replace(setup, heights=setup.surface + offset)
-
-
-def _tolerances() -> Iterator[Case]:
-    reason = "it is asked for more digits than the ordinary solve"
-    for rtol in (1e-2, 1e-9, 1e-12, 1e-14):
-        yield contact_case("tolerance", f"rtol = {rtol:g}", paper, rtol=rtol, reason=reason)
 
 
 def _roughness() -> Iterator[Case]:
@@ -252,39 +228,113 @@ def _of_critical(share: float, kernel: Kernel, heights: Field) -> float:
     return share * critical_delta(heights, kernel)
 
 
-def _refusals() -> Iterator[Case]:
-    """What is said of heights, of numbers, and of results beyond double precision."""
-    case, holed = partial(contact_case, "refused"), topographies.with_middle_at
-    unfinished = Refusal(bem.NotConverged, ("after 3 iterations", "raise max_iterations (3)"))
-    yield case("3 iterations", paper, max_iterations=3, refusal=unfinished)
-    for name, heights, words in (
-        (
-            "one node not a number",
-            holed(np.nan, flat(9)),
-            ("1 values", "not finite", "fill or crop"),
-        ),
-        ("one node infinite", holed(np.inf, flat(9)), ("1 values", "not finite", "fill or crop")),
-        ("no nodes", np.empty((0, 0)), ("shape (0, 0)", "a grid of nodes (nx, ny) is needed")),
-        ("a profile of one axis", np.zeros(9), ("shape (9,)", "a grid of nodes")),
-        ("complex heights", np.zeros((9, 9), complex), ("complex128", "real numbers are needed")),
-        ("text", np.full((9, 9), "high"), ("<U4", "real numbers are needed")),
-        ("masked nodes", np.ma.masked_equal(np.eye(9), 1), ("masked", "fill or crop")),
+FEW = 17  # nodes a side where the dense matrix is to judge: it takes many solves of all nodes
+# Of a half-space of E* = 1 MPa [MPa].
+CAPS = (1e-9, 1e-6, 1e-4, 1e-3, 5e-3, 2e-2, 5e-2, 0.1, 0.3, 1.0, 1e3)
+# Reason for more iterations than those of the elastic contact.
+MORE_SETS = "the yielded nodes have to be found too, which takes solves of their own"
+capped = partial(contact_case, "hardness", reason=MORE_SETS)
+
+
+def yielding_cases() -> Iterator[Case]:
+    """By the share of the nodes that yield, then by surface, cell and load."""
+    for hardness in CAPS:
+        case = partial(capped, hardness=hardness, checks=(judged.says_what_yields,))
+        both = judged.yields_as_by_dense_solve, judged.says_what_yields
+        yield case(f"H = {hardness:g} E*", paper)
+        yield case(f"H = {hardness:g} E*, coarse", paper(FEW), checks=both)
+    yield from _limits()
+    yield from _prescribed()
+    yield from _yielding_surfaces()
+    yield from _loads()
+
+
+def _limits() -> Iterator[Case]:
+    """The elastic contact from its largest pressure on, and the bearing area."""
+    largest = float(Setup(paper()).solve().pressure.max())
+    elastic = partial(judged.equals, "the elastic contact", partial(replace, hardness=None))
+    for name, hardness in (
+        ("the", largest),
+        ("one ulp above the", float(np.nextafter(largest, np.inf))),
+        ("one ulp below the", float(np.nextafter(largest, 0))),
     ):
-        yield case(name, heights, refusal=Refusal(ValueError, words))
-    wrong: tuple[tuple[str, dict[str, Any], tuple[str, ...]], ...] = (
-        ("Δ not a number", {"delta": np.nan}, ("delta = nan", "a finite number")),
-        ("Δ infinite", {"delta": np.inf}, ("delta = inf", "a finite number")),
-        ("L = 0", {"side": 0.0}, ("side = 0.0", "above 0 um")),
-        ("E = 0", {"modulus": 0.0}, ("modulus = 0.0", "above 0 MPa")),
-        ("ν = 0.6", {"poisson": 0.6}, ("poisson = 0.6", "above -1 and at most 0.5")),
-        ("ν = -1", {"poisson": -1.0}, ("poisson = -1.0", "above -1 and at most 0.5")),
-        ("rtol = 0", {"rtol": 0.0}, ("rtol = 0.0", "between 1e-15 and 1")),
+        title, checks = f"{name} largest elastic pressure", (judged.is_nearly_elastic,)
+        yield capped(title, paper, hardness=hardness, checks=checks)
+    name = "1e-3 above the largest elastic pressure"
+    yield capped(name, paper, hardness=1.001 * largest, checks=(elastic,))
+    yield capped("H = 1e90 E*", paper, hardness=1e90, checks=(elastic,))
+    for hardness in (1e-12, 1e-90):
+        both = judged.is_bearing_area, judged.says_what_yields
+        name = f"bearing area, H = {hardness:g} E*"
+        yield capped(name, paper, hardness=hardness, checks=both)
+    for hardness in (0.0, -1.0, np.nan):
+        refusal = Refusal(ValueError, ("hardness",))
+        yield capped(f"H = {hardness:g}", paper, hardness=hardness, refusal=refusal)
+
+
+def _prescribed() -> Iterator[Case]:
+    """Surfaces made from the pressure that solves them, so that each node's side is known."""
+    for name, below, depth in (
+        ("all nodes yield", 0, 1.0),
+        ("all nodes at the hardness, none deeper", 0, 0.0),
+        ("all nodes yield but one, which is just below", 1, 1.0),
+        ("all nodes at the hardness but one, none deeper", 1, 0.0),
+        ("half of the nodes yield", FEW**2 // 2, 1.0),
+    ):
+        for hardness in (1e-3, 1.0, 1e3):
+            pressure, heights, delta = _made(below, depth, hardness)
+            area = (SIDE / (FEW - 1)) ** 2
+            force = partial(judged.has_force, "the one it is made of", pressure.sum() * area, 1e-6)
+            title = f"{name}, H = {hardness:g} E*"
+            yield capped(title, heights, delta, hardness=hardness, checks=(force,))
+
+
+def _made(below: int, depth: float, hardness: float) -> tuple[Field, Field, float]:
+    """Pressure with some nodes below the hardness, and heights and displacement for it.
+
+    The other nodes yield to a depth over the largest displacement that the pressure makes [1].
+    """
+    random = np.random.default_rng(below)
+    pressure = np.full(FEW**2, hardness)
+    chosen = random.choice(FEW**2, below, replace=False)
+    pressure[chosen] *= random.uniform(0.9, 0.999, below)
+    field = pressure.reshape(FEW, FEW)
+    moved = dense.displace(field, "uniform-pressure") * (SIDE / (FEW - 1))
+    deeper = depth * random.random(field.shape) * float(moved.max())
+    interference = moved + np.where(field == hardness, deeper, 0.0)
+    return field, interference - interference.max(), float(interference.max())
+
+
+def _yielding_surfaces() -> Iterator[Case]:
+    surfaces: tuple[tuple[str, Callable[..., Field], float], ...] = (
+        ("flat", flat, 5.0),
+        ("sphere", partial(topographies.indenter, Paraboloid(5000.0)), 5.0),
+        ("white noise", topographies.white_noise, 10.0),
+        ("checkerboard", topographies.checkerboard, 10.0),
+        ("exact ties", topographies.terraces, 25.0),
     )
-    for name, arguments, said in wrong:
-        yield case(name, paper, **arguments, refusal=Refusal(ValueError, said))
-    case = partial(case, refusal=Refusal(bem.OutOfRange, ("double precision",)))
-    yield case("pressures below the smallest number", paper, 5e-324)
-    yield case("pressures beyond the largest number", paper, modulus=1e300, side=1e-9)
-    yield case("cells below the smallest number", paper, side=5e-324)
-    yield case("cells of 1:1e-600", paper, side=(1e300, 1e-300))
-    yield case("heights of ±1.5e308 um", np.array([[-1.5e308, 1.5e308], [0.0, -1.5e308]]))
+    dense_check = (judged.yields_as_by_dense_solve,)
+    for name, surface, delta in surfaces:
+        for hardness in (1e-3, 1e-2, 5e-2):
+            for kernel in KERNELS:
+                title = f"{name}, H = {hardness:g} E*, {kernel}"
+                case = partial(capped, hardness=hardness, delta=delta, kernel=kernel)
+                yield case(title, surface)
+                yield case(f"{title}, coarse", partial(surface, FEW), checks=dense_check)
+    for sides in ((1000.0, 64000.0), (64000.0, 1000.0)):
+        for hardness in (1e-4, 1e-3, 1e-2):
+            title = f"cells of {sides[0] / 1000:g}:{sides[1] / 1000:g}, H = {hardness:g} E*"
+            yield capped(title, paper, hardness=hardness, side=sides)
+
+
+def _loads() -> Iterator[Case]:
+    """A given mean pressure up to the hardness, beyond which there is no solution."""
+    for hardness in (1e-3, 0.1):
+        for share in (1e-3, 0.5, 0.9, 0.99, 1 - 1e-6, 1.0, 2.0):
+            pressure = share * hardness
+            given = partial(
+                judged.has_force, "the one given", pressure * paper().size * CELL**2, 1e-12
+            )
+            refusal = Refusal(bem.NoSolution, ("hardness",)) if share >= 1 else None
+            case = partial(capped, hardness=hardness, checks=(given,), refusal=refusal)
+            yield case(f"p = {share:.7g} H, H = {hardness:g} E*", paper, pressure=pressure)

@@ -13,12 +13,11 @@ import pytest
 import bem
 from bem import half_space
 from bem.influence import KERNELS
-from bench.stability.case import Case, Refusal, run_case
-from bench.stability.solver import checks, topographies
-from bench.stability.solver.case import contact_case, judge, solve
-from bench.stability.solver.checks import Check
-from bench.stability.solver.setup import Setup
-from bench.stability.tables import cases_of
+from bench.stability import checks
+from bench.stability import setup as topographies
+from bench.stability.case import Case, Refusal, cases_of, run_case
+from bench.stability.checks import Check, contact_case, judge, solve
+from bench.stability.setup import Setup
 
 
 def test_what_was_promised_is_in_the_table() -> None:
