@@ -70,5 +70,5 @@ def filled(path, scene, *runs):
 
 def raise_physics(monkeypatch):
     """Have a version of the code that computes other results."""
-    for module in (database.creation, database.layout, database.opening):
+    for module in (database.creation, database.layout, database.reader):
         monkeypatch.setattr(module, "physics_of", lambda scene: columns.physics_of(scene) + 1)

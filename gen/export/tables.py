@@ -8,7 +8,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from gen.database import Reader
-from gen.database.disk import chunks
+from gen.database.layout import chunks
 from gen.schema import STATUS, Column, Status
 
 Mask = NDArray[np.bool_]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gen import database
-from gen.database import disk
+from gen.database import writer
 from gen.generation.delivery import Block, Target, delivery, in_parallel
 from gen.generation.sample import compute_rows
 from gen.runtime import farm
@@ -27,7 +27,7 @@ MOUNTS = r"""
 @pytest.fixture
 def mounts(tmp_path, monkeypatch):
     (tmp_path / "mountinfo").write_text(MOUNTS.strip())
-    monkeypatch.setattr(disk, "MOUNTS", tmp_path / "mountinfo")
+    monkeypatch.setattr(writer, "MOUNTS", tmp_path / "mountinfo")
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_network_file_systems_are_known_by_their_mounts(mounts, path, answer):
 
 
 def test_without_a_list_of_mounts_the_answer_is_yes(tmp_path, monkeypatch):
-    monkeypatch.setattr(disk, "MOUNTS", tmp_path / "missing")
+    monkeypatch.setattr(writer, "MOUNTS", tmp_path / "missing")
     assert database.coherent(Path("/home/x.h5"))
 
 
