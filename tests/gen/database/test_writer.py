@@ -202,7 +202,7 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def path(folder):
+def held(folder):
     create(folder / "some.h5", SMALL)
     return folder / "some.h5"
 
@@ -254,19 +254,19 @@ def test_the_next_run_goes_on_after_such_an_end(folder):
     assert deterministic_bytes(folder / "away.h5") == deterministic_bytes(folder / "whole.h5")
 
 
-def test_an_extension_does_not_replace_what_has_come_meanwhile(path, folder, monkeypatch):
+def test_an_extension_does_not_replace_what_has_come_meanwhile(held, folder, monkeypatch):
     def replace_meanwhile(*_arguments, **_settings):
         SUDDENLY["replaced"](folder)
 
     monkeypatch.setattr("gen.database.creation.fill", replace_meanwhile)
     with pytest.raises(InputError, match="replaced by another file"):
-        extend(path, LARGER)
-    assert path.read_bytes() == (folder / "other.h5").read_bytes()
+        extend(held, LARGER)
+    assert held.read_bytes() == (folder / "other.h5").read_bytes()
     assert {each.name for each in folder.glob("some*")} == {"some.h5"}
 
 
-def test_others_read_what_is_held(path):
-    with HeldFile(path), h5py.File(path, locking=True) as file:  # HDF5's own lock, of all of it
+def test_others_read_what_is_held(held):
+    with HeldFile(held), h5py.File(held, locking=True) as file:  # HDF5's own lock, of all of it
         assert len(file["status"]) == 12
 
 
@@ -285,7 +285,7 @@ FOREIGN = {
 
 
 @pytest.mark.parametrize("kind", FOREIGN)
-def test_a_users_own_file_is_no_lock(path, folder, capsys, kind):
+def test_a_users_own_file_is_no_lock(held, folder, capsys, kind):
     own = folder / "some.h5.lock"
     FOREIGN[kind](own)
     before = own.lstat(), own.read_bytes() if own.is_file() else b""
@@ -295,48 +295,48 @@ def test_a_users_own_file_is_no_lock(path, folder, capsys, kind):
     assert (own.lstat(), own.read_bytes() if own.is_file() else b"") == before
 
 
-def test_an_empty_file_is_locked_and_left(path, folder):
+def test_an_empty_file_is_locked_and_left(held, folder):
     own = folder / "some.h5.lock"
     own.touch()
-    with lock(path), pytest.raises(InputError, match="is being written"), lock(path):
+    with lock(held), pytest.raises(InputError, match="is being written"), lock(held):
         pass
     assert own.read_bytes() == b""
     own.write_text("host elsewhere, process 1, since long ago\n")  # as a dead job leaves it
-    with lock(path):
+    with lock(held):
         pass
     assert not own.exists()
 
 
-def test_a_lock_that_has_become_another_file_is_left(path, folder):
-    with lock(path):
+def test_a_lock_that_has_become_another_file_is_left(held, folder):
+    with lock(held):
         (folder / "some.h5.lock").unlink()
         (folder / "some.h5.lock").write_text("precious")
     assert (folder / "some.h5.lock").read_text() == "precious"
 
 
 @pytest.mark.parametrize("options", [["scene.toml"], ["larger.toml"]])
-def test_a_read_only_file_stays_as_it_is(path, capsys, options):
-    path.chmod(0o444)
-    before = path.stat(), path.read_bytes()
+def test_a_read_only_file_stays_as_it_is(held, capsys, options):
+    held.chmod(0o444)
+    before = held.stat(), held.read_bytes()
     assert cli.main(["run", *options, "-o", "some.h5", "--retry-failed"]) == 2
     assert "some.h5 is read-only" in capsys.readouterr().err
-    assert (path.stat().st_mtime_ns, path.read_bytes()) == (before[0].st_mtime_ns, before[1])
+    assert (held.stat().st_mtime_ns, held.read_bytes()) == (before[0].st_mtime_ns, before[1])
 
 
-def test_an_extension_keeps_owner_group_and_mode(path):
-    path.chmod(0o620)
+def test_an_extension_keeps_owner_group_and_mode(held):
+    held.chmod(0o620)
     root = os.geteuid() == 0
     if root:
-        os.chown(path, 1234, 4321)
-    before = path.stat()
-    assert open_or_create(path, LARGER).how == "extended"
-    after = path.stat()
+        os.chown(held, 1234, 4321)
+    before = held.stat()
+    assert open_or_create(held, LARGER).how == "extended"
+    after = held.stat()
     assert stat.S_IMODE(after.st_mode) == 0o620
     assert (after.st_uid, after.st_gid) == (before.st_uid, before.st_gid)
     assert after.st_ino != before.st_ino
 
 
-def test_a_file_whose_owner_cannot_be_kept_is_not_extended(path, monkeypatch):
+def test_a_file_whose_owner_cannot_be_kept_is_not_extended(held, monkeypatch):
     def refuse(*_arguments):
         raise PermissionError(1, "Operation not permitted")
 
@@ -347,20 +347,20 @@ def test_a_file_whose_owner_cannot_be_kept_is_not_extended(path, monkeypatch):
 
     monkeypatch.setattr(os, "fchown", refuse)
     monkeypatch.setattr(HeldFile, "stat", of_another)
-    before = path.read_bytes()
+    before = held.read_bytes()
     with pytest.raises(InputError, match="belongs to user"):
-        open_or_create(path, LARGER)
-    assert path.read_bytes() == before
-    assert {each.name for each in path.parent.glob("some*")} == {"some.h5"}
+        open_or_create(held, LARGER)
+    assert held.read_bytes() == before
+    assert {each.name for each in held.parent.glob("some*")} == {"some.h5"}
 
 
-def test_a_file_in_the_making_is_closed_to_whom_the_old_one_is(path, monkeypatch):
-    path.chmod(0o600)
+def test_a_file_in_the_making_is_closed_to_whom_the_old_one_is(held, monkeypatch):
+    held.chmod(0o600)
     modes = []
 
     def note_modes(*_arguments, **_settings):
-        modes.extend(stat.S_IMODE(each.stat().st_mode) for each in path.parent.glob("*.part"))
+        modes.extend(stat.S_IMODE(each.stat().st_mode) for each in held.parent.glob("*.part"))
 
     monkeypatch.setattr("gen.database.creation.fill", note_modes)
-    extend(path, LARGER)
+    extend(held, LARGER)
     assert set(modes) == {0o600}
