@@ -41,8 +41,7 @@ def law(
     is the interface's alone: what a mesh adds to the bodies' own deformation.
     """
     from gen.law import Order, by_solver
-    from gen.law.table import show
-    from gen.law.writers import write
+    from gen.law.files import show, write_files
     from gen.maps.bodies import Source
     from gen.maps.contacts import require_conductivities
     from gen.material import Bodies
@@ -68,5 +67,5 @@ def law(
     )
     made = by_solver(order, lambda line: echo(line, err=True))
     show(made)
-    for written in write(made, files, figure):
+    for written in write_files(made, files, figure):
         echo(f"wrote {written}")

@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gen.arrays import Values
-from gen.law.curves import CONDUCTANCE, slopes
+from gen.law.curves import CONDUCTANCE, STIFFNESS, slopes
 from gen.law.finite_elements import rising
-from gen.law.points import STIFFNESS
 from gen.runtime import files
 from gen.runtime.installation import git_commit, versions
 

@@ -59,8 +59,7 @@ def law(
     training or of a scene, else 1 MPa. With --conductivity there is the conductance too. Surrogates
     that have not learnt the stiffness take it from the slope of the force, for elastic bodies only.
     """
-    from gen.law.table import show
-    from gen.law.writers import write
+    from gen.law.files import show, write_files
     from gen.maps.contacts import require_conductivities
     from learn.surrogate import Surrogate
     from learn.surrogate.interval import checked_level
@@ -89,7 +88,7 @@ def law(
         surrogate.require_level(order.level)
     tables = make(surrogate, order, note)
     show(tables)
-    for written in write(tables, files, figure):
+    for written in write_files(tables, files, figure):
         echo(f"wrote {written}")
 
 

@@ -28,7 +28,7 @@ def predict(
     material: Material,
 ) -> None:
     """Predict area and force of surfaces, with intervals, and a flag outside the training."""
-    from gen.law.loads import deltas_from
+    from gen.law.contact_law import deltas_from
     from gen.runtime.files import Row, write_csv
     from gen.runtime.terminal import RunProgress
     from learn.surrogate import Surrogate

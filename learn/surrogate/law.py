@@ -28,9 +28,8 @@ from bem.derived.stiffness import without_patch
 from bem.spacing import Boundary
 from gen.law import Law, contact_law
 from gen.law.contact_law import STEPS, law_of, solved_law, usual_loads
-from gen.law.curves import Curves, continued, monotone, slopes, tabulated
-from gen.law.points import STIFFNESS, Points
-from gen.law.subjects import LawSurface, LawSurfaces, is_scene, read_subjects, scene_of
+from gen.law.curves import STIFFNESS, Curves, Points, continued, monotone, slopes, tabulated
+from gen.law.surfaces import LawSurface, LawSurfaces, is_scene, read_subjects, scene_of
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
@@ -251,7 +250,8 @@ def _tables(
     with RunProgress(len(surfaces), "surfaces") as progress:
         for surface in surfaces:
             on_surface = OnSurface(surrogate, _features(surface))
-            raw = predicted_points(on_surface, surface, deltas, level, bodies).from_rest(surface)
+            raw = predicted_points(on_surface, surface, deltas, level, bodies)
+            raw = raw.from_rest(surface.gap_at_rest)
             smooth, correction = monotone(raw)
             extended = _extended(smooth, on_surface, surface, level, bodies)
             if stiffness and not learnt:

@@ -14,8 +14,7 @@ import bem
 from gen import cli as gen_cli
 from gen.generation.plan import parameters
 from gen.generation.sample import solve_contact, surface_of
-from gen.law.curves import monotone, tabulated
-from gen.law.points import Points
+from gen.law.curves import Points, monotone, tabulated
 from gen.scene import Scene
 from learn import Surrogate
 from learn.surrogate.law import _corrected, at_pressures

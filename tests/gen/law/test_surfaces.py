@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_populations import POPULATIONS
 
-from gen.law.subjects import read_subjects
+from gen.law.surfaces import read_subjects
 from gen.option_groups import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.user_code import TRUSTED
