@@ -83,11 +83,6 @@ ROOMS = {
         *("gen.runtime", "gen.scene", "gen.statistics"),
     },
     "learn.features": {"learn.arrays", "learn.executor"},
-    "learn.comparison.search": {
-        *("learn.arrays", "learn.comparison.records", "learn.comparison.training_data"),
-        *("learn.executor", "learn.features", "learn.kernel_ridge", "learn.memory"),
-        *("learn.models", "learn.split"),
-    },
     "learn.comparison": {
         *("learn.arrays", "learn.columns", "learn.dataset", "learn.executor", "learn.features"),
         *("learn.kernel_ridge", "learn.memory", "learn.metrics", "learn.models"),

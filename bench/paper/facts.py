@@ -1,7 +1,7 @@
 """The paper's numbers that nothing else in this tree needs, and where all of them stand.
 
 Its ranges (Table 1) stand in `gen.schema`, its search spaces and optima (Table 2) in
-`learn.comparison.search.spaces`, its times and scores (Tables 3 and 4) in
+`learn.comparison.spaces`, its times and scores (Tables 3 and 4) in
 `learn.comparison.paper`, its costs (section 4.4) in `bench.surrogates.times`, its paraboloid
 (section 2.4) in `bench.hertz`: modules here take them from there.
 """

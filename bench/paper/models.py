@@ -11,7 +11,7 @@ from bench.paper.texts import DIGITS, ratio, table, why
 from gen.runtime.errors import InputError
 from learn.comparison import paper, tables
 from learn.comparison.folder import Folder
-from learn.comparison.search.spaces import OPTIMA, SPACES
+from learn.comparison.spaces import OPTIMA, SPACES
 from learn.metrics import Scores
 from learn.models import MODELS
 

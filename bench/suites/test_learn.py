@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
 from learn import memory
-from learn.comparison.search import pruning
-from learn.comparison.search.grid_search import GridSearch
-from learn.comparison.search.spaces import Space
-from learn.comparison.search.trials import Trials
-from learn.comparison.training_data import Training
+from learn.comparison import grid as grids
+from learn.comparison.search import GridSearch
+from learn.comparison.spaces import Space
+from learn.comparison.training import Training
+from learn.comparison.trials import Trials
 from learn.executor import Executor
 from learn.models import MODELS, STEP, pipeline
 
@@ -67,7 +67,7 @@ def best_of_ours(name: str, size: str, samples: Samples, folds: Folds, path: Pat
     inputs, target = samples
     training = Training(inputs, target, folds, inputs[:2], target[:2])
     model = MODELS[name]
-    grid = pruning.grid(model, space_of(name, size), inputs.shape[1])
+    grid = grids.grid(model, space_of(name, size), inputs.shape[1])
     path.unlink(missing_ok=True)
     with Trials(path, {}) as trials:
         found = GridSearch(model, grid, training, trials, Executor()).exhaustive()

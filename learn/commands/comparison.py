@@ -62,8 +62,8 @@ def tune(
         str,
         typer.Option(
             metavar="TIME",
-            help="Time for the searches, as 2h or 30min: successive halving where a grid is too"
-            " large for it, then five folds of all rows. Without it, whole grids.",
+            help="Time of this call, as 2h or 30min: successive halving where a grid is too large"
+            " for it, then five folds of all rows. Without it, whole grids.",
         ),
     ] = "",
     target: Target = "area",
@@ -76,12 +76,12 @@ def tune(
     Five folds of all rows decide. Where no candidate is better than the baseline that `compare`
     fits, the baseline wins.
 
-    Every finished fit is kept: interrupted or killed, the same command goes on, with what is left
-    of its budget. Started as `mpiexec -n 65 python -m mpi4py -m learn tune ...` rank 0 hands out
-    the fits, the others do them.
+    Every finished fit is kept: interrupted or killed, the same command goes on. Started as
+    `mpiexec -n 65 python -m mpi4py -m learn tune ...` rank 0 hands out the fits, the others do
+    them.
     """
     from learn.comparison import jobs
-    from learn.comparison.search.budget import seconds
+    from learn.comparison.halving import seconds
     from learn.executor import lead
 
     def job(executor: Executor) -> int:
@@ -99,7 +99,7 @@ def estimate(
     output: Output,
     model: Models = None,
     budget: Annotated[
-        str, typer.Option(metavar="TIME", help="Time for all models together, as 1h or 90min.")
+        str, typer.Option(metavar="TIME", help="Time of this call, as 1h or 90min.")
     ] = "1h",
     target: Target = "area",
     *,
@@ -111,7 +111,7 @@ def estimate(
     be done again by `tune` on the same folder.
     """
     from learn.comparison import jobs
-    from learn.comparison.search.budget import seconds
+    from learn.comparison.halving import seconds
     from learn.executor import lead
 
     def job(executor: Executor) -> int:

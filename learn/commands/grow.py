@@ -144,7 +144,7 @@ def _grow(
     """Grow on the master; return the exit code."""
     from gen.runtime.figure import new_figure, save
     from gen.runtime.signals import Interruption
-    from learn.comparison.search.budget import seconds
+    from learn.comparison.halving import seconds
     from learn.grow import picture, rounds, summary
     from learn.grow.pace import Pace
     from learn.grow.population import scene_of

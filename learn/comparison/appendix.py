@@ -17,7 +17,7 @@ from learn import memory
 from learn.arrays import Values
 from learn.comparison.folder import Folder
 from learn.comparison.pictures import save
-from learn.comparison.preparation import open_folder, read_single
+from learn.comparison.training import open_folder, read_single
 from learn.dataset import Dataset
 from learn.metrics import Scores, scores
 from learn.models import MODELS, pipeline, remarks

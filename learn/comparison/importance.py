@@ -18,11 +18,10 @@ import numpy as np
 from gen.runtime.figure import new_figure
 from learn import dataset, features, memory, split
 from learn.comparison.folder import Folder
+from learn.comparison.grid import Settings
 from learn.comparison.pictures import save
-from learn.comparison.preparation import open_folder, read_single
-from learn.comparison.search.pruning import Settings
-from learn.comparison.search.spaces import untuned
-from learn.comparison.winner import settings_of
+from learn.comparison.spaces import untuned
+from learn.comparison.training import open_folder, read_single
 from learn.metrics import Scores, scores
 from learn.models import Model, models_named, pipeline, remarks
 from learn.request import Request
@@ -253,7 +252,7 @@ def _built(model: Model, settings: Settings, request: Request) -> Any:
 def _settings(folder: Folder, model: str, features: str) -> tuple[Settings, str]:
     """Return the settings of the tuned model, or untuned ones, and their origin."""
     result = folder.result("tuned", model)
-    tuned = settings_of(folder, model)
+    tuned = folder.winner(model)
     if tuned and tuned.of_grid and result and result["test"]:
         return tuned.settings, "tuned here"
     origin, settings = untuned(model, features)

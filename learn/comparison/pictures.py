@@ -8,9 +8,10 @@ import numpy as np
 
 from gen.runtime import figure as figures
 from gen.runtime.figure import draw_parity, new_figure, parity_axes
-from learn.comparison import intervals, tables
+from learn.comparison import tables
 from learn.comparison.folder import KINDS, Folder
-from learn.comparison.intervals import Intervals
+from learn.comparison.tables import Intervals
+from learn.metrics import LEVEL
 from learn.models import MODELS
 
 COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}
@@ -105,7 +106,7 @@ def _parity(folder: Folder, shown: Shown, quantity: str) -> Any:
 
 def _scores(folder: Folder, shown: Shown, target: str) -> Any:
     """Draw every score of every model with its interval; the worst model fills the height."""
-    wanted, found = tables.names(target), intervals.of(folder)
+    wanted, found = tables.names(target), tables.intervals(folder)
     if found is None:
         raise ValueError("there are no scores to draw")
     figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(wanted))
@@ -129,11 +130,8 @@ def _scores(folder: Folder, shown: Shown, target: str) -> Any:
 def _said(found: Intervals, shown: Shown, target: str) -> str:
     """Explain the whiskers and the nMSE, and name the models whose baseline won the search."""
     lines = []
-    if found.of:
-        lines.append(
-            f"whiskers: {100 * intervals.LEVEL:g} % bootstrap intervals,"
-            f" {intervals.BOOTSTRAP:,} resamples of {found.groups} {found.drawn}; nMaxE has none"
-        )
+    if any(found.of.values()):
+        lines.append(f"whiskers: {100 * LEVEL:g} % bootstrap intervals, {found.in_words()}")
     won = [MODELS[m].title for m, _, r in shown if (r.get("search") or {}).get("winner") == BEST]
     if won:
         lines.append(f"tuned is the baseline, which won the search: {', '.join(won)}")

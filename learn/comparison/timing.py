@@ -5,6 +5,7 @@ processes wait, on one thread, as medians.
 """
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from statistics import median
@@ -14,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from learn.arrays import Values
-from learn.comparison.search.pruning import Settings
-from learn.comparison.training_data import Training
+from learn.comparison import bounded
+from learn.comparison.grid import Settings
+from learn.comparison.training import Training
 from learn.metrics import Scores, scores
 from learn.models import MODELS, STEP, pipeline, remarks
 
@@ -27,6 +29,10 @@ ENOUGH = 5.0
 
 TOO_LONG = 300.0
 """Seconds after which no further repetition is begun."""
+
+
+NO_TIMES = {"fit": None, "fits": 0, "test": None, "row": None}
+"""Times of a fit that has failed."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +49,15 @@ class TimedFit:
         Whether it is the winner of a search.
     baseline : bool
         Whether it is the baseline: always, unless `tuned` says that it is a search's winner.
+    until : float
+        Time of `time.time` at which the fit is stopped [s].
     """
 
     model: str
     settings: Settings = field(default_factory=dict)
     tuned: bool = False
     baseline: bool = False
+    until: float = math.inf
 
     @property
     def of_grid(self) -> bool:
@@ -59,28 +68,6 @@ class TimedFit:
     def kind(self) -> str:
         """Name of the folder of its result."""
         return "tuned" if self.tuned else "baseline"
-
-
-@dataclass(frozen=True, eq=False)
-class Times:
-    """Medians, on one thread of one process [s].
-
-    Attributes
-    ----------
-    fit : float
-        Time of a fit to all training rows.
-    fits : int
-        Number of fits that this median is over.
-    test : float
-        Time of predicting the whole test set.
-    row : float
-        Time of predicting a single row.
-    """
-
-    fit: float = math.nan
-    fits: int = 0
-    test: float = math.nan
-    row: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +82,9 @@ class FitResult:
         Predictions of the test rows, empty if the fit failed.
     fitted : dict
         Settings that the fit has chosen by itself, such as a kernel's length.
-    times : Times
-        Times, NaN if the fit failed.
+    times : dict
+        Medians, on one thread of one process: "fit" to all training rows, which is over "fits"
+        fits, prediction of the "test" set and of a single "row" [s]; None if the fit failed.
     failure : str
         The reason why there are no scores.
     remarks : tuple of str
@@ -107,9 +95,14 @@ class FitResult:
     test: Scores | None
     prediction: Values
     fitted: dict[str, str]
-    times: Times
+    times: dict[str, float | None]
     failure: str = ""
     remarks: tuple[str, ...] = ()
+
+
+def fit_in_time(training: Training, task: TimedFit) -> FitResult | None:
+    """Fit, score and time a model; None if that was stopped at its time."""
+    return bounded.call(fit_and_time, training, task, task.until)
 
 
 def fit_and_time(training: Training, task: TimedFit) -> FitResult:
@@ -132,41 +125,55 @@ def fit_and_time(training: Training, task: TimedFit) -> FitResult:
     )
     with remarks() as said:
         try:
-            result = _scored_and_timed(training, unfitted)
+            result = _scored_and_timed(training, unfitted, task.until)
         except Exception as error:  # whatever a library raises: the model has no scores
             text = " ".join(str(error).split())[:300] or type(error).__name__
-            result = FitResult(None, None, np.empty(0), {}, Times(), failure=text)
+            result = FitResult(None, None, np.empty(0), {}, {**NO_TIMES}, failure=text)
     return replace(result, remarks=tuple(said))
 
 
-def _scored_and_timed(training: Training, unfitted: Any) -> FitResult:
+def _scored_and_timed(training: Training, unfitted: Any, until: float) -> FitResult:
     first = perf_counter()
     fitted = unfitted.fit(training.inputs, training.target)
-    fits = [perf_counter() - first]
+    alone = perf_counter() - first
     restored = training.scaling.restored
     prediction = restored(fitted.predict(training.test_inputs))
     train = scores(restored(training.target), restored(fitted.predict(training.inputs)))
     test = scores(training.test_target, prediction)
+    chosen = _chosen(fitted)
+    times = {
+        "test": median(_repeated(lambda: fitted.predict(training.test_inputs), (3, 9))),
+        "row": median(_repeated(lambda: fitted.predict(training.test_inputs[:1]), (5, 99))),
+    }
+
+    def refit() -> None:
+        unfitted.fit(training.inputs, training.target)
+
     # The first of several fits is a warm-up; a fit that is too long to be repeated counts itself.
-    fits = _repeated(lambda: unfitted.fit(training.inputs, training.target), FITS, fits[0]) or fits
-    times = Times(
-        fit=median(fits),
-        fits=len(fits),
-        test=median(_repeated(lambda: fitted.predict(training.test_inputs), (3, 9), 0.0)),
-        row=median(_repeated(lambda: fitted.predict(training.test_inputs[:1]), (5, 99), 0.0)),
-    )
-    return FitResult(train, test, prediction, _chosen(fitted), times)
+    fits = _repeated(refit, FITS, alone, until) or [alone]
+    times |= {"fit": median(fits), "fits": len(fits)}
+    return FitResult(train, test, prediction, chosen, {**times})
 
 
-def _repeated(action: Callable[[], Any], bounds: tuple[int, int], spent: float) -> list[float]:
-    """Time an action repeatedly, within bounds of number and of time spent [s]."""
+def _repeated(
+    action: Callable[[], Any],
+    bounds: tuple[int, int],
+    spent: float = 0.0,
+    until: float = math.inf,
+) -> list[float]:
+    """Time an action repeatedly, within bounds of number, of time spent and of the clock [s].
+
+    The last time, at first that of a run before, tells whether another run ends in time.
+    """
     taken: list[float] = []
-    while len(taken) < bounds[1] and spent < TOO_LONG:
+    longest = spent
+    while len(taken) < bounds[1] and spent < TOO_LONG and time.time() + 2 * longest < until:
         if len(taken) >= bounds[0] and sum(taken) > ENOUGH:
             break
         began = perf_counter()
         action()
         taken.append(perf_counter() - began)
+        longest = max(longest, taken[-1])
         spent += taken[-1]
     return taken
 

@@ -15,8 +15,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import to_type
 from learn.arrays import Values
 from learn.comparison.folder import Folder
-from learn.comparison.search.spaces import OPTIMA
-from learn.comparison.winner import settings_of
+from learn.comparison.spaces import OPTIMA
 from learn.models import MODELS, NORMALISATIONS, STEP, pipeline, remarks
 from learn.request import Request
 
@@ -112,7 +111,7 @@ def tuned_conditions(folder: Folder, model: str) -> dict[str, Any]:
 
 
 def _tuned(folder: Folder, model: str) -> Settings:
-    winner = settings_of(folder, model)
+    winner = folder.winner(model)
     if winner is None:
         raise InputError(
             f"--from: {folder.path} has no tuned {model}: {to_type(f'learn tune --model {model}')}"

@@ -13,7 +13,7 @@ from asperity.serving.models import Configuration, SurrogateModel
 from gen import cli as gen
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli, dataset, split
-from learn.comparison.search.spaces import OPTIMA
+from learn.comparison.spaces import OPTIMA
 from learn.executor import Executor
 from learn.models import (
     AT_BOUND,

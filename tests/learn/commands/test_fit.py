@@ -23,7 +23,7 @@ def table(path):
 
 
 def test_a_tuned_winner_is_taken_with_what_it_rests_on(work, capsys, monkeypatch):
-    from learn.comparison.search import spaces
+    from learn.comparison import spaces
 
     space = {"alpha": [1e-5, 1e-3], "gamma": [0.001], "kernel": ["rbf"]}
     monkeypatch.setitem(spaces.SCALED, "kernel-ridge", space)

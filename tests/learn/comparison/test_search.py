@@ -8,7 +8,7 @@ import pytest
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.model_selection import GridSearchCV, PredefinedSplit
 
-from learn.comparison.search.trials import Trials
+from learn.comparison.trials import Trials
 from learn.models import MODELS, STEP, pipeline
 
 # Every kind of synonym and of shared fit, small enough for a test.
@@ -106,6 +106,24 @@ def test_scores_and_winner_are_those_of_scikit_learns_grid_search(
     assert scores.fits == 5 * len(grid.families)
     if space is REDUCED[model] and model != "gaussian-process":
         assert len(grid.families) < grid.nominal
+
+
+def test_ties_go_to_the_first_in_the_grid(searching):
+    space = {"min_samples_split": [2, 3, 4], "min_samples_leaf": [2], "max_depth": [3]}
+    search = searching("decision-tree", space)
+    assert len(search.grid.differing) == 1
+    assert search.grid.first(search.exhaustive().scores.winner)["min_samples_split"] == 2
+
+
+def test_candidates_that_fail_come_last_with_their_reason(searching):
+    search = searching("svm", {"C": [-1.0, 1.0], "kernel": ["rbf"]})
+    scores = search.exhaustive().scores
+    assert np.isnan(scores.means[0])
+    assert scores.scored == 1
+    assert search.grid.first(scores.winner)["C"] == 1.0
+    (reason,) = scores.failures
+    assert "'C' parameter" in reason
+    assert scores.failures[reason] == 5
 
 
 def test_adaboost_that_ends_early_has_the_same_model_for_all_larger_numbers(searching):

@@ -7,33 +7,28 @@ again.
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Self
+from typing import IO, Annotated, Self
 
-from gen.runtime import documents
+from pydantic import ConfigDict, Field
+
+from gen.runtime import documents, files
 from gen.runtime.errors import InputError
-from learn.comparison import records
-
-AT_BOUND = "close to the specified lower bound"
-"""Words of scikit-learn's warning of a collapsed likelihood: older files have no other mark."""
-
-DIVERGED = "prediction diverged"
-"""The failure of a fit whose score is below `LEAST_SCORE`."""
+from learn.comparison.records import Count, Seconds
+from learn.split import FOLDS
 
 LEAST_SCORE = -1e20
 """R2 below which a fit has diverged: a score like this would spoil means and tables."""
 
 
-@dataclass(frozen=True)
-class Trial:
-    """The score of one candidate on one fold.
+class Trial(documents.Document):
+    """The score of one candidate on one fold, a line of the file.
 
     Attributes
     ----------
     candidate : str
-        Its canonical settings, as `learn.comparison.search.pruning.key` writes them.
+        Its canonical settings, as `learn.comparison.grid.key` writes them.
     fold : int
         The fold that was left out of the training.
     rows : int
@@ -44,20 +39,22 @@ class Trial:
         The reason why there is no score.
     remark : str
         Warnings of the fit.
-    collapsed : bool
-        Whether the fit found nothing in its rows, so that its score says nothing about more rows;
-        see `learn.comparison.search.fits.collapsed`.
     seconds : float
         Time of the fit and the scoring, shared evenly by the candidates of one fit [s].
+    collapsed : bool
+        Whether the fit found nothing in its rows, so that its score says nothing about more rows;
+        see `learn.comparison.fits.collapsed`.
     """
 
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
     candidate: str
-    fold: int
-    rows: int
-    r2: float | None
+    fold: Annotated[int, Field(ge=0, lt=FOLDS)]
+    rows: Count
+    r2: Annotated[float, Field(ge=LEAST_SCORE, le=1)] | None
     failure: str = ""
     remark: str = ""
-    seconds: float = 0.0
+    seconds: Seconds = 0.0
     collapsed: bool = False
 
     @property
@@ -95,10 +92,7 @@ class Trials:
     def __init__(self, path: Path, conditions: dict[str, object]) -> None:
         self.path = path
         self.finished: dict[tuple[str, int, int], Trial] = {}
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{path.parent} cannot be made: {error.strerror}") from None
+        files.make_folder(path.parent)
         self._file = self._opened(conditions)
 
     def __enter__(self) -> Self:
@@ -117,19 +111,14 @@ class Trials:
     def add(self, trials: list[Trial]) -> None:
         """Write the trials of one fit to the disk.
 
-        Parameters
-        ----------
-        trials : list of Trial
-            The trials.
-
         Raises
         ------
         InputError
             If the disk is full.
         """
-        text = "".join(json.dumps(asdict(trial), allow_nan=False) + "\n" for trial in trials)
+        lines = [json.dumps(trial.model_dump(), allow_nan=False) for trial in trials]
         try:
-            self._file.write(text.encode())
+            self._file.write("".join(f"{line}\n" for line in lines).encode())
             self._file.flush()
         except OSError as error:
             raise InputError(f"{self.path} cannot be written: {error.strerror}") from None
@@ -151,25 +140,20 @@ class Trials:
         return file
 
     def _read(self, content: bytes, conditions: dict[str, object]) -> None:
+        """Take the trials of a file, and refuse those that were made under other conditions."""
         first, *lines = content.split(b"\n")[:-1] or [b""]
-        if first:
-            _compare(self.path, documents.checked(self.path, first, documents.Document), conditions)
+        if not first:
+            return
+        stored = documents.checked(self.path, first, documents.Document)
+        wanted = json.loads(json.dumps(conditions))
+        for name in sorted(wanted.keys() | stored.keys()):
+            if stored.get(name) != wanted.get(name):
+                raise InputError(
+                    f"{self.path} holds trials with {name} {stored.get(name)!r}, not"
+                    f" {wanted.get(name)!r}: give another folder, or the same options, data and"
+                    " versions"
+                )
         for number, line in enumerate(lines, start=2):
-            read = documents.checked(f"{self.path}, line {number}", line, records.Trial)
-            if "collapsed" not in read:
-                read["collapsed"] = AT_BOUND in read.get("remark", "")
-            if read["r2"] is not None and read["r2"] < LEAST_SCORE:  # in older files
-                read |= {"r2": None, "failure": DIVERGED, "collapsed": False}
+            read = documents.checked(f"{self.path}, line {number}", line, Trial)
             trial = Trial(**read)
             self.finished[trial.place] = trial
-
-
-def _compare(path: Path, stored: dict[str, object], wanted: dict[str, object]) -> None:
-    """Refuse trials that were made under other conditions, naming the first that differs."""
-    expected = json.loads(json.dumps(wanted))
-    for name in sorted(expected.keys() | stored.keys()):
-        if stored.get(name) != expected.get(name):
-            raise InputError(
-                f"{path} holds trials with {name} {stored.get(name)!r}, not {expected.get(name)!r}:"
-                " give another folder, or the same options, data and versions"
-            )

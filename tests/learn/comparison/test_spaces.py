@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from learn.comparison import paper
-from learn.comparison.search import pruning, spaces
-from learn.comparison.search.spaces import OPTIMA, SPACES
+from learn.comparison import grid as grids
+from learn.comparison import paper, spaces
+from learn.comparison.spaces import OPTIMA, SPACES
 from learn.models import MODELS, pipeline
 
 POINTS = {
@@ -85,7 +85,7 @@ def test_kernels_have_grids_of_their_own_for_features_without_units(model, featu
         assert settings[name] in values
         numbers = [value for value in values if isinstance(value, float)]
         assert numbers == sorted(set(numbers))
-    assert len(pruning.grid(MODELS[model], space, inputs=23).differing) <= 80
+    assert len(grids.grid(MODELS[model], space, inputs=23).differing) <= 80
 
 
 def test_the_baseline_process_has_ridges_default_length():

@@ -1,12 +1,10 @@
 """Grids after pruning: the order of their points, and the candidates that differ."""
 
-import warnings
-
-import numpy as np
 import pytest
 
-from learn.comparison.search import pruning
-from learn.comparison.search.spaces import SPACES
+from gen.runtime.errors import InputError
+from learn.comparison import grid as grids
+from learn.comparison.spaces import SPACES
 from learn.models import MODELS
 
 
@@ -14,8 +12,8 @@ from learn.models import MODELS
 def test_the_order_is_scikit_learns(model):
     from sklearn.model_selection import ParameterGrid
 
-    assert pruning.points(SPACES[model]) == list(ParameterGrid(SPACES[model]))
-    assert pruning.size(SPACES[model]) == len(ParameterGrid(SPACES[model]))
+    assert grids.points(SPACES[model]) == list(ParameterGrid(SPACES[model]))
+    assert grids.size(SPACES[model]) == len(ParameterGrid(SPACES[model]))
 
 
 @pytest.mark.parametrize(
@@ -33,7 +31,7 @@ def test_the_order_is_scikit_learns(model):
     ],
 )
 def test_what_is_left_of_the_full_grids(model, nominal, differing, fits):
-    grid = pruning.grid(MODELS[model], SPACES[model], inputs=23)
+    grid = grids.grid(MODELS[model], SPACES[model], inputs=23)
     assert grid.nominal == nominal
     assert len(grid.differing) == differing
     assert 5 * len(grid.families) == fits
@@ -45,23 +43,21 @@ def test_what_is_left_of_the_full_grids(model, nominal, differing, fits):
 
 def test_with_as_many_inputs_that_the_root_and_the_logarithm_differ_both_are_tried():
     space = {"max_features": ["sqrt", "log2"]}
-    few = pruning.grid(MODELS["decision-tree"], space, inputs=23)
-    many = pruning.grid(MODELS["decision-tree"], space, inputs=100)
+    few = grids.grid(MODELS["decision-tree"], space, inputs=23)
+    many = grids.grid(MODELS["decision-tree"], space, inputs=100)
     assert (len(few.differing), len(many.differing)) == (1, 2)
 
 
-def test_names_of_friedmans_criterion_mean_the_squared_error(samples):
-    """Once scikit-learn refuses the names, there is nothing left to compare."""
-    from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
-
-    for kind in (RandomForestRegressor, GradientBoostingRegressor):
-        predicted = []
-        for criterion in ("squared_error", "friedman_mse"):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                try:
-                    model = kind(n_estimators=5, random_state=0, criterion=criterion)
-                    predicted.append(model.fit(*samples).predict(samples[0]))
-                except (TypeError, ValueError):
-                    pytest.skip("this scikit-learn has no friedman_mse any more")
-        np.testing.assert_array_equal(*predicted)
+@pytest.mark.parametrize(
+    ("model", "setting", "value"),
+    [
+        ("xgboost", "booster", "dart"),
+        ("xgboost", "early_stopping_rounds", 5),
+        ("gradient-boost", "n_iter_no_change", 5),
+    ],
+)
+def test_boosting_that_staged_fits_do_not_serve_is_refused_in_one_line(model, setting, value):
+    space = {"n_estimators": [10, 50], setting: [None, value]}
+    with pytest.raises(InputError, match=f"{model}: {setting}={value!r} cannot be") as refusal:
+        grids.grid(MODELS[model], space, 6)
+    assert "\n" not in str(refusal.value)

@@ -1,23 +1,33 @@
-"""Reduce a grid to the candidates that differ, and group those that share one fit.
+"""A grid of candidates: those that differ, those that one fit serves, and what each fit costs.
 
 A candidate's canonical settings leave out settings that its kernel or solver ignores, and give one
 name to values that lead to the same computation. The reduction is exact:
-`tests/learn/comparison/search/test_grid_search.py` compares scores with scikit-learn's own grid
-search.
+`tests/learn/comparison/test_search.py` compares scores with scikit-learn's own grid search.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
-from math import log2, prod, sqrt
+from itertools import pairwise, product
+from math import inf, log2, prod, sqrt
 from typing import Any
 
-from learn.comparison.search.spaces import Space
-from learn.comparison.search.staged import require_served
+from gen.runtime.errors import InputError
+from learn.comparison.spaces import Space
 from learn.models import MODELS, Model
 
 Settings = dict[str, Any]
+"""Values by setting."""
+
+SERVED: dict[str, dict[str, tuple[Any, ...]]] = {
+    "xgboost": {"booster": (None, "gbtree"), "early_stopping_rounds": (None,)},
+    "gradient-boost": {"n_iter_no_change": (None,)},
+}
+"""Values, by model and setting, with which the first k trees of a fit are the model with k trees.
+
+DART scales earlier trees as it adds later ones, linear boosting has no trees, and a boosting that
+stops early also trains on fewer rows.
+"""
 
 
 @dataclass(frozen=True)
@@ -65,15 +75,71 @@ class Grid:
         return self.candidates[self.canonical.index(number)]
 
 
+@dataclass(frozen=True)
+class Task:
+    """One fit: the candidates that it serves, and the fold that it leaves out.
+
+    Attributes
+    ----------
+    model : str
+        Name of the model.
+    candidates : tuple of dict
+        Canonical settings, which differ only in the setting whose values one fit serves.
+    fold : int
+        The fold that is left out of the training, and predicted.
+    rows : int
+        Number of training rows at most.
+    baseline : bool
+        True for the one candidate that is the baseline, which lacks the settings that the grid's
+        candidates share.
+    until : float
+        Time of `time.time` at which the fit is stopped [s].
+    longest : float
+        Time after which the fit is stopped [s].
+    """
+
+    model: str
+    candidates: tuple[Settings, ...]
+    fold: int
+    rows: int
+    baseline: bool = False
+    until: float = inf
+    longest: float = inf
+
+    @property
+    def names(self) -> list[str]:
+        """The name of each candidate in its trials."""
+        return [baseline_key(c) if self.baseline else key(c) for c in self.candidates]
+
+
 def points(space: Space) -> list[Settings]:
     """List all points of a space in the order of scikit-learn's ParameterGrid."""
     names = sorted(space)
-    return [dict(zip(names, values, strict=True)) for values in product(*map(space.get, names))]  # type: ignore[arg-type]
+    values = product(*(space[name] for name in names))
+    return [dict(zip(names, each, strict=True)) for each in values]
 
 
 def size(space: Space) -> int:
     """Return the number of points of a space."""
     return prod(map(len, space.values()))
+
+
+def require_served(model: Model, space: Space) -> None:
+    """Refuse a space with boosting whose smaller numbers of trees one fit does not serve.
+
+    Raises
+    ------
+    InputError
+        If there is a value of `SERVED`'s settings that it does not list.
+    """
+    for name, served in SERVED.get(model.name, {}).items():
+        for value in space.get(name, []):
+            if value not in served:
+                listed = " or ".join(map(repr, served))
+                raise InputError(
+                    f"{model.name}: {name}={value!r} cannot be searched, since one fit serves all"
+                    f" numbers of trees and its first trees are no model then: give {listed}"
+                )
 
 
 def grid(model: Model, space: Space, inputs: int) -> Grid:
@@ -119,23 +185,9 @@ def shared_fit(model: Model) -> str:
 
 
 def canonical_settings(model: Model, candidate: Mapping[str, Any], inputs: int) -> Settings:
-    """Reduce a candidate to the settings that make a difference.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    candidate : mapping
-        Values by setting.
-    inputs : int
-        Number of inputs of the data.
-
-    Returns
-    -------
-    dict
-        Settings that the estimator accepts and that give the same fit.
-    """
-    return RULES.get(model.name, _unchanged)(dict(candidate), inputs)
+    """Reduce a candidate to the settings that make a difference, for data of some inputs."""
+    reduce = RULES.get(model.name)
+    return reduce(dict(candidate), inputs) if reduce else dict(candidate)
 
 
 def key(settings: Mapping[str, Any]) -> str:
@@ -146,10 +198,6 @@ def key(settings: Mapping[str, Any]) -> str:
 def baseline_key(settings: Mapping[str, Any]) -> str:
     """Write the settings of the baseline as one line of text, which no candidate of a grid has."""
     return f"baseline: {key(settings)}" if settings else "baseline"
-
-
-def _unchanged(settings: Settings, inputs: int) -> Settings:
-    return settings
 
 
 def _trees(settings: Settings, inputs: int) -> Settings:
@@ -173,17 +221,9 @@ def _counted_inputs(settings: Settings, inputs: int) -> Settings:
     """Give `max_features` as the number of inputs that scikit-learn makes of it."""
     if "max_features" in settings:
         wanted = settings["max_features"]
-        if wanted is None:
-            number = inputs
-        elif wanted == "sqrt":
-            number = max(1, int(sqrt(inputs)))
-        elif wanted == "log2":
-            number = max(1, int(log2(inputs)))
-        elif isinstance(wanted, float):
-            number = max(1, int(wanted * inputs))
-        else:
-            number = wanted
-        settings["max_features"] = number
+        named = {None: inputs, "sqrt": int(sqrt(inputs)), "log2": int(log2(inputs))}
+        share = int(wanted * inputs) if isinstance(wanted, float) else wanted
+        settings["max_features"] = max(1, named.get(wanted, share))
     return settings
 
 
@@ -204,10 +244,7 @@ def _kernel_ridge(settings: Settings, inputs: int) -> Settings:
 
 
 def _perceptron(settings: Settings, inputs: int) -> Settings:
-    """Reduce the settings of perceptrons, and name the length of the training.
-
-    Fits of folders that are older, which ended after 200 epochs, are other candidates.
-    """
+    """Reduce the settings of perceptrons, and name the length of the training."""
     settings = {**MODELS["mlp"].tuned, **settings}
     if settings.get("solver", "adam") != "sgd":
         settings.pop("learning_rate", None)
@@ -223,3 +260,31 @@ RULES: dict[str, Callable[[Settings, int], Settings]] = {
     "mlp": _perceptron,
 }
 """Reductions by model; AdaBoost, XGBoost and the Gaussian process ignore no setting."""
+
+
+def expected_work(task: Task) -> float:
+    """Guess the relative cost of a task of one model, for the order of tasks and the time left."""
+    most = {
+        name: max((c[name] for c in task.candidates), key=_magnitude) for name in task.candidates[0]
+    }
+    work = float(task.rows)
+    for name in ("n_estimators", "max_features", "C"):
+        work *= _magnitude(most.get(name, 1.0)) ** (0.5 if name == "C" else 1.0)
+    depth = most.get("max_depth", most.get("estimator__max_depth"))
+    if depth is not None:
+        work *= min(depth, 20)
+    if most.get("criterion") == "absolute_error":
+        work *= 5
+    if most.get("loss") == "huber":  # gradient boosting evaluates it leaf by leaf
+        work *= 15
+    if "hidden_layer_sizes" in most:
+        sizes = most["hidden_layer_sizes"]
+        work *= sum(a * b for a, b in pairwise(sizes)) + 23 * sizes[0]
+        work *= 20 if most.get("solver") == "lbfgs" else 1  # others end by themselves long before
+    if task.model == "kernel-ridge":
+        work *= len(task.candidates) if most.get("kernel") == "rbf" else 0.01
+    return work
+
+
+def _magnitude(value: Any) -> float:
+    return abs(float(value)) if isinstance(value, int | float) else 1.0

@@ -1,11 +1,36 @@
-"""Fits that fail, or warn, or are refused by the machine's memory."""
+"""One fit for all numbers of trees; fits that fail, warn or are refused by the memory."""
 
 import numpy as np
 import pytest
 
 from gen.runtime.errors import InputError
 from learn import memory
-from learn.comparison.search.trials import Trials
+from learn.comparison.fits import shared_predictions
+from learn.comparison.trials import Trials
+from learn.models import MODELS, pipeline
+
+KINDS = [
+    ("random-forest", {"max_features": 0.3}),
+    ("random-forest", {"criterion": "poisson", "min_samples_leaf": 5}),
+    ("adaboost", {"loss": "square", "learning_rate": 1.0}),
+    ("adaboost", {"estimator__max_depth": 18}),
+    ("gradient-boost", {"loss": "huber", "max_features": "sqrt"}),
+    ("xgboost", {"learning_rate": 1.0, "gamma": 0.1}),
+    ("xgboost", {"subsample": 0.5, "booster": "gbtree"}),
+]
+
+
+@pytest.mark.parametrize(("model", "settings"), KINDS)
+def test_first_trees_predict_what_a_fit_of_so_many_trees_predicts(model, settings, samples):
+    inputs, target = samples
+    data = inputs[:60], target[:60], inputs[60:]
+    numbers = [3, 11, 40]
+    unfitted = pipeline(MODELS[model], settings, seed=4, tuned=True)
+    together = shared_predictions(MODELS[model], unfitted, data, "n_estimators", numbers)
+    for number, found in zip(numbers, together, strict=True):
+        alone = pipeline(MODELS[model], {**settings, "n_estimators": number}, seed=4, tuned=True)
+        expected = alone.fit(*data[:2]).predict(data[2])
+        np.testing.assert_array_equal(found, expected)
 
 
 def test_a_staged_fit_that_fails_late_keeps_its_good_beginnings(searching, monkeypatch):

@@ -10,7 +10,7 @@ none. Where the table contradicts itself or today's libraries, the optimum decid
 - the Gaussian process's optimum, 0.0374, is the fifth of 110 points 1/110 apart from 0.001; the
   last of them is moved to the range's end, 1.0.
 
-`learn.comparison.search.pruning` knows which values a model ignores, and which mean the same.
+`learn.comparison.grid` knows which values a model ignores, and which mean the same.
 
 Kernels measure distances, and Table 2's are between rows of unit length, 2 at most. Between rows of
 d standardised features they are about sqrt(2 d), 7 for 23: there gamma is some thousandths, and a
