@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 import bem
 from gen.arrays import Heights
 from gen.distribution import is_drawn
-from gen.generation.completion import completed
+from gen.generation.functions import completed
 from gen.generation.sample import load_of, solve_contact, surface_numbered
 from gen.runtime.errors import InputError
 from gen.runtime.files import kind_of

@@ -22,8 +22,7 @@ from bench.files import Row
 from bench.report import remark
 from gen import database
 from gen.arrays import Columns
-from gen.generation.delivery import Block, Target, delivery
-from gen.generation.run import blocks_of
+from gen.generation.run import Block, Delivery, Target, blocks_of
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.scene import Scene
@@ -129,7 +128,7 @@ def write(target: Target, blocks: Sequence[Block], template: Columns, world: far
     def compute(block: Block) -> Columns:
         return {name: values[: block[1] - block[0]] for name, values in template.items()}
 
-    with delivery(target, world, compute) as delivered:
+    with Delivery(target, world, compute) as delivered:
 
         def take(block: Block, result: Any) -> None:
             delivered.take(block, result)

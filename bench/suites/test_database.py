@@ -14,8 +14,7 @@ import pytest
 from bench.farm.launch import launch
 from bench.farm.writers import Spec, create, require_rows, template_of, write
 from gen import database
-from gen.generation.delivery import Target
-from gen.generation.run import blocks_of
+from gen.generation.run import Target, blocks_of
 from gen.runtime.farm import World
 
 SIZES = {"smoke": Spec(32, 33, 1), "paper": Spec(256, 129, 1), "large": Spec(32, 513, 1)}

@@ -33,8 +33,8 @@ def run(
     if dry_run:
         if world.is_master:
             from gen.display import databases
-            from gen.generation.completion import completed
             from gen.generation.forecast import plan_of
+            from gen.generation.functions import completed
             from gen.scene import load
 
             databases.print_plan(plan_of(completed(load(scene))), output)
@@ -58,7 +58,7 @@ def estimate(
     """Measure a few samples and predict time, memory and disk space of a run."""
     from gen.display import databases
     from gen.generation import forecast
-    from gen.generation.completion import completed
+    from gen.generation.functions import completed
     from gen.scene import load
 
     loaded = completed(load(scene))

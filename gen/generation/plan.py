@@ -16,6 +16,7 @@ number of samples, on ranks, on order or on restarts. This layout is part of a d
 another one gives other surfaces and loads for the same scene.
 """
 
+import functools
 import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -276,62 +277,39 @@ def _uniform_numbers(scene: Scene, first: int, last: int) -> tuple[dict[str, Val
     ndarray, shape (last - first, samples_per_surface, 2)
         Two numbers for each sample's load.
     """
-    hurst, sigma0, load = _of_chunks(scene.seed, scene.samples_per_surface, first, last)
-    shared = {"hurst": hurst, "sigma0": sigma0}
-    if scene.drawn_parameters.keys() == shared.keys():
-        return shared, load
-    return {
-        name: _leapt(scene.seed, first, last, CHUNK, 3, zlib.crc32(name.encode()))
-        for name in scene.drawn_parameters
-    }, load
+    m = scene.samples_per_surface
+    draw = functools.partial(_drawn, scene.seed, first, last, CHUNK)
+    load = draw((1,), per=2 * m, before=2 * CHUNK).reshape(-1, m, 2)
+    names = scene.drawn_parameters.keys()
+    if names == {"hurst", "sigma0"}:
+        return {"hurst": draw((1,))[:, 0], "sigma0": draw((1,), before=CHUNK)[:, 0]}, load
+    return {name: draw((3, zlib.crc32(name.encode())))[:, 0] for name in names}, load
 
 
-def _of_chunks(
-    seed: int, samples_per_surface: int, first: int, last: int
-) -> tuple[Values, Values, Values]:
-    """Draw numbers in [0, 1) for the surfaces first to last - 1 from their chunks' first streams.
+def _drawn(
+    seed: int,
+    start: int,
+    stop: int,
+    chunk: int,
+    key: tuple[int, ...],
+    *,
+    per: int = 1,
+    before: int = 0,
+) -> Values:
+    """Draw the numbers of the items start to stop - 1 in [0, 1), shape (stop - start, per).
 
-    Returns
-    -------
-    hurst, sigma0 : ndarray, shape (last - first,)
-        One number for each surface.
-    load : ndarray, shape (last - first, samples_per_surface, 2)
-        Two numbers for each sample.
+    `chunk` items share a stream, whose key is their chunk's number followed by `key`; `before`
+    numbers of each stream belong to something else. A surface's own key is one word, a chunk's two
+    or three: none shares a stream with another.
     """
-    hurst, sigma0 = np.empty(last - first), np.empty(last - first)
-    load = np.empty((last - first, samples_per_surface, 2))
-    per_load = 2 * samples_per_surface
-    begin = first
-    while begin < last:
-        chunk, offset = divmod(begin, CHUNK)
-        end = min(last, (chunk + 1) * CHUNK)
-        here, passed = slice(begin - first, end - first), CHUNK - (end - begin)
-        # A surface's key is one word, a chunk's two or three: none shares a stream with another.
-        stream = _stream(seed, chunk, 1)
-        random = np.random.Generator(stream)
-        # Each number takes one step of PCG64: leap over those that belong to other surfaces.
-        stream.advance(offset)
-        random.random(out=hurst[here])
-        stream.advance(passed)
-        random.random(out=sigma0[here])
-        stream.advance(passed - offset + offset * per_load)
-        random.random(out=load[here])
-        begin = end
-    return hurst, sigma0, load
-
-
-def _leapt(seed: int, start: int, stop: int, length: int, *key: int) -> Values:
-    """Draw the numbers start to stop - 1 of streams in [0, 1), each of which has `length` numbers.
-
-    The key of a stream is the number of its chunk followed by `key`.
-    """
-    uniform = np.empty(stop - start)
+    uniform = np.empty((stop - start, per))
     begin = start
     while begin < stop:
-        chunk, offset = divmod(begin, length)
-        end = min(stop, (chunk + 1) * length)
-        stream = _stream(seed, chunk, *key)
-        stream.advance(offset)
+        number, offset = divmod(begin, chunk)
+        end = min(stop, (number + 1) * chunk)
+        stream = _stream(seed, number, *key)
+        # Each number takes one step of PCG64: leap over those that belong to other items.
+        stream.advance(before + offset * per)
         np.random.Generator(stream).random(out=uniform[begin - start : end - start])
         begin = end
     return uniform
@@ -348,7 +326,8 @@ def _hardness(scene: Scene, start: int, stop: int) -> Values | None:
         return None
     if not contact.draws_hardness:
         return np.full(stop - start, limits[0])
-    uniform = _leapt(scene.seed, start, stop, CHUNK * scene.samples_per_surface, 2)
+    chunk = CHUNK * scene.samples_per_surface
+    uniform = _drawn(scene.seed, start, stop, chunk, (2,))[:, 0]
     if isinstance(given, tuple):
         return log_within(*limits, uniform)
     return np.clip(quantiles(given, uniform) * contact.hardness_unit, *limits)

@@ -3,14 +3,14 @@
 import itertools
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
 import bem
 from bem.derived.spots import Spots
 from gen.arrays import Columns, Heights
-from gen.generation.own_outputs import outputs_of
+from gen.generation.functions import outputs_of
 from gen.generation.plan import (
     Parameters,
     opposite_random,
@@ -26,6 +26,9 @@ from gen.scene import Scene
 from gen.scene.columns import columns_for
 from gen.schema import DONE_REASONS, Reason, Status
 from gen.statistics import Description, describe, rms_slope
+
+EFFORT = ("iterations", "convolutions", "residual")
+"""Columns of the cost and the residual of a solve, converged or not."""
 
 ANSWERS = ("area_percent", "force", "contact_nodes")
 """Columns of every database that are results of `bem.solve` under the same name."""
@@ -306,50 +309,41 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
     try:
         contact = _contact(scene, heights, plan, row)
     except bem.NotConverged as failure:
-        _record_effort(failure.contact, rows, row)
+        _record(failure.contact, EFFORT, rows, row)
         return Reason.NOT_CONVERGED
     except bem.NoSolution:
-        return _without_solution(scene)
+        elastic = Reason.FULL_CONTACT if scene.edgeless else Reason.NO_SOLUTION
+        return elastic if scene.contact.hardness_limits is None else Reason.BEYOND_HARDNESS
     except (ArithmeticError, np.linalg.LinAlgError):
         return Reason.ARITHMETIC
-    _record_effort(contact, rows, row)
+    _record(contact, EFFORT, rows, row)
     if not np.isfinite(contact.force):
         return Reason.NOT_FINITE
-    return _add_results(scene, contact, rows, plan.first + row, row)
+    try:
+        return _add_results(scene, contact, rows, plan.first + row, row)
+    except ArithmeticError:
+        return Reason.ARITHMETIC
+
+
+def _record(contact: bem.Contact, names: Iterable[str], rows: Columns, row: int) -> None:
+    """Store numbers of a contact under their names."""
+    for name in names:
+        rows[name][row] = getattr(contact, name)
 
 
 def _add_results(
     scene: Scene, contact: bem.Contact, rows: Columns, number: int, row: int
 ) -> Reason:
-    """Fill in all results of one contact; return the reason if one cannot be computed."""
+    """Fill in the results of one contact; return the reason if one is no number."""
+    wanted = scene.optional_columns
     if scene.quantity != "delta":
         rows["delta"][row] = contact.delta
-    try:
-        _add_answers(scene, contact, rows, row)
-    except ArithmeticError:
-        return Reason.ARITHMETIC
-    if scene.store.function is None:
-        return Reason.NONE
-    return _add_outputs(scene, contact, rows, number, row)
-
-
-def _add_answers(scene: Scene, contact: bem.Contact, rows: Columns, row: int) -> None:
-    """Fill in the results of one contact, and those that the scene asks for."""
-    wanted = scene.optional_columns
-    for name in (*ANSWERS, *(OPTIONAL_ANSWERS & wanted)):
-        rows[name][row] = getattr(contact, name)
+    _record(contact, (*ANSWERS, *(OPTIONAL_ANSWERS & wanted)), rows, row)
     for name in SPOT_ANSWERS.keys() & wanted:
         rows[name][row] = SPOT_ANSWERS[name](contact.spots)
-
-
-def _add_outputs(
-    scene: Scene, contact: bem.Contact, rows: Columns, number: int, row: int
-) -> Reason:
-    """Fill in the outputs of the user's function, and return the reason if one is no number."""
-    try:
-        outputs = outputs_of(scene.store, contact, number)
-    except ArithmeticError:
-        return Reason.ARITHMETIC
+    if scene.store.function is None:
+        return Reason.NONE
+    outputs = outputs_of(scene.store, contact, number)
     for name, value in outputs.items():
         rows[name][row] = value
     return Reason.NONE if np.isfinite(list(outputs.values())).all() else Reason.NOT_FINITE
@@ -406,18 +400,3 @@ def first_contact(scene: Scene, rows: int) -> tuple[int, bem.Contact] | None:
         except UNSOLVED:
             continue
     return None
-
-
-def _without_solution(scene: Scene) -> Reason:
-    """Return the reason why a contact of the scene may have no equilibrium."""
-    if scene.contact.hardness_limits is not None:
-        return Reason.BEYOND_HARDNESS
-    if scene.contact.boundary != "free":
-        return Reason.FULL_CONTACT
-    return Reason.NO_SOLUTION
-
-
-def _record_effort(contact: bem.Contact, rows: Columns, row: int) -> None:
-    """Store the cost and the residual of a solve, converged or not."""
-    for name in ("iterations", "convolutions", "residual"):
-        rows[name][row] = getattr(contact, name)

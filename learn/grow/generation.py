@@ -10,7 +10,7 @@ import numpy as np
 from gen import database
 from gen.arrays import Columns
 from gen.database import Reader, Writer
-from gen.generation.completion import rehearse
+from gen.generation.functions import rehearse
 from gen.generation.run import blocks_of
 from gen.generation.sample import compute_rows, finished_parts
 from gen.runtime import farm
@@ -92,7 +92,7 @@ def generate(
     path : Path
         The database; it is made if it does not exist.
     scene : Scene
-        Its scene, from `gen.generation.completion.completed`; its number of samples does not count.
+        Its scene, from `gen.generation.functions.completed`; its number of samples does not count.
     rows : int
         Number of rows that the database is to have.
     executor : Executor

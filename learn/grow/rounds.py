@@ -10,7 +10,7 @@ from typing import Literal
 
 from gen import database
 from gen.database import Reader
-from gen.generation.completion import completed
+from gen.generation.functions import completed
 from gen.runtime.errors import InputError
 from gen.scene import Scene, differences
 from learn.columns import TARGETS, results, short_name

@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 from bem.problem import MAX_ITERATIONS, RTOL
 from bem.spacing import BOUNDARIES, Boundary, node_spacing
 from gen import cli
-from gen.generation.completion import completed
 from gen.generation.forecast import plan_of
+from gen.generation.functions import completed
 from gen.generators import TAGS
 from gen.runtime.errors import InputError
 from gen.scene import Piece, Scene, Store, differences, flags, load, preset_names

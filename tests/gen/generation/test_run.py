@@ -3,6 +3,7 @@
 import resource
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import h5py
@@ -11,8 +12,13 @@ import pytest
 from databases import deterministic_bytes, status
 from launch import command, environment
 
-from gen import cli
-from gen.database import Reader
+from gen import cli, database
+from gen.database import Reader, writer
+from gen.generation.run import Block, Delivery, Target, in_parallel
+from gen.generation.sample import compute_rows
+from gen.runtime import farm
+from gen.runtime.errors import InputError
+from gen.scene import DisplacedSurface, Scene
 from gen.schema import PHYSICS, PHYSICS_CHANGES
 
 SAMPLE = Path(__file__).resolve().parents[3] / "examples" / "sample.h5"
@@ -278,3 +284,127 @@ def test_a_run_says_that_the_units_of_its_material_slipped(tmp_path, capsys):
         assert cli.main(ask) == 0
         told = capsys.readouterr()
         assert "is the modulus in GPa?" in told.out + told.err
+
+
+ALONE, MANY = farm.World(), farm.World(0, 9)
+
+MOUNTS = r"""
+22 1 8:1 / / rw,relatime shared:1 - ext4 /dev/sda1 rw
+31 22 0:50 / /home rw,relatime shared:2 master:1 - nfs4 server:/home rw
+32 31 0:51 / /home/on\040lustre rw - lustre 10.0.0.1@tcp:/scratch rw
+33 22 0:52 / /homely rw - tmpfs tmpfs rw
+"""
+
+
+@pytest.fixture
+def mounts(tmp_path, monkeypatch):
+    (tmp_path / "mountinfo").write_text(MOUNTS.strip())
+    monkeypatch.setattr(writer, "MOUNTS", tmp_path / "mountinfo")
+
+
+@pytest.mark.parametrize(
+    ("path", "answer"),
+    [
+        ("/x.h5", True),
+        ("/home/x.h5", False),
+        ("/home/on lustre/x.h5", True),
+        ("/homely/x.h5", True),
+    ],
+)
+def test_network_file_systems_are_known_by_their_mounts(mounts, path, answer):
+    assert database.coherent(Path(path)) is answer
+
+
+def test_without_a_list_of_mounts_the_answer_is_yes(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer, "MOUNTS", tmp_path / "missing")
+    assert database.coherent(Path("/home/x.h5"))
+
+
+@pytest.mark.parametrize(
+    ("choice", "path", "world", "has_mpi", "answer"),
+    [
+        ("auto", "/x.h5", MANY, True, True),
+        ("auto", "/x.h5", MANY, False, False),
+        ("auto", "/x.h5", ALONE, True, False),
+        ("auto", "/home/x.h5", MANY, True, False),
+        ("single", "/x.h5", MANY, True, False),
+        ("parallel", "/x.h5", MANY, True, True),
+        ("parallel", "/home/x.h5", MANY, True, True),
+    ],
+)
+def test_who_writes(mounts, monkeypatch, choice, path, world, has_mpi, answer):
+    monkeypatch.setattr(database, "parallel_hdf5", lambda: has_mpi)
+    assert in_parallel(choice, Path(path), world) is answer
+
+
+@pytest.mark.parametrize(
+    ("world", "has_mpi", "words"), [(MANY, False, "no MPI"), (ALONE, True, "one process")]
+)
+def test_a_parallel_writer_that_cannot_be_is_refused(monkeypatch, world, has_mpi, words):
+    monkeypatch.setattr(database, "parallel_hdf5", lambda: has_mpi)
+    with pytest.raises(InputError, match=words) as caught:
+        in_parallel("parallel", Path("x.h5"), world)
+    assert "\n" not in str(caught.value)
+
+
+def test_rows_through_the_master_are_counted_and_written(tmp_path):
+    scene = Scene(samples=10, surface=DisplacedSurface(nodes=5))
+    path = tmp_path / "some.h5"
+    database.create(path, scene)
+
+    def compute(block: Block):
+        rows = compute_rows(scene, *block)
+        rows["status"][1], rows["status"][2] = 2, 0  # one that fails, one that takes too long
+        return rows
+
+    with Delivery(Target(path, scene, parallel=False), ALONE, compute) as delivered:
+        tally = delivered.take((4, 8), delivered.work((4, 8)))
+    assert tally.overdue == 1
+    assert tally.failed >= 1
+    with database.Reader(path) as reader:
+        finished = reader.column("status") != 0
+    assert finished.tolist() == [False] * 4 + [True, True, False, True] + [False] * 2
+
+
+def test_workers_that_write_tell_the_master_counts_and_troubles(tmp_path, monkeypatch):
+    scene = Scene(samples=10, surface=DisplacedSurface(nodes=5))
+    path = tmp_path / "some.h5"
+    database.create(path, scene)
+
+    def alone(path, scene, communicator, *, force):  # a writer of one process, of any HDF5
+        return database.Writer(path, scene, force=force)
+
+    monkeypatch.setattr(database, "ParallelWriter", alone)
+    target = Target(path, scene, parallel=True)
+    with Delivery(target, ALONE, lambda block: compute_rows(scene, *block)) as delivered:
+        tally = delivered.work((0, 4))
+        assert delivered.take((0, 4), tally) == tally
+        path.rename(tmp_path / "away.h5")
+        troubled = delivered.work((4, 8))
+        with pytest.raises(InputError, match="moved or deleted"):
+            delivered.take((4, 8), troubled)
+    with database.Reader(tmp_path / "away.h5") as reader:
+        assert reader.counts().pending == 6
+
+
+def test_a_file_that_cannot_be_opened_is_refused(tmp_path):
+    target = Target(tmp_path / "missing.h5", Scene(samples=1), parallel=False)
+    with pytest.raises(InputError, match="does not exist"):
+        Delivery(target, ALONE, lambda block: {})
+
+
+def test_a_worker_of_the_single_writer_loads_neither_hdf5_nor_a_progress_bar():
+    code = (
+        "import sys; from pathlib import Path\n"
+        "import gen.generation.run; from gen.runtime import farm\n"
+        "from gen.scene import Scene; from gen.generation.run import Target, Delivery\n"
+        "target = Target(Path('missing.h5'), Scene(samples=1), parallel=False)\n"
+        "world = farm.World(1, 3)\n"
+        "with Delivery(target, world, lambda block: {}) as delivered:\n"
+        "    assert delivered.work((0, 1)) == {}\n"
+        "print(sorted({'h5py', 'rich', 'typer', 'mpi4py'} & sys.modules.keys()))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=300
+    )
+    assert done.stdout == "[]\n", done.stderr

@@ -6,7 +6,7 @@ import user_functions
 
 from gen import cli
 from gen.database import Reader, create
-from gen.generation.completion import completed
+from gen.generation.functions import completed
 from gen.generation.plan import parameters, surface_random
 from gen.generation.sample import compute_rows, surface_of
 from gen.runtime.errors import SourceError
