@@ -120,7 +120,7 @@ def contact(
     )
     from gen.maps.doubts import surface_warnings
     from gen.material import Bodies
-    from gen.runtime.files import write_csv
+    from gen.runtime.documents import write_csv
 
     load, values = chosen_load(loads._asdict())
     require_yielding(files.flattened, hardness)

@@ -29,7 +29,7 @@ def describe(
     from gen.maps.description import areal_row, draw_surface, statistics_row, units_of
     from gen.maps.doubts import surface_warnings
     from gen.maps.self_affine import fit_self_affine, radial_spectrum
-    from gen.runtime.files import write_csv
+    from gen.runtime.documents import write_csv
 
     outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
     check_outputs([*outputs, Output(picture, "--plot", "picture")], facing.with_first(surface))

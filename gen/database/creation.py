@@ -2,7 +2,6 @@
 
 import os
 import re
-import secrets
 import shutil
 import stat
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,7 +28,7 @@ from gen.database.layout import (
 from gen.database.reader import Counts, checked, checked_for, counts, open_file
 from gen.database.writer import HeldFile, disk_trouble
 from gen.runtime.errors import InputError
-from gen.runtime.files import hand_on, place_of
+from gen.runtime.files import place_of, unfinished
 from gen.runtime.lock import lock
 from gen.runtime.memory import size
 from gen.scene import Scene, columns_for, differences, row_bytes
@@ -338,40 +337,26 @@ def new_file(
     real = place_of(path)
     if replaced is None and real.exists():
         raise InputError(f"{path} exists; give another name")
-    unfinished = real.with_name(f"{real.name}.{secrets.token_hex(8)}.part")
     try:
         _remove_leftovers(real)
         _require_room(path, scene, len(rows))
-        _make(unfinished, path, replaced)
-        yield unfinished
-        with unfinished.open("rb") as file:
-            os.fsync(file.fileno())
-        if replaced is None:
-            _put_in_place(unfinished, real)
-        else:
-            replaced.check()
-            unfinished.replace(real)
+        with unfinished(real, "refuse" if replaced is None else "replace", ".part") as made:
+            if replaced is not None:
+                _require_owner(path, replaced.stat(), made.stat())
+            yield made
+            if replaced is not None:
+                replaced.check()
+    except FileExistsError:
+        raise InputError(f"{path} has appeared meanwhile; give another name") from None
     except (OSError, RuntimeError, ValueError) as error:
         trouble = disk_trouble(error)
         if trouble is None:
             raise
         raise InputError(f"{path}: {trouble}; nothing was changed") from None
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
-def _make(unfinished: Path, path: Path, replaced: HeldFile | None) -> None:
-    """Create the file with owner, group and mode of the file that it replaces."""
-    mode = 0o666 if replaced is None else 0o600
-    descriptor = os.open(unfinished, os.O_RDWR | os.O_CREAT | os.O_EXCL, mode)
-    try:
-        if replaced is None:
-            return
-        old = replaced.stat()
-        hand_on(old, descriptor)
-        new = os.fstat(descriptor)
-    finally:
-        os.close(descriptor)
+def _require_owner(path: Path, old: os.stat_result, new: os.stat_result) -> None:
+    """Refuse to replace a file whose owner and group this user cannot pass on."""
     if (new.st_uid, new.st_gid) != (old.st_uid, old.st_gid):
         raise InputError(
             f"{path} belongs to user {old.st_uid} and group {old.st_gid}: to extend it would make"
@@ -398,13 +383,3 @@ def _require_room(path: Path, scene: Scene, rows: int) -> None:
             f"{path}: {rows} samples need {size(needed)}, {size(free)} are free; make"
             " room, or ask for less"
         )
-
-
-def _put_in_place(temporary: Path, path: Path) -> None:
-    """Rename the new file, but refuse to replace a file that has appeared meanwhile."""
-    try:
-        path.hardlink_to(temporary)
-    except FileExistsError:
-        raise InputError(f"{path} has appeared meanwhile; give another name") from None
-    except OSError:  # no hard links on this file system
-        temporary.rename(path)

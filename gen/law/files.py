@@ -15,9 +15,9 @@ from gen.law import c_header, finite_elements
 from gen.law.contact_law import Law
 from gen.law.curves import CONDUCTANCE, STIFFNESS, Curve, Curves
 from gen.option_groups import Files
-from gen.runtime.documents import text_of
+from gen.runtime.documents import Row, text_of, write_csv
 from gen.runtime.figure import save
-from gen.runtime.files import Row, write, write_csv
+from gen.runtime.files import write
 from gen.runtime.installation import git_commit, versions
 from gen.runtime.terminal import brief, echo, print_table
 

@@ -16,8 +16,9 @@ from gen.maps.doubts import is_tilted
 from gen.maps.read import Topography
 from gen.material import Bodies
 from gen.runtime import memory
+from gen.runtime.documents import Row
 from gen.runtime.errors import InputError
-from gen.runtime.files import Row, write
+from gen.runtime.files import write
 from gen.runtime.numbers import values_from
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from gen.maps.areal import PARAMETERS
 from gen.maps.contacts import boundary_cell
 from gen.maps.read import Topography
 from gen.maps.self_affine import LAW, RadialSpectrum, SelfAffineFit
+from gen.runtime.documents import Row
 from gen.runtime.figure import save
-from gen.runtime.files import Row
 from gen.runtime.terminal import shortened
 from gen.schema import statistics_columns
 

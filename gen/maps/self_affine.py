@@ -17,7 +17,7 @@ import numpy as np
 from gen.arrays import Values
 from gen.maps.areal import is_lost
 from gen.maps.read import Topography
-from gen.runtime.files import Row
+from gen.runtime.documents import Row
 from gen.spectral import SelfAffineSpectrum
 
 RATIO = 1.05

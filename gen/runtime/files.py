@@ -5,15 +5,12 @@ replaces only a file of its own kind. One writer, `atomic`, keeps the old file u
 on the disk. Databases, which runs continue and extend, have further rules in `gen.database`.
 """
 
-import csv
-import io
-import math
 import os
 import secrets
 import stat
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import IO, Literal, NamedTuple
 
@@ -21,6 +18,9 @@ from gen.runtime.errors import InputError
 
 Kind = Literal["text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"]
 """Kinds of output besides databases; `arrays` are NumPy's zip archives, `maps` prepared maps."""
+
+Present = Literal["replace", "keep", "refuse"]
+"""What a new file does to one that has its name."""
 
 _LONGEST_HEADER = 100_000
 """Number of characters within which the header of a table ends."""
@@ -75,12 +75,6 @@ STREAMS = {
     stat.S_IFBLK: "a device",
 }
 """Kinds of paths that are neither files nor folders."""
-
-Row = dict[str, float | int | str]
-"""One line of a table: values by the names of the columns."""
-
-FORMULAS = ("=", "+", "-", "@", "\t", "\r", "\n")
-"""First characters of a text that a spreadsheet would compute."""
 
 
 def require_file(path: Path) -> Path:
@@ -227,42 +221,6 @@ def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
         file.write(content.encode(errors="replace") if isinstance(content, str) else content)
 
 
-def cell(value: object) -> object:
-    """Return a value for a cell: no formula, and nothing for a number that is not finite.
-
-    Parameters
-    ----------
-    value : object
-        Number or text. Texts that look like formulas get an apostrophe, which is OWASP's advice for
-        texts from strangers.
-    """
-    if isinstance(value, float) and not math.isfinite(value):
-        return ""
-    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULAS) else value
-
-
-def write_csv(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows as CSV under a header with their names.
-
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    rows : sequence of dict
-        Rows with the same names, at least one.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    """
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, list(rows[0]))
-    writer.writeheader()
-    writer.writerows({name: cell(value) for name, value in row.items()} for row in rows)
-    write(path, text.getvalue())
-
-
 @contextmanager
 def atomic(path: Path, kind: Kind = "text", *, replace: bool = True) -> Iterator[IO[bytes]]:
     """Open a temporary file that is renamed to its final name once the block has succeeded.
@@ -292,33 +250,68 @@ def atomic(path: Path, kind: Kind = "text", *, replace: bool = True) -> Iterator
     """
     real = _place(path, kind)
     with _in_words(path, "cannot be written"):
-        unfinished = real.with_name(f".asperity-{secrets.token_hex(8)}")
-        descriptor = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-        try:
-            with os.fdopen(descriptor, "wb") as file:
-                if real.exists():
-                    hand_on(real.stat(), descriptor)
-                yield file
-                file.flush()
-                os.fsync(descriptor)
-            if replace or not _linked(unfinished, real):
-                unfinished.replace(real)
-        finally:
-            unfinished.unlink(missing_ok=True)
+        present: Present = "replace" if replace else "keep"
+        with unfinished(real, present) as temporary, temporary.open("wb") as file:
+            yield file
 
 
-def _linked(unfinished: Path, real: Path) -> bool:
-    """Give a file a second name unless that name is taken; tell whether the name leads to a file.
+@contextmanager
+def unfinished(real: Path, present: Present = "replace", end: str = "") -> Iterator[Path]:
+    """Make an empty file beside a target, and give it the target's name once the block succeeds.
 
-    File systems without links return False: there the caller has to rename.
+    This is the one way in which files, databases among them, come into being: what stands at the
+    target stays whole until the new file is on the disk. A replaced file passes on its mode and, if
+    the system allows it, its owner and group.
+
+    Parameters
+    ----------
+    real : Path
+        Target, without links; see `place_of`.
+    present : {"replace", "keep", "refuse"}
+        What happens to a file at the target: it is replaced, it stays as others may be reading it,
+        or it stays and an error is raised.
+    end : str
+        End of the temporary name, for files whose remains after a kill are looked for; it is hidden
+        if there is none.
+
+    Yields
+    ------
+    Path
+        The temporary file.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made, written to the disk or renamed; FileExistsError for "refuse".
     """
+    own = secrets.token_hex(8)
+    temporary = real.with_name(f"{real.name}.{own}{end}" if end else f".asperity-{own}")
+    old = real.stat() if real.exists() else None
+    mode = 0o666 if old is None else 0o600
+    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
     try:
-        os.link(unfinished, real)
+        if old is not None:
+            hand_on(old, descriptor)
+        yield temporary
+        os.fsync(descriptor)
+        if present == "replace":
+            temporary.replace(real)
+        else:
+            with suppress(FileExistsError) if present == "keep" else nullcontext():
+                _name_unless_taken(temporary, real)
+    finally:
+        os.close(descriptor)
+        temporary.unlink(missing_ok=True)
+
+
+def _name_unless_taken(temporary: Path, real: Path) -> None:
+    """Give a file its name, or raise FileExistsError if a file has that name."""
+    try:
+        real.hardlink_to(temporary)
     except FileExistsError:
-        return True
-    except OSError:
-        return False
-    return True
+        raise
+    except OSError:  # no links on this file system
+        temporary.replace(real)
 
 
 def place_of(path: Path) -> Path:

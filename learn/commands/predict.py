@@ -29,7 +29,7 @@ def predict(
 ) -> None:
     """Predict area and force of surfaces, with intervals, and a flag outside the training."""
     from gen.law.contact_law import deltas_from
-    from gen.runtime.files import Row, write_csv
+    from gen.runtime.documents import Row, write_csv
     from gen.runtime.terminal import RunProgress
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, show

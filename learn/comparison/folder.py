@@ -23,8 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gen.runtime import documents, files
+from gen.runtime.documents import cell
 from gen.runtime.errors import InputError
-from gen.runtime.files import cell
 from learn.arrays import Values
 from learn.comparison import records, spaces
 from learn.dataset import Dataset

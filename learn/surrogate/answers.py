@@ -15,8 +15,9 @@ from gen.maps.read import sides_from
 from gen.material import Bodies
 from gen.option_groups import Reading
 from gen.reading import files_in, is_table, read_surface
+from gen.runtime.documents import Row
 from gen.runtime.errors import InputError
-from gen.runtime.files import Row, require_file
+from gen.runtime.files import require_file
 from gen.runtime.terminal import brief, echo, print_table, to_type
 from learn.arrays import Indices, Values
 from learn.features import Undefined

@@ -295,14 +295,11 @@ def test_a_users_own_file_is_no_lock(held, folder, capsys, kind):
     assert (own.lstat(), own.read_bytes() if own.is_file() else b"") == before
 
 
-def test_an_empty_file_is_locked_and_left(held, folder):
+@pytest.mark.parametrize("left", ["", "host elsewhere, process 1, since long ago\n"])
+def test_the_lock_of_a_dead_job_is_taken_and_removed(held, folder, left):
     own = folder / "some.h5.lock"
-    own.touch()
+    own.write_text(left)
     with lock(held), pytest.raises(InputError, match="is being written"), lock(held):
-        pass
-    assert own.read_bytes() == b""
-    own.write_text("host elsewhere, process 1, since long ago\n")  # as a dead job leaves it
-    with lock(held):
         pass
     assert not own.exists()
 

@@ -1,6 +1,5 @@
 """Files that commands write: never over an input, an output or another kind, and always whole."""
 
-import csv
 import os
 import resource
 import shutil
@@ -17,7 +16,7 @@ from gen import cli
 from gen.runtime import files
 from gen.runtime.errors import InputError
 from gen.runtime.figure import new_figure, save
-from gen.runtime.files import Output, cell, check_outputs, require_file, write_csv
+from gen.runtime.files import Output, check_outputs, require_file
 from gen.surface import generate
 from learn import cli as learn
 
@@ -307,12 +306,3 @@ def test_files_and_what_has_errors_of_its_own_pass(tmp_path):
     (tmp_path / "file").touch()
     for path in (tmp_path / "file", tmp_path, tmp_path / "none", Path("a\0b")):
         assert require_file(path) is path
-
-
-@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "\n=1"])
-def test_a_cell_of_text_is_no_formula(tmp_path, text):
-    assert cell(text) == f"'{text}"
-    write_csv(tmp_path / "a.csv", [{"name": text, "value": -1.5, "count": -3, "plain": "a=b"}])
-    with (tmp_path / "a.csv").open(newline="", encoding="utf-8") as file:
-        (row,) = csv.DictReader(file)
-    assert row == {"name": f"'{text}", "value": "-1.5", "count": "-3", "plain": "a=b"}
