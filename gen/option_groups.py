@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import typer
 
-from gen import options
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output
 
@@ -17,80 +16,6 @@ Units = Literal["mm", "si"]
 def sides_of(path: Path) -> list[Path]:
     """Return the names of the files of a band's soft and stiff side, beside the law's own file."""
     return [path.parent / f"{path.stem}-{side}{path.suffix}" for side in ("soft", "stiff")]
-
-
-class Reading(NamedTuple):
-    """How the file of a surface is read and prepared.
-
-    Attributes
-    ----------
-    side : str
-        Scan length, or two with a comma, for a file without lengths [um].
-    unit : str
-        Unit of a file that names none.
-    channel : str
-        Name or index of the channel, for a file with several.
-    override_scale : bool
-        True to let `side` and `unit` overrule the file.
-    fill : bool
-        True to fill missing points.
-    fill_most : bool
-        True to fill them even where more than half of the points are missing.
-    level : str
-        "mean", "plane" or "quadratic": the fit that is subtracted; "" for none.
-    crop : str
-        Part to keep, "x0:x1,y0:y1"; "" for the whole map [um].
-    invert : bool
-        True to turn the surface upside down.
-    mask : str
-        Heights to take for holes, "below:above"; "" for none [um].
-    despike : float, optional
-        Threshold above which nodes are spikes; None to leave them [1].
-    form : int, optional
-        Degree of the polynomial that is subtracted; None for none.
-    filter_ : str
-        Cut-offs of the Gaussian filters, "S:L"; "" for none [um].
-    downsample : int, optional
-        Number of nodes a side whose mean becomes a node; None for 1.
-    """
-
-    side: options.Side = ""
-    unit: options.Unit = ""
-    channel: options.Channel = ""
-    override_scale: options.OverrideScale = False
-    fill: options.Fill = False
-    fill_most: options.FillMost = False
-    level: options.Level = ""
-    crop: options.Crop = ""
-    invert: options.Invert = False
-    mask: options.Mask = ""
-    despike: options.Despike = None
-    form: options.Form = None
-    filter_: options.Filter = ""
-    downsample: options.Downsample = None
-
-
-class Against(NamedTuple):
-    """A second rough body that surfaces are pressed against.
-
-    Attributes
-    ----------
-    against : Path or None
-        File of the second body; None for a flat one.
-    against_options : str or None
-        Options that it alone is read and prepared by; None for those of the first body.
-    turned, shift : str
-        How it is laid on the first body, see `gen.maps.bodies.Placement`.
-    """
-
-    against: options.Against = None
-    against_options: options.AgainstOptions = None
-    turned: options.Turned = ""
-    shift: options.Shift = ""
-
-    def with_first(self, *surfaces: Path | str) -> list[Path | str]:
-        """Return the files of the first body and, if there is one, the second body's."""
-        return [*surfaces, *([self.against] if self.against else [])]
 
 
 class Files(NamedTuple):

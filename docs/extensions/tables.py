@@ -11,6 +11,7 @@ from bench.answers import lines as answers
 from bench.benchmarks import in_short
 from bench.record import Inputs
 from bench.report import PARTS
+from gen.maps.settings import markdown_table as preparation
 from gen.scene.columns import markdown_table
 from learn.comparison.search_tables import hours
 from learn.models import MODELS
@@ -543,11 +544,12 @@ TABLES = {
 
 
 def markdown_of(name: str) -> str:
-    """Return a table by its name; `columns` are those of a database.
+    """Return a table by its name; `columns` are those of a database, `preparation` that of maps.
 
     Raises
     ------
     KeyError
         If there is no table of this name.
     """
-    return markdown_table() if name == "columns" else TABLES[name].markdown()
+    own = {"columns": markdown_table, "preparation": preparation}
+    return own[name]() if name in own else TABLES[name].markdown()

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gen import options
-from gen.commands.bodies import second_body
+from gen.commands.bodies import Against, second_body
 from gen.commands.pictures import empty_figure
-from gen.option_groups import Against, Reading
+from gen.maps.settings import Reading
 from gen.runtime.command_line import grouped
 from gen.runtime.files import Output, check_outputs
 
@@ -108,7 +108,7 @@ def contact(
     """
     from bem.workers import cores, default_threads, on_threads
     from gen.display.contacts import follow_contacts
-    from gen.maps.bodies import Source, surface_of
+    from gen.maps.bodies import surface_of
     from gen.maps.contacts import (
         Wanted,
         chosen_load,
@@ -127,8 +127,7 @@ def contact(
     wanted = Wanted(spots, stiffness, require_conductivities(conductivity or []))
     figure = files.empty_figure(facing.with_first(surface))
     bodies = Bodies.of_options(young or [], poisson or [], e_star, hardness)
-    source = Source.of_options(surface, reading._asdict())
-    topography = surface_of(source, second_body(source, facing), boundary)
+    topography = surface_of(surface, reading, second_body(reading, facing), boundary)
     with on_threads(threads or default_threads(cores())):
         contacts, warnings = follow_contacts(
             topography,

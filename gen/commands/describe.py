@@ -1,9 +1,9 @@
 """`gen describe`: the roughness of a surface, before any contact."""
 
 from gen import options
-from gen.commands.bodies import second_body
+from gen.commands.bodies import Against, second_body
 from gen.commands.pictures import empty_figure
-from gen.option_groups import Against, Reading
+from gen.maps.settings import Reading
 from gen.runtime.command_line import grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
@@ -25,7 +25,7 @@ def describe(
     from gen import statistics
     from gen.display import surfaces
     from gen.maps.areal import areal_parameters
-    from gen.maps.bodies import Source, surface_of
+    from gen.maps.bodies import surface_of
     from gen.maps.description import areal_row, draw_surface, statistics_row, units_of
     from gen.maps.doubts import surface_warnings
     from gen.maps.self_affine import fit_self_affine, radial_spectrum
@@ -34,8 +34,7 @@ def describe(
     outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
     check_outputs([*outputs, Output(picture, "--plot", "picture")], facing.with_first(surface))
     figure = empty_figure(picture, 10.5, 8.6)
-    source = Source.of_options(surface, reading._asdict())
-    topography = surface_of(source, second_body(source, facing), boundary)
+    topography = surface_of(surface, reading, second_body(reading, facing), boundary)
     warnings = surface_warnings(topography)
     surfaces.print_preparation(topography, warnings)
     description = statistics.describe(topography.heights, topography.spacing)

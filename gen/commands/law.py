@@ -1,12 +1,11 @@
 """`gen law`: tabulate the law of an interface by the solver."""
 
-from pathlib import Path
-
 import typer
 
 from gen import options
-from gen.commands.bodies import second_body
-from gen.option_groups import Against, Files, Reading
+from gen.commands.bodies import Against, second_body
+from gen.maps.settings import Reading
+from gen.option_groups import Files
 from gen.runtime.command_line import grouped, typed
 from gen.runtime.files import check_outputs
 from gen.runtime.numbers import require_share
@@ -42,7 +41,6 @@ def law(
     """
     from gen.law import Order, by_solver
     from gen.law.files import show, write_files
-    from gen.maps.bodies import Source
     from gen.maps.contacts import require_conductivities
     from gen.material import Bodies
 
@@ -62,7 +60,7 @@ def law(
         conductivities=require_conductivities(conductivity or []),
         stiffness=True,
         reading=reading,
-        opposite=second_body(Source.of_options(Path(), reading._asdict()), facing),
+        opposite=second_body(reading, facing),
         command=typed(context, "gen"),
     )
     made = by_solver(order, lambda line: echo(line, err=True))

@@ -3,9 +3,11 @@
 import typer
 
 from gen import options
-from gen.runtime.command_line import typed
+from gen.maps.settings import FileReading, Reading
+from gen.runtime.command_line import grouped, typed
 
 
+@grouped
 def scene(
     context: typer.Context,
     inputs: options.Maps = None,
@@ -16,9 +18,7 @@ def scene(
     poisson: options.Poisson = None,
     e_star: options.EStar = None,
     hardness: options.Hardness = None,
-    side: options.Side = "",
-    unit: options.Unit = "",
-    channel: options.Channel = "",
+    reading: FileReading,
 ) -> None:
     """Look at measured maps and write a scene of their windows, or of surfaces like one map.
 
@@ -26,8 +26,7 @@ def scene(
     """
     from gen.draft.drafting import Order, draft
     from gen.draft.proposal import Material
-    from gen.maps.library import Reading
 
     material = Material.of_options(young or [], poisson or [], e_star, hardness)
-    reading = Reading(side, unit, channel)
-    draft(Order(inputs or [], like, output, reading, material, typed(context, "gen")))
+    how = Reading.of_options(**vars(reading))
+    draft(Order(inputs or [], like, output, how, material, typed(context, "gen")))

@@ -48,7 +48,7 @@ def print_statistics(topography: Topography, description: Description) -> None:
         f"{heights.shape[0]} x {heights.shape[1]} nodes, spacing {spacing[0]:.6g} x"
         f" {spacing[1]:.6g} um, heights {heights.min():.6g} to {heights.max():.6g} um"
     )
-    if not topography.followed & {"--level plane", "--level quadratic", "--form"}:
+    if not topography.followed & {"level plane", "level quadratic", "form"}:
         said += ", tilt {:.4g} along x, {:.4g} along y".format(*tilt(topography))
     echo(said)
     table = Table(box=None, pad_edge=False)

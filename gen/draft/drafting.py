@@ -9,7 +9,7 @@ from gen.draft import likeness, proposal, scene_text
 from gen.draft.proposal import Material
 from gen.draft.survey import print_looks
 from gen.maps.files import map_files
-from gen.maps.library import Reading
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import RunProgress, echo

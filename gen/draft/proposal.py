@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gen.draft.survey import FORM, MapSurvey, Texture, common_threshold, survey, with_texture
-from gen.maps.library import Reading
 from gen.maps.prepare import is_same
 from gen.maps.read import Sides
-from gen.maps.settings import Preparation
+from gen.maps.settings import Reading
 from gen.maps.windows import Tiling
 from gen.material import Bodies, plane_strain_modulus
 from gen.runtime.errors import InputError
@@ -36,9 +35,7 @@ class Proposal:
     looks : tuple of MapSurvey
         All files; those without a fault are used.
     reading : Reading
-        How files are read.
-    preparation : Preparation
-        Steps of the preparation.
+        How files are read and prepared.
     spacing : float or None
         Spacing to which all maps are resampled; None if they share theirs [um].
     nodes : int
@@ -53,7 +50,6 @@ class Proposal:
 
     looks: tuple[MapSurvey, ...]
     reading: Reading
-    preparation: Preparation
     spacing: float | None
     nodes: int
     windows: int
@@ -121,11 +117,11 @@ def propose(
     require_used(looks)
     spacing = common_spacing([look.spacing for look in looks if not look.fault])
     looks = [_without_coarse(look, spacing) for look in looks]
-    preparation = choose_preparation([look for look in looks if not look.fault])
+    reading = with_steps(reading, [look for look in looks if not look.fault])
     target = None if spacing is None else (spacing, spacing)
     for index, look in enumerate(looks):
         if not look.fault:
-            looks[index] = with_texture(look, reading, preparation, target)
+            looks[index] = with_texture(look, reading, target)
         looked()
     used = require_used(looks)
     textures = [known_texture(look) for look in used]
@@ -139,7 +135,7 @@ def propose(
     textures = [known_texture(look) for look in require_used(looks)]
     loads = choose_loads(material, [each.rms_slope for each in textures], nodes**2)
     windows = _windows([each.shape for each in textures], nodes)
-    return Proposal(tuple(looks), reading, preparation, spacing, nodes, windows, loads, material)
+    return Proposal(tuple(looks), reading, spacing, nodes, windows, loads, material)
 
 
 def require_used(looks: Sequence[MapSurvey]) -> list[MapSurvey]:
@@ -151,10 +147,11 @@ def require_used(looks: Sequence[MapSurvey]) -> list[MapSurvey]:
     return used
 
 
-def choose_preparation(looks: Sequence[MapSurvey]) -> Preparation:
+def with_steps(reading: Reading, looks: Sequence[MapSurvey]) -> Reading:
     """Choose the steps of the preparation by the spikes, form and holes found in the maps."""
     spikes = [look.spikes for look in looks if look.spikes is not None]
-    return Preparation(
+    return replace(
+        reading,
         despike=common_threshold(spikes),
         level="quadratic" if any(look.form > FORM for look in looks) else "plane",
         fill=any(look.missing for look in looks),

@@ -64,7 +64,7 @@ def keys(proposal: Proposal, inputs: list[str], command: str, output: Path) -> I
     yield from _files(proposal, inputs, output.absolute().parent)
     yield from _windows(proposal)
     yield from _preparation(proposal)
-    if given := {name: value for name, value in vars(proposal.reading).items() if value}:
+    if given := {name: value for name, value in proposal.reading.of("reading").items() if value}:
         yield Key("As given to the command, for files that do not say it.", "[surface.reading]")
         yield from (Key("", name, quoted(value)) for name, value in given.items())
     yield from load_keys(proposal.loads, proposal.material)
@@ -194,7 +194,7 @@ def _width(side: float, length: float) -> str:
 
 def _preparation(proposal: Proposal) -> Iterator[Key]:
     """Yield the table of the preparation."""
-    used, steps = proposal.used, proposal.preparation
+    used, steps = proposal.used, proposal.reading
     yield Key(
         "The options of `gen contact`; every map goes through all steps.", "[surface.preparation]"
     )

@@ -17,10 +17,9 @@ from gen.maps.areal import areal_parameters
 from gen.maps.doubts import FLAT, STEEP, tilt
 from gen.maps.files import digest
 from gen.maps.filters import scaled_distances
-from gen.maps.library import Reading
 from gen.maps.prepare import MANY_SPIKES, MOST_HOLES, prepare, resampled
 from gen.maps.read import Sides, Topography, read
-from gen.maps.settings import SPIKE, Preparation
+from gen.maps.settings import SPIKE, Reading
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import print_table
 from gen.statistics import rms_slope
@@ -130,7 +129,7 @@ def _look(path: Path, reading: Reading, contents: dict[str, Path]) -> MapSurvey:
         sha256 = digest(path)
         if sha256 in contents:
             return MapSurvey(path, f"the same map as {contents[sha256].name}")
-        topography = measured(path, reading)
+        topography = read(path, reading)
         contents[sha256] = path
     except InputError as error:
         return MapSurvey(path, fault=_without_name(str(error), path))
@@ -155,11 +154,6 @@ def _without_name(fault: str, path: Path) -> str:
     return fault.replace(", or overrule the file by --override-scale", "")
 
 
-def measured(path: Path, reading: Reading) -> Topography:
-    """Read a map as scenes do; raise InputError if it cannot be read."""
-    return read(path, reading.side, reading.unit, channel=reading.channel)
-
-
 def _fault(topography: Topography) -> str:
     """Say why a map cannot be used, "" if it can."""
     heights = topography.heights
@@ -181,9 +175,7 @@ def _form(heights: Heights) -> float:
     return 1.0 - quadratic / plane if plane else 0.0
 
 
-def with_texture(
-    look: MapSurvey, reading: Reading, preparation: Preparation, spacing: Sides | None
-) -> MapSurvey:
+def with_texture(look: MapSurvey, reading: Reading, spacing: Sides | None) -> MapSurvey:
     """Prepare a map as the scene will, and measure its roughness.
 
     Parameters
@@ -191,9 +183,7 @@ def with_texture(
     look : MapSurvey
         A map that can be used.
     reading : Reading
-        How it is read.
-    preparation : Preparation
-        Steps of the preparation.
+        How it is read and prepared.
     spacing : tuple of float or None
         Spacing along x and y to resample it to [um]; None leaves its own.
 
@@ -203,7 +193,7 @@ def with_texture(
         The map with its texture, or with the reason why it cannot be used.
     """
     try:
-        topography = prepare(measured(look.path, reading), preparation)
+        topography = prepare(read(look.path, reading), reading)
         if spacing is not None:
             topography = resampled(topography, spacing)
     except InputError as error:

@@ -9,11 +9,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PlainValidator, Strict
+from pydantic import Field, PlainValidator, Strict, create_model
 from pydantic_core import PydanticCustomError
 
 from gen.arrays import Heights
@@ -28,6 +28,7 @@ from gen.generators.rules import (
     Side,
     pair,
 )
+from gen.maps.settings import Reading, keys, kind_of
 from gen.runtime.errors import InputError, SourceError
 
 if TYPE_CHECKING:  # scenes of other surfaces need nothing of maps
@@ -76,46 +77,39 @@ def lengths(value: object) -> str:
 Lengths = Annotated[str, PlainValidator(lengths)]
 
 
-class Reading(Table):
-    """How files of maps are read: the options of `gen contact`, for files that do not say it."""
-
-    side: Lengths | None = Field(
-        default=None, description="the scan length in um, or two as [1000, 500] or '1000,500'"
-    )
-    unit: Text | None = Field(default=None, description="text, the unit of the heights, as 'nm'")
-    channel: Text | None = Field(default=None, description="text, a channel's name or its index")
+class Keys(Table):
+    """Keys of `gen.maps.settings.Reading` in a table of a scene."""
 
     def given(self) -> dict[str, Any]:
         """Return the keys that are given, with their values."""
         return {name: value for name, value in self if value is not None}
 
 
-class Preparation(Table):
-    """How maps are prepared before windows are cut out: the options of `gen contact`.
+def _table(name: str) -> type[Keys]:
+    """Make a table of a scene of the keys of `gen.maps.settings.Reading`.
 
     Texts, and keys that exclude each other, are checked where the maps are looked for.
     """
+    rules: dict[Any, Any] = {bool: bool, str: Text, float: Positive}
+    made: dict[str, Any] = {}
+    for key, told in keys(name).items():
+        if key == "side":
+            rule: Any = Lengths
+        elif told.choices:
+            rule = Literal[told.choices]
+        elif told.least is not None:
+            rule = Annotated[int, Field(ge=told.least)]
+        else:
+            rule = rules[kind_of(key)]
+        made[key] = (rule | None, Field(default=None, description=told.allowed))
+    return create_model(f"{name.capitalize()}Table", __base__=Keys, **made)
 
-    crop: Text | None = Field(default=None, description="text, 'x0:x1,y0:y1' [um]")
-    invert: bool | None = Field(default=None, description="true or false")
-    mask: Text | None = Field(default=None, description="text, 'below:above' [um]")
-    despike: Positive | None = Field(default=None, description="a number above 0, as 7")
-    level: Literal["mean", "plane", "quadratic"] | None = Field(
-        default=None, description="'mean', 'plane' or 'quadratic'"
-    )
-    form: Annotated[int, Field(ge=1)] | None = Field(
-        default=None, description="the degree of a polynomial, a whole number from 1 on"
-    )
-    fill: bool | None = Field(default=None, description="true or false")
-    fill_most: bool | None = Field(default=None, description="true or false")
-    filter: Text | None = Field(default=None, description="text, 'short:long' [um]")
-    downsample: Annotated[int, Field(ge=2)] | None = Field(
-        default=None, description="a whole number of 2 or more"
-    )
 
-    def given(self) -> dict[str, Any]:
-        """Return the keys that are given, with their values."""
-        return {name: value for name, value in self if value is not None}
+if TYPE_CHECKING:
+    ReadingTable: TypeAlias = Keys
+    PreparationTable: TypeAlias = Keys
+else:
+    ReadingTable, PreparationTable = _table("reading"), _table("preparation")
 
 
 class ScannedMap(Table):
@@ -164,9 +158,11 @@ class ScanSurface(GeneratedSurface):
     files: Files = Field(description=FILES)
     nodes: Nodes = Field(default=128, description=NODES)
     spacing: Side | None = Field(default=None, description=SIDE)
-    reading: Reading = Field(default=Reading(), description="a table of options as unit = 'nm'")
-    preparation: Preparation = Field(
-        default=Preparation(), description="a table of steps as level = 'plane'"
+    reading: ReadingTable = Field(
+        default=ReadingTable(), description="a table of options as unit = 'nm'"
+    )
+    preparation: PreparationTable = Field(
+        default=PreparationTable(), description="a table of steps as level = 'plane'"
     )
     against: AnotherOrFiles | None = Field(
         default=None,
@@ -302,17 +298,15 @@ class ScanSurface(GeneratedSurface):
 
     def _wanted(self) -> Wanted:
         """Return how the files are to be read and prepared."""
-        from gen.maps import library
-        from gen.maps.settings import Preparation, in_words_of_scenes
+        from gen.maps.library import Wanted
 
         spacing = None if self.spacing is None else pair(self.spacing)
-        preparation = Preparation(**self.preparation.given())
+        reading = Reading(**self.reading.given(), **self.preparation.given(), asked="key")
         try:
-            preparation.check()
+            reading.check()
         except InputError as error:
-            raise InputError(f"surface.preparation: {in_words_of_scenes(str(error))}") from None
-        reading = library.Reading(**self.reading.given())
-        return library.Wanted(pair(self.nodes), spacing, preparation, reading)
+            raise InputError(f"surface.preparation: {error}") from None
+        return Wanted(pair(self.nodes), spacing, reading)
 
     def remarks(self) -> list[str]:
         """Return lines about the maps for the user of a run: numbers, place and warnings."""

@@ -17,8 +17,8 @@ from gen.law import solved
 from gen.law.curves import Curves, with_conductance
 from gen.law.surfaces import LawSurfaces, read_subjects
 from gen.maps.bodies import Opposite
+from gen.maps.settings import Reading
 from gen.material import Bodies
-from gen.option_groups import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import MAGNITUDES, magnitude, shown, values_from
 from gen.runtime.terminal import shortened

@@ -13,8 +13,8 @@ from gen.distribution import LogUniform, limits
 from gen.maps.bodies import Opposite, composite
 from gen.maps.doubts import surface_warnings
 from gen.maps.read import Topography
+from gen.maps.settings import Reading
 from gen.material import plane_strain_modulus
-from gen.option_groups import Reading
 from gen.reading import files_in, is_table, read_surface
 from gen.runtime.errors import InputError
 from gen.scene import Scene, preset_names
@@ -261,7 +261,7 @@ def read_subjects(
     origins: list[str] = []
     doubts: list[str] = []
     seconds = [] if opposite is None else _seconds(opposite, boundary)
-    facing = "" if opposite is None else f" against {opposite.source.path}"
+    facing = "" if opposite is None else f" against {opposite.path}"
     for text in inputs:
         path = Path(text)
         if is_scene(text):
@@ -292,9 +292,9 @@ def read_subjects(
 
 def _seconds(opposite: Opposite, boundary: Boundary) -> list[Topography]:
     """Read and prepare the second body, or every one of a folder."""
-    source = opposite.source
-    sources = [replace(source, path=file) for file in files_in([source.path])[0]]
-    return [replace(opposite, source=each).prepared(boundary) for each in sources]
+    return [
+        replace(opposite, path=file).prepared(boundary) for file in files_in([opposite.path])[0]
+    ]
 
 
 def _facing(scene: Scene) -> str:

@@ -11,16 +11,16 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
 from gen.arrays import Heights, Values
 from gen.maps.prepare import prepare, require_useful_heights
 from gen.maps.read import Sides, Topography, intervals, read
-from gen.maps.settings import Preparation
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
 
@@ -246,104 +246,54 @@ def _size(lengths: Sides) -> str:
     return f"{lengths[0]:.6g} x {lengths[1]:.6g}"
 
 
-READING = ("side", "unit", "channel", "override_scale")
-STEPS = (
-    *("crop", "invert", "mask", "despike", "level", "form", "fill", "fill_most", "filter_"),
-    "downsample",
-)
-"""Parameters of commands that say how a file is read, and how its map is prepared."""
-
-
-@dataclass(frozen=True)
-class Source:
-    """A file with a surface, and how it is read and prepared.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    side, unit, channel, override_scale
-        See `gen.maps.read.read`.
-    preparation : Preparation
-        Steps from the measured map to the surface.
-    """
-
-    path: Path
-    side: str = ""
-    unit: str = ""
-    channel: str = ""
-    override_scale: bool = False
-    preparation: Preparation = field(default_factory=Preparation)
-
-    @classmethod
-    def of_options(cls, path: Path, options: dict[str, Any]) -> Source:
-        """Make a source of a command's options.
-
-        Parameters
-        ----------
-        path : Path
-            The file.
-        options : dict
-            Value of each option by the name of its parameter; other options are left out.
-        """
-        steps = {name.rstrip("_"): options[name] for name in STEPS}
-        reading = {name: options[name] for name in READING}
-        return cls(path, **reading, preparation=Preparation(**steps))
-
-    def measured(self, boundary: Boundary) -> Topography:
-        """Read the surface as a patch of a boundary; raise InputError if it cannot be read."""
-        return read(
-            self.path,
-            self.side,
-            self.unit,
-            channel=self.channel,
-            override_scale=self.override_scale,
-            boundary=boundary,
-        )
-
-
 @dataclass(frozen=True)
 class Opposite:
     """The second of two rough bodies.
 
     Attributes
     ----------
-    source : Source
-        Its surface.
+    path : Path
+        File of its surface.
+    reading : Reading
+        How it is read and prepared.
     placement : Placement
         How it is laid on the first one.
     shared : bool
-        Whether its settings are those of the first body: lengths and unit that its own file states
-        then stand.
+        Whether it is read as the first body: lengths and unit that its own file states then stand.
     """
 
-    source: Source
+    path: Path
+    reading: Reading
     placement: Placement
     shared: bool = True
 
     def measured(self, boundary: Boundary) -> Topography:
         """Read the surface as a patch of a boundary; raise InputError if it cannot be read."""
-        source = self.source
+        reading = self.reading
         try:
-            return source.measured(boundary)
+            return read(self.path, reading, boundary)
         except InputError:
-            if self.shared and not source.override_scale and (source.side or source.unit):
+            if self.shared and not reading.override_scale and (reading.side or reading.unit):
                 with suppress(InputError):
-                    return replace(source, side="", unit="").measured(boundary)
+                    return read(self.path, replace(reading, side="", unit=""), boundary)
             raise
 
     def prepared(self, boundary: Boundary) -> Topography:
         """Read and prepare the surface; raise InputError if that is not possible."""
-        return prepare(self.measured(boundary), self.source.preparation)
+        return prepare(self.measured(boundary), self.reading)
 
 
-def surface_of(source: Source, opposite: Opposite | None, boundary: Boundary) -> Topography:
+def surface_of(
+    path: Path, reading: Reading, opposite: Opposite | None, boundary: Boundary
+) -> Topography:
     """Read and prepare a surface, or the composite surface of two bodies.
 
     Parameters
     ----------
-    source : Source
-        First or only body.
+    path : Path
+        File of the first or only body.
+    reading : Reading
+        How it is read and prepared.
     opposite : Opposite or None
         Second body; None for a plane.
     boundary : {"free", "periodic", "mirror"}
@@ -359,7 +309,7 @@ def surface_of(source: Source, opposite: Opposite | None, boundary: Boundary) ->
     InputError
         If a file cannot be read or prepared, or the bodies share fewer than 2 x 2 nodes.
     """
-    surface = prepare(source.measured(boundary), source.preparation)
+    surface = prepare(read(path, reading, boundary), reading)
     if opposite is None:
         return surface
     return composite(surface, opposite.prepared(boundary), opposite.placement)

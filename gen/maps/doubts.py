@@ -58,7 +58,7 @@ def surface_warnings(topography: Topography) -> list[str]:
         row, column, above = spike
         fault = f"the highest node ({row}, {column}) is a spike from whose tip Delta counts,"
         fault += f" {above:.4g} um above its neighbours"
-        remedies = f"--despike {SPIKE:g} removes spikes", "--crop leaves this part out"
+        remedies = (f"despike {SPIKE:g}", "removes spikes"), ("crop", "leaves this part out")
         warnings.append(advised(topography, fault, *remedies))
     slope, step = rms_slope(topography.heights, topography.spacing), max(topography.spacing)
     scale = f"rms slope {slope:.2g} between nodes {step:.3g} um apart"
@@ -69,7 +69,7 @@ def surface_warnings(topography: Topography) -> list[str]:
         )
     if 0 < slope < FLAT and step <= WIDEST:  # else their distance is wrong, which `read` says
         fault = f"{scale}: flatter than a mirror; are the heights in metres"
-        warnings.append(advised(topography, fault, "--unit m reads them so"))
+        warnings.append(advised(topography, fault, ("unit m", "reads them so")))
     warnings += _border_warnings(topography)
     return warnings
 
@@ -80,7 +80,7 @@ def _border_warnings(topography: Topography) -> list[str]:
         fault = (
             f"the file says that its map is periodic, and it is taken as a {topography.boundary}"
         )
-        follows = "--boundary periodic of gen describe, contact and law follows the file"
+        follows = "boundary periodic", "of gen describe, contact and law follows the file"
         return [advised(topography, f"{fault} patch", follows)]
     if topography.boundary != "periodic" or is_tilted(topography):
         return []
@@ -89,7 +89,7 @@ def _border_warnings(topography: Topography) -> list[str]:
         return []
     said = f"opposite borders differ by {step:.4g} um (rms), more than the rms height, {rms:.4g} um"
     fault = f"{said}: the map is not periodic"
-    return [advised(topography, fault, "--boundary mirror takes it as it is")]
+    return [advised(topography, fault, ("boundary mirror", "takes it as it is"))]
 
 
 def _border_step(heights: Heights) -> float:
@@ -108,15 +108,15 @@ def with_level_warning(before: Topography, after: Topography) -> Topography:
         return after
     said = f"the fit that was taken out is not periodic: opposite borders differ by {step:.4g} um"
     fault = f"{said} (rms), {was:.4g} um before"
-    warning = advised(after, fault, "--level mean keeps the map periodic")
+    warning = advised(after, fault, ("level mean", "keeps the map periodic"))
     return replace(after, warnings=(*after.warnings, warning))
 
 
-def advised(topography: Topography, fault: str, *remedies: str) -> str:
-    """Add remedies to a fault, each an option and what it does, but none that is followed."""
-    followed = {*topography.followed, f"--boundary {topography.boundary}"}
-    followed |= {"--unit"} if topography.unit else set()
-    left = [each for each in remedies if not each.startswith(tuple(f"{o} " for o in followed))]
+def advised(topography: Topography, fault: str, *remedies: tuple[str, str]) -> str:
+    """Add remedies to a fault, each a step and what it does, but none that is followed."""
+    followed = {*topography.followed, f"boundary {topography.boundary}"}
+    followed |= {"unit m"} if topography.unit else set()
+    left = [f"{topography.said(step)} {does}" for step, does in remedies if step not in followed]
     return f"{fault}: {', '.join(left)}" if left else fault
 
 
@@ -140,7 +140,9 @@ def with_tilt_warning(topography: Topography) -> Topography:
         return topography
     x, y = tilt(topography)
     fault = f"tilted by {x:.2g} along x and {y:.2g} along y, more than it is rough, so one edge"
-    warning = advised(topography, f"{fault} carries the load", "--level plane takes the tilt out")
+    warning = advised(
+        topography, f"{fault} carries the load", ("level plane", "takes the tilt out")
+    )
     return replace(topography, warnings=(*topography.warnings, warning))
 
 

@@ -14,9 +14,6 @@ from gen.arrays import Heights, Values
 if TYPE_CHECKING:
     from bem.spacing import Boundary
 
-HIGHEST_DEGREE = 20
-"""Largest total degree of a form: higher ones follow the waviness, which is for an L-filter."""
-
 BLOCK = 1 << 15
 """Nodes that enter the fit at a time, which bounds the memory."""
 

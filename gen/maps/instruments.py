@@ -16,6 +16,7 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 
 from gen.maps.scan import Channel, Scan, choice_in_words, choose_channel
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
 
@@ -36,15 +37,15 @@ REVISION = re.compile(
 """Revision of an x3p file with any dash; SurfaceTopography knows it with one dash only."""
 
 
-def read(path: Path, wanted: str, reason: str) -> Scan:
+def read(path: Path, reading: Reading, reason: str) -> Scan:
     """Read the map of a channel from an instrument's file.
 
     Parameters
     ----------
     path : Path
         The file.
-    wanted : str
-        Name or index of the channel; the first one with heights if "".
+    reading : Reading
+        How the file is read, with the name or index of the channel.
     reason : str
         Message for a file of no format that SurfaceTopography has a reader for; "" for our own.
 
@@ -76,7 +77,7 @@ def read(path: Path, wanted: str, reason: str) -> Scan:
         warnings.simplefilter("ignore")  # every reader that is tried warns about foreign formats
         logging.disable()
         try:
-            return _map_of(path, wanted, *_opened(path, reason))
+            return _map_of(path, reading, *_opened(path, reason))
         except InputError:
             raise
         except Exception as error:  # a broken file makes its readers raise nearly anything
@@ -150,7 +151,7 @@ def _reason(error: Exception) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"[:MOST_LETTERS]
 
 
-def _map_of(path: Path, wanted: str, reader: Any, remark: str) -> Scan:
+def _map_of(path: Path, reading: Reading, reader: Any, remark: str) -> Scan:
     """Read the wanted map of an open file."""
     maps = {channel.index: channel for channel in reader.channels if channel.dim == 2}
     channels = [
@@ -163,7 +164,7 @@ def _map_of(path: Path, wanted: str, reader: Any, remark: str) -> Scan:
         )
         for index, channel in maps.items()
     ]
-    taken = choose_channel(path, channels, wanted).index
+    taken = choose_channel(path, channels, reading).index
     channel = maps[taken]
     nx, ny = channel.nb_grid_pts
     if min(nx, ny) < 2:

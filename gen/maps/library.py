@@ -9,13 +9,13 @@ import stat
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from gen.maps import store
 from gen.maps.prepare import is_same, prepare, resampled
 from gen.maps.read import Topography, read
-from gen.maps.settings import Preparation, in_words_of_scenes
+from gen.maps.settings import Reading
 from gen.maps.store import PreparedMap
 from gen.maps.windows import Shape
 from gen.runtime.errors import InputError
@@ -29,25 +29,6 @@ Spacing = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Reading:
-    """How the files are read, with the options of `gen contact`.
-
-    Attributes
-    ----------
-    side : str
-        Scan length, or two of them with a comma [um], of files without lengths.
-    unit : str
-        Unit of the heights of files that name none.
-    channel : str
-        Name or index of the channel; the first one with heights by default.
-    """
-
-    side: str = ""
-    unit: str = ""
-    channel: str = ""
-
-
-@dataclass(frozen=True)
 class Wanted:
     """How the files of a scene are to be read and prepared.
 
@@ -58,15 +39,12 @@ class Wanted:
     spacing : tuple of float, optional
         Spacing along x and y to resample the maps to [um]; None takes that of the first map, which
         the others have to share.
-    preparation : Preparation
-        Steps of the preparation.
     reading : Reading
-        How the files are read.
+        How the files are read and prepared.
     """
 
     window: Shape
     spacing: Spacing | None = None
-    preparation: Preparation = field(default_factory=Preparation)
     reading: Reading = field(default_factory=Reading)
 
     def key(self, sha256s: Sequence[str]) -> str:
@@ -78,7 +56,8 @@ class Wanted:
             "reader": READER,
             "versions": versions(("asperity", "numpy", "scipy", "SurfaceTopography")),
             "maps": list(sha256s),
-            **{name: value for name, value in asdict(self).items() if name != "window"},
+            "spacing": self.spacing,
+            **{table: self.reading.of(table) for table in ("preparation", "reading")},
         }
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
@@ -210,18 +189,15 @@ def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, 
                 f" {_words(spacing)} um: give spacing, to which all are resampled, or downsample"
             )
         _require_window(path, topography.heights.shape, wanted.window)
-        warnings = tuple(in_words_of_scenes(each) for each in topography.warnings)
-        yield PreparedMap(topography.heights, warnings), _square(spacing or (1.0, 1.0))
+        yield PreparedMap(topography.heights, topography.warnings), _square(spacing or (1.0, 1.0))
 
 
 def _read(path: Path, wanted: Wanted) -> Topography:
     """Read and prepare one map."""
-    reading = wanted.reading
     try:
-        measured = read(path, reading.side, reading.unit, channel=reading.channel)
-        return prepare(replace(measured, name=str(path)), wanted.preparation)
+        return prepare(read(path, wanted.reading), wanted.reading)
     except InputError as error:
-        text = in_words_of_scenes(str(error))
+        text = str(error)
         raise InputError(text if str(path) in text else f"{path}: {text}") from None
 
 

@@ -12,7 +12,7 @@ from gen.maps import filters
 from gen.maps.doubts import advised, tilt, with_level_warning, with_tilt_warning
 from gen.maps.filters import filled_harmonically, least_squares, plane, quadratic, without_spikes
 from gen.maps.read import Sides, Topography, intervals
-from gen.maps.settings import Preparation
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import MAGNITUDES
 
@@ -23,7 +23,7 @@ MOST_HOLES = 0.5
 """Share of missing heights above which filling them is refused unless the user insists."""
 
 
-def prepare(topography: Topography, settings: Preparation) -> Topography:
+def prepare(topography: Topography, settings: Reading) -> Topography:
     """Crop, invert, mask, despike, level, fill, filter and downsample a map, in this order.
 
     The order is a metrologist's. Heights out of range are no part of any median, so the mask comes
@@ -36,7 +36,7 @@ def prepare(topography: Topography, settings: Preparation) -> Topography:
     ----------
     topography : Topography
         Surface as it was measured.
-    settings : Preparation
+    settings : Reading
         Steps to take. A surface of which more than `MANY_HOLES` is filled gets a warning.
 
     Returns
@@ -52,14 +52,14 @@ def prepare(topography: Topography, settings: Preparation) -> Topography:
         than heights, or heights are too large to compute with.
     """
     settings.check()
-    if settings.options:
-        topography = replace(topography, followed=topography.followed | settings.options)
+    followed = topography.followed | settings.followed
+    topography = replace(topography, followed=followed, asked=settings.asked)
     if settings.despike or settings.form or settings.filter or settings.downsample:
         require_useful_heights(topography)
     topography = _with_measured_nodes(topography, settings)
     if topography.missing:
         fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
-        remedies = "--fill closes holes", "--crop leaves them out"
+        remedies = ("fill", "closes holes"), ("crop", "leaves them out")
         raise InputError(f"{topography.name}: {advised(topography, fault, *remedies)}")
     short, long = settings.cutoffs()
     if short is not None or long is not None:
@@ -69,7 +69,7 @@ def prepare(topography: Topography, settings: Preparation) -> Topography:
     return with_tilt_warning(topography)
 
 
-def _with_measured_nodes(topography: Topography, settings: Preparation) -> Topography:
+def _with_measured_nodes(topography: Topography, settings: Reading) -> Topography:
     """Take the steps for which measured nodes are enough, up to the filling of the others."""
     if settings.crop:
         topography = cropped(topography, settings.crop)
@@ -97,8 +97,9 @@ def _filled(topography: Topography, *, insisted: bool) -> Topography:
     share = f"{100 * missing / size:.3g} %"
     if missing > MOST_HOLES * size and not insisted:
         raise InputError(
-            f"{topography.name}: {missing} of {size} heights are missing ({share}): --fill would"
-            " make up more than was measured; crop, measure again, or insist by --fill-most"
+            f"{topography.name}: {missing} of {size} heights are missing ({share}):"
+            f" {topography.said('fill')} would make up more than was measured; crop, measure again,"
+            f" or insist by {topography.said('fill_most')}"
         )
     periodic = topography.boundary == "periodic"
     heights = filled_harmonically(topography.heights, topography.spacing, periodic=periodic)
@@ -142,12 +143,13 @@ def require_useful_heights(topography: Topography) -> None:
 
 def cropped(topography: Topography, text: str) -> Topography:
     """Cut out the nodes within "x0:x1,y0:y1" [um]."""
+    named = topography.said("crop")
     try:
         limits = [[float(end) for end in part.split(":")] for part in text.split(",")]
     except ValueError:
         limits = []
     if len(limits) != 2 or any(len(ends) != 2 for ends in limits):
-        raise InputError(f"--crop {text!r}: give x0:x1,y0:y1 in um, as 100:900,0:500")
+        raise InputError(f"{named} {text!r}: give x0:x1,y0:y1 in um, as 100:900,0:500")
     parts, sides = [], []
     for (low, high), spacing, nodes in zip(
         limits, topography.spacing, topography.heights.shape, strict=True
@@ -157,12 +159,12 @@ def cropped(topography: Topography, text: str) -> Topography:
         within = np.flatnonzero((positions >= low - rounding) & (positions <= high + rounding))
         if within.size < 2:
             whole = " x ".join(f"{side:.6g}" for side in topography.sides)
-            raise InputError(f"--crop {text!r}: holds fewer than 2 x 2 nodes of {whole} um")
+            raise InputError(f"{named} {text!r}: holds fewer than 2 x 2 nodes of {whole} um")
         parts.append(slice(int(within[0]), int(within[-1]) + 1))
         sides.append(intervals(within.size, topography.boundary) * spacing)
     heights = np.ascontiguousarray(topography.heights[tuple(parts)])
     if np.isnan(heights).all():
-        raise InputError(f"--crop {text!r}: all heights are missing there")
+        raise InputError(f"{named} {text!r}: all heights are missing there")
     step = f"cropped to {heights.shape[0]} x {heights.shape[1]} nodes, {text} um"
     part = replace(topography, sides=(sides[0], sides[1]), repeats=False)
     return changed(part, heights, step)
@@ -176,7 +178,8 @@ def masked(topography: Topography, kept: tuple[float, float]) -> Topography:
     if np.isnan(masked_heights).all():
         span = f"{np.nanmin(heights):.6g} to {np.nanmax(heights):.6g} um"
         raise InputError(
-            f"{topography.name}: --mask {below:g}:{above:g} leaves no height, they are {span}"
+            f"{topography.name}: {topography.said('mask')} {below:g}:{above:g} leaves no height,"
+            f" they are {span}"
         )
     count = int(np.count_nonzero(outside))
     step = f"masked {_share(count, heights.size)} outside {below:g} to {above:g} um"
@@ -192,7 +195,8 @@ def despiked(topography: Topography, threshold: float) -> Topography:
     clean = changed(topography, heights, step)
     if count <= MANY_SPIKES * heights.size:
         return clean
-    warning = f"{taken} were taken out as spikes: probably a part of the surface; raise --despike"
+    named = topography.said("despike")
+    warning = f"{taken} were taken out as spikes: probably a part of the surface; raise {named}"
     return replace(clean, warnings=(*clean.warnings, warning))
 
 
@@ -203,8 +207,8 @@ def without_form(topography: Topography, degree: int) -> Topography:
     measured = heights.size - topography.missing
     if degree >= min(nx, ny) or measured <= terms:
         raise InputError(
-            f"{topography.name}: --form {degree} has {terms} coefficients, too many for {measured}"
-            f" heights on {nx} x {ny} nodes"
+            f"{topography.name}: {topography.said('form')} {degree} has {terms} coefficients,"
+            f" too many for {measured} heights on {nx} x {ny} nodes"
         )
     fit = filters.fitted_polynomial(heights, degree)
     span = f"{np.ptp(fit[~np.isnan(heights)]):.4g} um"
@@ -222,8 +226,9 @@ def filtered(topography: Topography, short: float | None, long: float | None) ->
             continue
         if not finest * (1 - ROUNDING) <= cutoff <= side * (1 + ROUNDING):
             raise InputError(
-                f"{topography.name}: --filter: the {name}'s cut-off, {cutoff:g} um, is outside"
-                f" {finest:.6g} to {side:.6g} um, four spacings to the shorter side"
+                f"{topography.name}: {topography.said('filter')}: the {name}'s cut-off,"
+                f" {cutoff:g} um, is outside {finest:.6g} to {side:.6g} um, four spacings to the"
+                " shorter side"
             )
         names.append(f"{name} {cutoff:g} um")
     if short is not None:
@@ -244,7 +249,8 @@ def downsampled(topography: Topography, nodes: int) -> Topography:
     shape = " x ".join(str(length) for length in heights.shape)
     if min(blocks) < 2:
         raise InputError(
-            f"{topography.name}: --downsample {nodes} leaves fewer than 2 x 2 of {shape} nodes"
+            f"{topography.name}: {topography.said('downsample')} {nodes} leaves fewer than 2 x 2 of"
+            f" {shape} nodes"
         )
     (nx, ny), whole = blocks, heights[: blocks[0] * nodes, : blocks[1] * nodes]
     means = whole.reshape(nx, nodes, ny, nodes).mean(axis=(1, 3))

@@ -17,6 +17,7 @@ import numpy as np
 from gen.arrays import Heights
 from gen.maps import instruments, text
 from gen.maps.scan import Channel, Scan, arranged, choice_in_words, choose_channel
+from gen.maps.settings import Asked, Reading, said
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import magnitude
 
@@ -24,6 +25,9 @@ if TYPE_CHECKING:  # surfaces are described without the solver
     from bem.spacing import Boundary
 
 Sides = tuple[float, float]
+
+AS_THE_FILE_SAYS = Reading()
+"""Nothing but the file says how it is read."""
 
 METRIC = {"m": 1e6, "cm": 1e4, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "pm": 1e-6}
 UNITS = METRIC | {"A": 1e-4, "Å": 1e-4, "inch": 25.4e3}
@@ -58,9 +62,11 @@ class Topography:
     unit : str
         Unit of the heights in the file, "" if it names none and they are taken as um.
     followed : frozenset of str
-        Options of the preparation, which no warning advises again: "--crop", "--level plane".
+        Steps of the preparation, which no warning advises again: "crop", "level plane".
     repeats : bool
         Whether the file says that its map is periodic; the boundary is what the user says.
+    asked : {"option", "key", "keyword"}
+        Who asks, for the words of messages.
     """
 
     name: str
@@ -72,6 +78,11 @@ class Topography:
     unit: str = ""
     followed: frozenset[str] = frozenset()
     repeats: bool = False
+    asked: Asked = "keyword"
+
+    def said(self, phrase: str) -> str:
+        """Write a key, alone or with its value, in the words of who asks."""
+        return said(phrase, self.asked)
 
     @property
     def spacing(self) -> Sides:
@@ -94,13 +105,7 @@ def intervals(nodes: int, boundary: Boundary) -> int:
 
 
 def read(
-    path: Path,
-    side: str = "",
-    unit: str = "",
-    *,
-    channel: str = "",
-    override_scale: bool = False,
-    boundary: Boundary = "free",
+    path: Path, reading: Reading = AS_THE_FILE_SAYS, boundary: Boundary = "free"
 ) -> Topography:
     """Read a surface from a file.
 
@@ -111,15 +116,8 @@ def read(
     path : Path
         File: .npy, text, or a format that SurfaceTopography reads (x3p, sur, al3d, opd, plu, gwy
         and more).
-    side : str
-        Scan length, or two of them with a comma [um], for files without lengths.
-    unit : str
-        Unit of the heights, and of the lengths of the file, for files that name none; .npy and
-        text are in um by default.
-    channel : str
-        Name or index of the channel to read; the first one with heights by default.
-    override_scale : bool
-        Let `side` and `unit` overrule those of the file, with a warning.
+    reading : Reading
+        How the file is read.
     boundary : {"free", "periodic", "mirror"}
         Boundary of the patch: without edges a scan length is that of all pixels, and free patches
         end at the outer nodes. The size of a pixel that the file states is kept in either case.
@@ -135,20 +133,21 @@ def read(
         If the file cannot be read or holds no map of heights, its channel is unknown, or a length
         or unit is missing, wrong, or given although the file has it.
     """
-    if override_scale and not (side or unit):
-        raise InputError("--override-scale: give --side, --unit or both, to overrule the file's")
+    overrule, side, unit = map(reading.said, ("override_scale", "side", "unit"))
+    if reading.override_scale and not (reading.side or reading.unit):
+        raise InputError(f"{overrule}: give {side}, {unit} or both, to overrule the file's")
     matrices, reason = _matrices(path)
     if matrices:
-        scan = _own_scan(path, matrices, channel, overruled=override_scale and bool(unit))
+        scan = _own_scan(path, matrices, reading)
     else:
-        scan = instruments.read(path, channel, reason)
+        scan = instruments.read(path, reading, reason)
         scan = arranged(path, replace(scan, heights=text.checked(scan.heights, path)))
     overruled: list[str] = []
-    allowed = overruled if override_scale else None
-    heights_unit = _agreed_unit(path, scan, unit, allowed)
-    sides = _agreed_sides(path, scan, heights_unit, side, boundary, allowed)
+    allowed = overruled if reading.override_scale else None
+    heights_unit = _agreed_unit(path, scan, reading, allowed)
+    sides = _agreed_sides(path, scan, heights_unit, reading, boundary, allowed)
     with np.errstate(over="ignore"):
-        heights = scan.heights * _factor(heights_unit or "um", "--unit")
+        heights = scan.heights * _factor(heights_unit or "um", unit)
     if np.isnan(heights).all():
         raise InputError(f"{path}: all of its {heights.size} heights are missing; measure again")
     if np.isinf(heights).any() or not all(0 < length < np.inf for length in sides):
@@ -156,10 +155,10 @@ def read(
             f"{path}: its heights or lengths are beyond what numbers hold; give others"
         )
     steps = [_first_step(scan, heights, heights_unit)]
-    steps += [f"OVERRULED by --override-scale: {change}" for change in overruled]
+    steps += [f"OVERRULED by {overrule}: {change}" for change in overruled]
     distrust = [f"the file's own scale is overruled: {change}" for change in overruled]
     distrust += [
-        f"the file says {remark!r}, which is not read: check --side and --unit against it"
+        f"the file says {remark!r}, which is not read: check {side} and {unit} against it"
         for remark in scan.remarks
     ]
     topography = Topography(
@@ -169,6 +168,7 @@ def read(
         steps=tuple(steps),
         boundary=boundary,
         unit=heights_unit or "",
+        asked=reading.asked,
         repeats=scan.repeats,
     )
     return replace(topography, warnings=(*distrust, *_absurd(topography)))
@@ -176,13 +176,14 @@ def read(
 
 def _absurd(topography: Topography) -> list[str]:
     """Warn of a scale that no instrument has; say which number it is."""
+    side, unit, overrule = map(topography.said, ("side", "unit", "override_scale"))
     span = float(np.nanmax(topography.heights)) - float(np.nanmin(topography.heights))
     numbers = {step: f"its nodes are {step:.3g} um apart" for step in topography.spacing}
     numbers[span] = f"its heights span {span:.3g} um"
     return [
-        f"{said}, which no instrument measures; compare with the instrument's own display, and"
-        " overrule the file by --side or --unit with --override-scale"
-        for number, said in numbers.items()
+        f"{absurd}, which no instrument measures; compare with the instrument's own display, and"
+        f" overrule the file by {side} or {unit} with {overrule}"
+        for number, absurd in numbers.items()
         if number and not NEAREST <= number <= WIDEST
     ]
 
@@ -200,8 +201,15 @@ def _first_step(scan: Scan, heights: Heights, unit: str | None) -> str:
     return f"read {nx} x {ny} nodes{scan.origin}, {units}, {share}"
 
 
-def sides_from(text: str) -> Sides:
+def sides_from(text: str, asked: Asked = "option") -> Sides:
     """Return the scan lengths along x and y [um] from "1000" or "1000,500".
+
+    Parameters
+    ----------
+    text : str
+        The lengths [um].
+    asked : {"option", "key", "keyword"}
+        Who gives them, for messages.
 
     Raises
     ------
@@ -214,7 +222,8 @@ def sides_from(text: str) -> Sides:
         lengths = []
     if len(lengths) not in {1, 2} or not all(map(magnitude, lengths)):
         raise InputError(
-            f"--side {text!r}: give the scan length in um, a number above 0, or two as 1000,500"
+            f"{said('side', asked)} {text!r}: give the scan length in um, a number above 0, or two"
+            " as 1000,500"
         )
     return lengths[0], lengths[-1]
 
@@ -236,16 +245,18 @@ def _unit(name: str) -> str:
     return name if name in UNITS else WORDS.get(word, word if known else name)
 
 
-def _agreed_unit(path: Path, scan: Scan, given: str, overruled: list[str] | None) -> str | None:
+def _agreed_unit(
+    path: Path, scan: Scan, reading: Reading, overruled: list[str] | None
+) -> str | None:
     """Return the unit of the heights, from the file or the user; None if it is um by default.
 
     If the user's unit overrules the file's, that is appended to `overruled`; None forbids it.
     """
-    own = scan.unit
-    factor = _factor(given, "--unit") if given else None
+    own, given, named = scan.unit, reading.unit, reading.said("unit")
+    factor = _factor(given, named) if given else None
     if not own:
         if not given and (scan.widths is not None or own is None):
-            raise InputError(f"{path}: names no unit; give --unit, one of {', '.join(UNITS)}")
+            raise InputError(f"{path}: names no unit; give {named}, one of {', '.join(UNITS)}")
         return given or None
     if not given or factor == UNITS.get(_unit(own)):
         _factor(own, f"{path}: unit")
@@ -253,7 +264,8 @@ def _agreed_unit(path: Path, scan: Scan, given: str, overruled: list[str] | None
     if overruled is None:
         raise InputError(
             f"{path}: its {'lengths' if scan.length_unit is None else 'heights'} are in {own},"
-            f" --unit says {given}; leave that out, or overrule the file by --override-scale"
+            f" {named} says {given}; leave that out, or overrule the file by"
+            f" {reading.said('override_scale')}"
         )
     overruled.append(f"unit {own}, taken as {given}")
     return given
@@ -263,7 +275,7 @@ def _agreed_sides(
     path: Path,
     scan: Scan,
     unit: str | None,
-    side: str,
+    reading: Reading,
     boundary: Boundary,
     overruled: list[str] | None,
 ) -> Sides:
@@ -271,41 +283,44 @@ def _agreed_sides(
 
     If the user's lengths overrule the file's, that is appended to `overruled`; None forbids it.
     """
+    side, named = reading.side, reading.said("side")
+    overrule = reading.said("override_scale")
     if scan.widths is None:
         if not side:
             hint = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
-            raise InputError(f"{path}: holds no lengths; give --side, the scan length in um{hint}")
-        return _sides_of(path, scan.heights.shape, side, boundary)
+            raise InputError(f"{path}: holds no lengths; give {named}, the scan length in um{hint}")
+        return _sides_of(path, scan.heights.shape, reading, boundary)
     length_unit = scan.length_unit or unit or "um"
-    said = f"lengths in {length_unit}"
+    own_scale = f"lengths in {length_unit}"
     if not side or overruled is None or _unit(length_unit) in UNITS:
-        advice = "give --side with --override-scale, or lengths in"
+        advice = f"give {named} with {overrule}, or lengths in"
         factor = _factor(length_unit, f"{path}: unit of lengths", advice)
         (nx, ny), (width, length) = scan.heights.shape, scan.widths
         width, length = width * intervals(nx, boundary) / nx, length * intervals(ny, boundary) / ny
         own = width * factor, length * factor
-        if not side or np.allclose(sides_from(side), own, rtol=1e-3):
+        if not side or np.allclose(sides_from(side, reading.asked), own, rtol=1e-3):
             return own
-        said = f"{own[0]:.6g} x {own[1]:.6g} um"
+        own_scale = f"{own[0]:.6g} x {own[1]:.6g} um"
     if overruled is None:
         raise InputError(
-            f"{path}: is {said}, --side says {side}; leave that out, or overrule the file by"
-            " --override-scale"
+            f"{path}: is {own_scale}, {named} says {side}; leave that out, or overrule the file by"
+            f" {overrule}"
         )
-    given = _sides_of(path, scan.heights.shape, side, boundary)
-    overruled.append(f"{said}, taken as {given[0]:g} x {given[1]:g} um")
+    given = _sides_of(path, scan.heights.shape, reading, boundary)
+    overruled.append(f"{own_scale}, taken as {given[0]:g} x {given[1]:g} um")
     return given
 
 
-def _sides_of(path: Path, shape: tuple[int, ...], side: str, boundary: Boundary) -> Sides:
-    """Return the lengths from --side [um]; require both for a map that is not square."""
-    lengths = sides_from(side)
+def _sides_of(path: Path, shape: tuple[int, ...], reading: Reading, boundary: Boundary) -> Sides:
+    """Return the lengths that were given [um]; require both for a map that is not square."""
+    lengths = sides_from(reading.side, reading.asked)
     nx, ny = shape
-    if nx != ny and "," not in side:
+    if nx != ny and "," not in reading.side:
         square = lengths[0] / intervals(nx, boundary) * intervals(ny, boundary)
         raise InputError(
-            f"{path}: has {nx} x {ny} nodes; give --side two lengths, {lengths[0]:g},{square:g} for"
-            f" square cells or {lengths[0]:g},{lengths[0]:g} for a square patch"
+            f"{path}: has {nx} x {ny} nodes; give {reading.said('side')} two lengths,"
+            f" {lengths[0]:g},{square:g} for square cells or {lengths[0]:g},{lengths[0]:g} for a"
+            " square patch"
         )
     return lengths
 
@@ -329,8 +344,9 @@ def _matrices(path: Path) -> tuple[list[text.Matrix], str]:
     return matrices, ""
 
 
-def _own_scan(path: Path, matrices: Sequence[text.Matrix], wanted: str, *, overruled: bool) -> Scan:
-    """Choose the map of a .npy or text file; if `overruled`, its unit need not be a length."""
+def _own_scan(path: Path, matrices: Sequence[text.Matrix], reading: Reading) -> Scan:
+    """Choose the map of a .npy or text file; if it is overruled, its unit need not be a length."""
+    overruled = reading.override_scale and bool(reading.unit)
     units = [matrix.value_unit for matrix in matrices]
     channels = [
         Channel(
@@ -341,7 +357,7 @@ def _own_scan(path: Path, matrices: Sequence[text.Matrix], wanted: str, *, overr
         )
         for place, (matrix, (_, unit)) in enumerate(zip(matrices, units, strict=True))
     ]
-    taken = choose_channel(path, channels, wanted).index
+    taken = choose_channel(path, channels, reading).index
     matrix, (factor, unit) = matrices[taken], units[taken]
     heights, widths = text.checked(matrix.numbers, path), None
     x_unit, y_unit = (matrix.entries.get(f"{axis} unit", "") for axis in "xy")

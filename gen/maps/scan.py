@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 
 
@@ -78,7 +79,7 @@ class Channel:
         return f"{self.index} {self.name!r}{values}"
 
 
-def choose_channel(path: Path, channels: Sequence[Channel], wanted: str) -> Channel:
+def choose_channel(path: Path, channels: Sequence[Channel], reading: Reading) -> Channel:
     """Return the channel with a name or index; by default the first one with heights.
 
     Parameters
@@ -87,8 +88,8 @@ def choose_channel(path: Path, channels: Sequence[Channel], wanted: str) -> Chan
         File, for messages.
     channels : sequence of Channel
         All channels of the file.
-    wanted : str
-        Name or index of a channel, "" for the default.
+    reading : Reading
+        How the file is read, with the name or index of a channel.
 
     Raises
     ------
@@ -96,6 +97,7 @@ def choose_channel(path: Path, channels: Sequence[Channel], wanted: str) -> Chan
         If there is no such channel, it holds no heights, or several have the name.
     """
     labels = ", ".join(channel.label for channel in channels)
+    wanted, named = reading.channel, reading.said("channel")
     if not wanted:
         first = next((channel for channel in channels if channel.heights), None)
         if first is None:
@@ -105,9 +107,9 @@ def choose_channel(path: Path, channels: Sequence[Channel], wanted: str) -> Chan
     matches = matches or [channel for channel in channels if str(channel.index) == wanted]
     if len(matches) != 1:
         why = "several channels have this name; give an index" if matches else "no such channel"
-        raise InputError(f"--channel {wanted!r}: {why}; {path} holds {labels}")
+        raise InputError(f"{named} {wanted!r}: {why}; {path} holds {labels}")
     if not matches[0].heights:
-        raise InputError(f"--channel {wanted!r}: holds no heights; {path} holds {labels}")
+        raise InputError(f"{named} {wanted!r}: holds no heights; {path} holds {labels}")
     return matches[0]
 
 

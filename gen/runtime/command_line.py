@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
+from dataclasses import fields, is_dataclass
 from functools import cache, wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -124,8 +125,9 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     Parameters
     ----------
     command : callable
-        A command. An argument annotated with a NamedTuple is a group: its fields, with their
-        annotations and defaults, are the options.
+        A command. An argument annotated with a NamedTuple or a dataclass is a group: its fields,
+        with their annotations and defaults, are the options. Fields of a dataclass that are no
+        options have no annotation with `help` and `metavar`.
 
     Returns
     -------
@@ -133,7 +135,7 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
         The command with the fields in the places of the groups.
     """
     kinds = get_type_hints(command, include_extras=True)
-    groups = {name: kind for name, kind in kinds.items() if hasattr(kind, "_field_defaults")}
+    groups = {name: kind for name, kind in kinds.items() if _is_group(kind)}
     parameters: list[Parameter] = []
     for parameter in signature(command).parameters.values():
         name, kind = parameter.name, kinds[parameter.name]
@@ -143,7 +145,8 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(command)
     def called(**given: Any) -> Any:
         for name, group in groups.items():
-            given[name] = group(**{field: given.pop(field) for field in group._fields})
+            own = {each.name: given.pop(each.name) for each in _options(group)}
+            given[name] = getattr(group, "of_options", group)(**own)
         return command(**given)
 
     called.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
@@ -151,12 +154,33 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     return called
 
 
+def _is_group(kind: Any) -> bool:
+    """Tell whether the annotation of an argument is that of a group of options."""
+    return hasattr(kind, "_field_defaults") or is_dataclass(kind)
+
+
 def _options(group: Any) -> list[Parameter]:
     """Return the fields of a group as parameters of a function."""
     kinds = get_type_hints(group, include_extras=True)
+    defaults = getattr(group, "_field_defaults", None)
+    if defaults is None:
+        defaults = {each.name: each.default for each in fields(group)}
+        kinds = {name: _option(name, kinds[name]) for name in defaults}
     return [
         Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=kinds[name])
-        for name, default in group._field_defaults.items()
+        for name, default in defaults.items()
+        if kinds[name] is not None
+    ]
+
+
+def _option(name: str, kind: Any) -> Any:
+    """Return the annotation of an option for a field with `help` and `metavar`; else None."""
+    said = next(iter(getattr(kind, "__metadata__", ())), None)
+    if said is None:
+        return None
+    flag = f"--{name.replace('_', '-')}"
+    return Annotated[
+        kind.__origin__, typer.Option(flag, metavar=said.metavar or None, help=said.help)
     ]
 
 

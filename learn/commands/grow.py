@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from gen import options
+from gen.maps.settings import FileReading, Reading
 from gen.runtime import farm
 from gen.runtime.command_line import grouped, typed
 from gen.runtime.errors import InputError
@@ -89,7 +90,7 @@ class Goal(NamedTuple):
 
 
 class OfMaps(NamedTuple):
-    """Material and reading for a folder of maps, as `gen scene` takes them.
+    """Material for a folder of maps, as `gen scene` takes it.
 
     Attributes
     ----------
@@ -97,17 +98,12 @@ class OfMaps(NamedTuple):
         Young's moduli [MPa] and Poisson's ratios [1].
     e_star, hardness : float, optional
         E* and hardness [MPa].
-    side, unit, channel : str
-        Scan length, unit and channel for files that do not say them.
     """
 
     young: options.Young = None
     poisson: options.Poisson = None
     e_star: options.EStar = None
     hardness: options.Hardness = None
-    side: options.Side = ""
-    unit: options.Unit = ""
-    channel: options.Channel = ""
 
 
 @grouped
@@ -118,6 +114,7 @@ def grow(
     *,
     goal: Goal,
     maps: OfMaps,
+    reading: FileReading,
     trust: options.Trust = False,
 ) -> int:
     """Generate rows of a scene and fit to them until a surrogate is as accurate as asked for.
@@ -133,13 +130,18 @@ def grow(
     command = typed(context, "learn")
 
     def job(executor: Executor) -> int:
-        return _grow(scene, output, goal, maps, command, executor)
+        return _grow(scene, output, goal, (maps, reading), command, executor)
 
     return lead(job, farm.this_world())
 
 
 def _grow(
-    scene: str, output: Path, goal: Goal, maps: OfMaps, command: str, executor: Executor
+    scene: str,
+    output: Path,
+    goal: Goal,
+    maps: tuple[OfMaps, FileReading],
+    command: str,
+    executor: Executor,
 ) -> int:
     """Grow on the master; return the exit code."""
     from gen.runtime.figure import new_figure, save
@@ -152,7 +154,7 @@ def _grow(
 
     pace = Pace(seconds(goal.budget) if goal.budget else None, executor.workers)
     order, drawing = _order(output, goal), _beside(output, ".png")
-    population = _population(scene, maps, command)
+    population = _population(scene, *maps, command)
     population.check(output)
     check_outputs(
         [Output(output, "--output", "surrogate"), Output(drawing, "--output", "picture")],
@@ -234,18 +236,19 @@ def _beside(output: Path, suffix: str) -> Path:
     return output.with_suffix(suffix)
 
 
-def _population(scene: str, maps: OfMaps, command: str) -> Population:
+def _population(scene: str, maps: OfMaps, reading: FileReading, command: str) -> Population:
     """Return the surfaces and loads that the command names."""
     from gen.draft.proposal import Material
-    from gen.maps.library import Reading
     from learn.grow.population import Population
 
+    how = Reading.of_options(**vars(reading))
+    given = maps._asdict() | how.of("reading")
     return Population(
         name=scene,
-        reading=Reading(maps.side, maps.unit, maps.channel),
+        reading=how,
         material=Material.of_options(
             maps.young or [], maps.poisson or [], maps.e_star, maps.hardness
         ),
-        given=tuple(f"--{name.replace('_', '-')}" for name, each in maps._asdict().items() if each),
+        given=tuple(f"--{name.replace('_', '-')}" for name, each in given.items() if each),
         command=command,
     )

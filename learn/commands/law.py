@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 import typer
 
 from gen import options
-from gen.option_groups import Files, Reading
+from gen.maps.settings import Reading
+from gen.option_groups import Files
 from gen.runtime.command_line import grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_outputs, kind_of

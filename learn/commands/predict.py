@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from gen.option_groups import Reading
+from gen.maps.settings import Reading
 from gen.runtime.command_line import grouped
 from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo

@@ -10,7 +10,7 @@ from gen.draft.proposal import Material
 from gen.draft.scene_text import Key
 from gen.draft.survey import print_looks
 from gen.maps.files import digest, map_files
-from gen.maps.library import Reading
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress, to_type
 from gen.scene import Scene, load, preset_names
@@ -107,7 +107,9 @@ def scene_of(population: Population, file: Path, say: Callable[[str], None]) -> 
 
 def _origin(paths: list[Path], population: Population) -> str:
     """Return a comment that tells from which maps and options a scene was drafted."""
-    told = [*map(digest, paths), str(population.reading), str(population.material)]
+    keys = population.reading.of("reading").items()
+    reading = f"Reading({', '.join(f'{name}={value!r}' for name, value in keys)})"
+    told = [*map(digest, paths), reading, str(population.material)]
     return f"Drafted from maps and options {hashlib.sha256(' '.join(told).encode()).hexdigest()}"
 
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from rich.table import Table as Printed
 
 from gen.maps.read import sides_from
+from gen.maps.settings import Reading
 from gen.material import Bodies
-from gen.option_groups import Reading
 from gen.reading import files_in, is_table, read_surface
 from gen.runtime.documents import Row
 from gen.runtime.errors import InputError

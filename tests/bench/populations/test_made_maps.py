@@ -18,8 +18,8 @@ from bench.populations.made_maps import (
     write_all,
 )
 from gen.maps.prepare import prepare
-from gen.maps.read import read
-from gen.maps.settings import Preparation
+from gen.maps.settings import Reading
+from tests.maps import read
 
 by_map = pytest.mark.parametrize("made", MAPS, ids=lambda made: made.name)
 
@@ -124,7 +124,7 @@ def test_files_are_read_as_they_were_written(tmp_path, suffix):
 def test_maps_with_faults_can_be_prepared(tmp_path):
     chosen = [made for made in MAPS if made.faults.spikes or made.faults.holes][:3]
     for made, path in zip(chosen, write_all(tmp_path / "maps", chosen), strict=True):
-        asked = Preparation(despike=7.0, level="plane", fill=True)
+        asked = Reading.of_options(despike=7.0, level="plane", fill=True)
         prepared = prepare(read(path), asked)
         assert prepared.heights.shape == made.shape
         assert prepared.heights.max() < 6 * made.rms, "spikes are gone"

@@ -8,7 +8,7 @@ import pytest
 from bench.populations.made_maps import MAPS, write
 from gen.draft import likeness, scene_text
 from gen.draft.proposal import Material
-from gen.maps.library import Reading
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 

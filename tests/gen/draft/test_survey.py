@@ -1,6 +1,7 @@
 """What is seen in files of maps, and what is wrong with them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,12 +9,11 @@ import pytest
 from bench.populations.made_maps import MAPS, measured, write
 from gen.draft.survey import Spikes, common_threshold, find_spikes, remarks, survey, with_texture
 from gen.maps.filters import without_spikes
-from gen.maps.library import Reading
-from gen.maps.settings import Preparation
+from gen.maps.settings import Reading
 
 pytest.importorskip("SurfaceTopography")
 
-HERE = Reading()
+HERE = Reading.of_options()
 MADE = {made.name: made for made in MAPS}
 
 
@@ -24,7 +24,7 @@ def saved(tmp_path):
     def look(heights, side="10"):
         path = tmp_path / "scan.txt"
         np.savetxt(path, heights)
-        return survey([path], Reading(side=side))[0]
+        return survey([path], Reading.of_options(side=side))[0]
 
     return look
 
@@ -44,16 +44,16 @@ def test_a_made_map_is_seen_as_it_was_made(tmp_path, name):
 
 def test_texture_is_that_of_the_prepared_map(tmp_path):
     made = MADE["ground-3"]
-    steps = Preparation(despike=40.0, level="plane", fill=True)
+    steps = replace(HERE, despike=40.0, level="plane", fill=True)
     [raw] = survey([write(made, tmp_path)], HERE)
-    look = with_texture(raw, HERE, steps, None)
+    look = with_texture(raw, steps, None)
     assert look.texture is not None
     assert look.texture.rms_height == pytest.approx(made.rms, rel=0.05)
-    coarse = with_texture(raw, HERE, steps, (2.0, 2.0))
+    coarse = with_texture(raw, steps, (2.0, 2.0))
     assert coarse.texture is not None
     assert coarse.texture.shape == (191, 191)
     assert coarse.texture.rms_slope < look.texture.rms_slope
-    assert "missing" in with_texture(raw, HERE, Preparation(), None).fault
+    assert "missing" in with_texture(raw, HERE, None).fault
 
 
 def test_files_that_are_no_use_say_why(tmp_path):
@@ -62,7 +62,7 @@ def test_files_that_are_no_use_say_why(tmp_path):
     np.savetxt(tmp_path / "a.txt", np.random.default_rng(1).normal(size=(20, 20)))
     np.savetxt(tmp_path / "b.txt", np.random.default_rng(1).normal(size=(20, 20)))
     names = ["notes.txt", "noise.x3p", "a.txt", "b.txt", "none.txt"]
-    looks = survey([tmp_path / name for name in names], Reading(side="10"))
+    looks = survey([tmp_path / name for name in names], Reading.of_options(side="10"))
     faults = [look.fault for look in looks]
     assert "number" in faults[0]
     assert faults[1]
@@ -72,7 +72,7 @@ def test_files_that_are_no_use_say_why(tmp_path):
 
 
 def test_lengths_of_files_are_not_overruled(tmp_path):
-    [look] = survey([write(MADE["ground-3"], tmp_path)], Reading(side="5"))
+    [look] = survey([write(MADE["ground-3"], tmp_path)], Reading.of_options(side="5"))
     assert look.fault.endswith("--side says 5; leave that out")
 
 
@@ -82,7 +82,7 @@ def test_maps_without_heights_are_left_out(saved):
     assert saved(np.ones((20, 20))).fault == "all its heights are equal"
     assert saved(rough[:3, :3]).fault == "3 x 3 nodes are too few"
     flat = saved(1e-9 * rough)
-    assert "check the unit" in with_texture(flat, Reading(side="10"), Preparation(), None).fault
+    assert "check the unit" in with_texture(flat, Reading.of_options(side="10"), None).fault
 
 
 def test_a_bowl_has_a_form_and_a_wave_has_none(saved):

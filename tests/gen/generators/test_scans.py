@@ -17,12 +17,13 @@ from gen.generation.sample import compute_rows, surface_of
 from gen.generators import scans
 from gen.generators.scans import Found, ScannedMap
 from gen.maps.prepare import prepare
-from gen.maps.read import read, sides_from
-from gen.maps.settings import Preparation
+from gen.maps.read import sides_from
+from gen.maps.settings import Reading
 from gen.maps.windows import Tiling, drawn, turned
 from gen.runtime.errors import InputError, SourceError
 from gen.scene import ScanSurface, Scene, differences, load
 from gen.schema import Reason
+from tests.maps import read
 
 MAPS = (
     MadeMap("honed", 0, (60, 41), 0.5, 15.0, faults=Faults(spikes=2, holes=2)),
@@ -75,7 +76,7 @@ def test_a_surface_is_a_window_of_a_prepared_map(folder, nodes, symmetries):
     write_scene(folder, nodes=nodes, samples=120)
     scene = scene_of(folder)
     plan = parameters(scene, 0, scene.samples)
-    asked = Preparation(despike=7.0, level="plane", fill=True)
+    asked = Reading.of_options(despike=7.0, level="plane", fill=True)
     files = sorted((folder / "maps").iterdir())
     maps = [prepare(read(path), asked).heights for path in files]
     assert scene.spacing == pytest.approx((1.0, 1.0), rel=1e-12)

@@ -114,7 +114,7 @@ def test_the_pressure_over_the_closure_is_the_law_of_a_contact_element(surfaces,
 
 @needs_compiler
 def test_unknown_ends_of_a_band_are_no_numbers(surfaces, make):
-    from gen.option_groups import Reading
+    from gen.maps.settings import Reading
 
     law = make("many", pressure="1,10,1e6", e_star=2e5, stiffness=True, reading=Reading(side="100"))
     area = law.over_delta.curves["area_percent"]

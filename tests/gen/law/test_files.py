@@ -9,7 +9,7 @@ import pytest
 from strict import json_of
 
 from gen.law import files
-from gen.option_groups import Reading
+from gen.maps.settings import Reading
 from gen.runtime.figure import new_figure
 
 

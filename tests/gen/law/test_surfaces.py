@@ -7,7 +7,7 @@ import pytest
 from small_populations import POPULATIONS
 
 from gen.law.surfaces import read_subjects
-from gen.option_groups import Reading
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.user_code import TRUSTED
 from gen.statistics import rms_slope

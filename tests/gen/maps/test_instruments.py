@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gen import cli
-from gen.maps.read import read
 from gen.runtime.errors import InputError
+from tests.maps import read
 
 SurfaceTopography = pytest.importorskip("SurfaceTopography", reason="needs the extra instruments")
 

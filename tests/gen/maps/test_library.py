@@ -12,13 +12,13 @@ import pytest
 from bench.populations.made_maps import Faults, MadeMap, write_all
 from gen.maps import library
 from gen.maps.files import digests
-from gen.maps.library import Reading, Wanted, opened, prepared
+from gen.maps.library import Wanted, opened, prepared
 from gen.maps.prepare import prepare
-from gen.maps.read import read
-from gen.maps.settings import Preparation
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
+from tests.maps import read
 
-CLEAN = Preparation(despike=7.0, level="plane", fill=True)
+CLEAN = Reading(asked="key", despike=7.0, level="plane", fill=True)
 SMALL = (
     MadeMap("honed", 0, (40, 30), 0.5, 10.0, faults=Faults(spikes=2, holes=2)),
     MadeMap("ground", 0, (36, 44), 0.5, 10.0, format="nc", faults=Faults(tilt=(0.1, 0.0))),
@@ -76,9 +76,9 @@ def test_maps_are_prepared_once(paths, home, monkeypatch):
 @pytest.mark.parametrize(
     "wanted",
     [
-        Wanted((9, 9), None, Preparation(fill=True)),
+        Wanted((9, 9), None, Reading(asked="key", fill=True)),
         Wanted((9, 9), (1.5, 1.5), CLEAN),
-        Wanted((9, 9), None, CLEAN, Reading(channel="0")),
+        Wanted((9, 9), None, replace(CLEAN, channel="0")),
     ],
 )
 def test_other_settings_are_other_maps(paths, home, wanted):
@@ -155,9 +155,9 @@ def test_processes_share_one_copy(paths, home):
 import json, pathlib
 from gen.maps.files import digests
 from gen.maps.library import Wanted, opened
-from gen.maps.settings import Preparation
+from gen.maps.settings import Reading
 paths = [pathlib.Path(p) for p in json.loads({json.dumps(json.dumps([str(p) for p in paths]))})]
-wanted = Wanted((9, 9), None, Preparation(despike=7.0, level="plane", fill=True))
+wanted = Wanted((9, 9), None, Reading(asked="key", despike=7.0, level="plane", fill=True))
 found = opened(digests(paths), wanted, pathlib.Path({str(home)!r}), verify=False)
 maps = open("/proc/self/maps").read()
 print(maps.count(".maps"), all(m.heights.base is not None for m in found.maps))
@@ -230,7 +230,7 @@ def test_warnings_of_maps_name_the_keys_of_scenes(tmp_path, home):
 
 
 def test_maps_that_a_scene_leaves_tilted_are_told(paths, home):
-    wanted = Wanted((9, 9), None, Preparation(fill=True, level="mean"))
+    wanted = Wanted((9, 9), None, Reading(asked="key", fill=True, level="mean"))
     for path, found in zip(paths, made(paths, home, wanted).maps, strict=True):
         told = [line for line in found.remarks if "level plane takes the tilt out" in line]
         assert len(told) == ("ground" in path.name)

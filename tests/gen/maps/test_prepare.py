@@ -27,7 +27,7 @@ from gen.maps.prepare import (
     without_form,
 )
 from gen.maps.read import Topography
-from gen.maps.settings import Preparation
+from gen.maps.settings import Reading
 from gen.material import combined_modulus
 from gen.runtime.errors import InputError
 from gen.spectral import SelfAffineSpectrum, generate_spectral
@@ -39,7 +39,7 @@ SIDES = (22.0, 4.0)
 
 
 def topography(heights: np.ndarray, sides: tuple[float, float] = SIDES) -> Topography:
-    return Topography("scan", heights, sides)
+    return Topography("scan", heights, sides, asked="option")
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.9))
@@ -75,7 +75,7 @@ def test_holes_in_a_plane_are_filled_with_the_plane() -> None:
 def test_a_level_takes_its_shape_away_whatever_is_missing(level: str, shape: np.ndarray) -> None:
     holes = shape.copy()
     holes[4, 4] = holes[0, 8] = np.nan
-    levelled = prepare(topography(holes), Preparation(level=level, fill=True))
+    levelled = prepare(topography(holes), Reading.of_options(level=level, fill=True))
     np.testing.assert_allclose(levelled.heights, 0, atol=1e-11)
     assert any(level in step for step in levelled.steps)
 
@@ -87,7 +87,7 @@ def test_tilt_is_the_slope_of_the_plane() -> None:
 
 
 def test_crop_keeps_nodes_and_spacing() -> None:
-    cropped = prepare(topography(X + 100 * Y), Preparation(crop="4:10,1:3.2", invert=True))
+    cropped = prepare(topography(X + 100 * Y), Reading.of_options(crop="4:10,1:3.2", invert=True))
     assert np.array_equal(cropped.heights, -(X + 100 * Y)[2:6, 2:7])
     assert cropped.spacing == pytest.approx((2.0, 0.5))
     assert len(cropped.steps) == 2
@@ -102,7 +102,7 @@ def test_holes_at_the_border_of_a_periodic_map_are_filled_from_the_opposite_side
     expected = filled_harmonically(holes, (2.0, 0.5))
     np.testing.assert_allclose(filled, np.roll(expected, (6, 4), (0, 1)), atol=1e-12)
     surface = Topography("scan", moved, (24.0, 4.5), boundary="periodic")
-    np.testing.assert_array_equal(prepare(surface, Preparation(fill=True)).heights, filled)
+    np.testing.assert_array_equal(prepare(surface, Reading.of_options(fill=True)).heights, filled)
 
 
 def waves(boundary: Boundary, tilt: float = 0.0) -> Topography:
@@ -113,25 +113,25 @@ def waves(boundary: Boundary, tilt: float = 0.0) -> Topography:
 
 
 def test_a_filter_goes_round_a_periodic_map() -> None:
-    filtered = prepare(waves("periodic"), Preparation(filter=":32"))
+    filtered = prepare(waves("periodic"), Reading.of_options(filter=":32"))
     passed = 1 - 0.5 ** (32**2 / 64**2), 1 - 0.5 ** (32**2 * 2 / 16**2)
     x = np.arange(64.0)
     expected = passed[0] * np.sin(2 * np.pi * x / 64)[:, None]
     expected = expected + passed[1] * 0.3 * np.sin(8 * np.pi * (x[:, None] + x) / 64)
     np.testing.assert_allclose(filtered.heights, expected, atol=1e-7)
     assert filtered.steps[-1].endswith("L-filter 32 um, on past the borders")
-    free = prepare(waves("free"), Preparation(filter=":32"))
+    free = prepare(waves("free"), Reading.of_options(filter=":32"))
     assert np.abs(free.heights - expected).max() > 0.1
 
 
 @pytest.mark.parametrize("settings", [{"level": "plane"}, {"level": "quadratic"}, {"form": 3}])
 def test_a_fit_that_is_not_periodic_is_told_of_periodic_maps(settings: dict[str, Any]) -> None:
-    told = prepare(waves("periodic"), Preparation(**settings)).warnings
+    told = prepare(waves("periodic"), Reading.of_options(**settings)).warnings
     assert len(told) == 1
     assert "--level mean keeps the map periodic" in told[0]
     for other in (waves("free"), waves("mirror"), waves("periodic", tilt=0.1)):
-        assert prepare(other, Preparation(**settings)).warnings == ()
-    assert prepare(waves("periodic"), Preparation(level="mean")).warnings == ()
+        assert prepare(other, Reading.of_options(**settings)).warnings == ()
+    assert prepare(waves("periodic"), Reading.of_options(level="mean")).warnings == ()
 
 
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
@@ -139,7 +139,7 @@ def test_a_crop_without_edges_keeps_the_pixels(boundary: Boundary) -> None:
     heights = np.add.outer(np.arange(10.0), 3 * np.arange(8.0))
     whole = Topography("scan", heights, (20.0, 4.0), boundary=boundary)
     assert tilt(whole) == pytest.approx((0.5, 6.0))
-    part = prepare(whole, Preparation(crop="4:12,1:3"))
+    part = prepare(whole, Reading.of_options(crop="4:12,1:3"))
     assert part.heights.shape == (5, 5)
     assert part.sides == (10.0, 2.5)
     assert part.spacing == whole.spacing == (2.0, 0.5)
@@ -149,19 +149,21 @@ def test_a_crop_without_edges_keeps_the_pixels(boundary: Boundary) -> None:
 @pytest.mark.parametrize("crop", ["4:10", "a:b,0:1", "4:5,0:4", "10:4,0:4", "90:99,0:4"])
 def test_crops_that_hold_nothing_are_refused(crop: str) -> None:
     with pytest.raises(InputError, match="--crop"):
-        prepare(topography(X), Preparation(crop=crop))
+        prepare(topography(X), Reading.of_options(crop=crop))
 
 
 def test_holes_that_stay_and_unknown_levels_are_refused() -> None:
     with pytest.raises(InputError, match=r"scan: 1 of 108 heights are missing .* --fill"):
-        prepare(topography(np.where((X == 4) & (Y == 1), np.nan, X)), Preparation())
+        prepare(topography(np.where((X == 4) & (Y == 1), np.nan, X)), Reading.of_options())
     with pytest.raises(InputError, match="--level 'cubic': give one of mean, plane, quadratic"):
-        prepare(topography(X), Preparation(level="cubic"))
+        prepare(topography(X), Reading.of_options(level="cubic"))
 
 
 def test_no_step_is_taken_unless_it_is_asked_for() -> None:
     surface = topography(0.1 * X + np.sin(Y))
-    assert prepare(surface, Preparation()) is surface
+    prepared = prepare(surface, Reading())
+    assert prepared.heights is surface.heights
+    assert prepared.steps == surface.steps == ()
 
 
 def test_steps_are_taken_in_their_order_whatever_is_asked_for() -> None:
@@ -171,7 +173,16 @@ def test_steps_are_taken_in_their_order_whatever_is_asked_for() -> None:
     heights[10, 12] -= 50  # masked: it is below -40
     heights[20, 8] += 9  # a spike
     heights[30:33, 20:24] = np.nan
-    settings = Preparation("0:39,0:32", True, ":40", 12, "", 3, True, False, "4:30", 3)
+    settings = Reading.of_options(
+        crop="0:39,0:32",
+        invert=True,
+        mask=":40",
+        despike=12,
+        form=3,
+        fill=True,
+        filter="4:30",
+        downsample=3,
+    )
     prepared = prepare(topography(heights, (40.0, 32.0)), settings)
     words = ["cropped", "turned", "masked", "despiked", "form", "filled", "filtered", "downsampled"]
     assert [step.split()[0].strip(":") for step in prepared.steps] == words
@@ -186,14 +197,14 @@ def test_a_filled_hole_knows_nothing_of_spikes_at_its_rim() -> None:
     heights = random.normal(size=(30, 31))
     heights[10:14, 12:18] = np.nan
     heights[9, 13] = heights[14, 16] = 900.0
-    prepared = prepare(topography(heights), Preparation(despike=20, fill=True))
+    prepared = prepare(topography(heights), Reading.of_options(despike=20, fill=True))
     assert prepared.heights.max() < 5
 
 
 @pytest.mark.parametrize("settings", [{"filter": "8:"}, {"downsample": 2}, {"mask": "0:20"}])
 def test_holes_are_refused_before_a_filter_sees_them(settings: dict[str, str]) -> None:
     with pytest.raises(InputError, match=r"heights are missing .* --fill closes holes"):
-        prepare(topography(np.where(X == 4, np.nan, X)), Preparation(**settings))
+        prepare(topography(np.where(X == 4, np.nan, X)), Reading.of_options(**settings))
 
 
 def test_a_spiked_scan_gives_the_contacts_of_the_clean_one(
@@ -267,7 +278,9 @@ def rough(nodes: int = 64, *, tilt: float = 0.0, spike: int = 0) -> Topography:
 def test_a_tilted_map_is_told_with_what_levels_it(
     tilt_x: float, level: str, boundary: Boundary
 ) -> None:
-    surface = prepare(replace(rough(tilt=tilt_x), boundary=boundary), Preparation(level=level))
+    surface = prepare(
+        replace(rough(tilt=tilt_x), boundary=boundary), Reading.of_options(level=level)
+    )
     told = [line for line in surface_warnings(surface) if "tilted by" in line]
     assert len(told) == (tilt_x != 0 and level in {"", "mean"})
     for line in told:
@@ -280,7 +293,7 @@ def test_a_tilted_map_is_told_with_what_levels_it(
 def test_surfaces_without_a_roll_off_are_not_called_tilted() -> None:
     for seed in range(100):
         fractal = generate("diamond-square", 65, 0.8, 12.5, np.random.default_rng(seed))
-        assert not prepare(topography(fractal, (1000.0, 1000.0)), Preparation()).warnings
+        assert not prepare(topography(fractal, (1000.0, 1000.0)), Reading.of_options()).warnings
 
 
 STEPS: list[dict[str, Any]] = [
@@ -302,7 +315,7 @@ def test_no_warning_advises_what_the_command_follows(
             made = replace(made, heights=scale * made.heights, boundary=boundary, unit=unit)
             for one in STEPS:
                 for other in STEPS[:2]:
-                    settings = Preparation(**{**one, **other})
+                    settings = Reading.of_options(**{**one, **other})
                     surface = prepare(made, settings)
                     lines = " ".join(surface_warnings(surface))
                     advice += "--" in lines
@@ -316,8 +329,8 @@ def test_no_warning_advises_what_the_command_follows(
 
 
 def test_what_is_left_of_a_wide_spike_is_not_to_be_despiked_again() -> None:
-    [before] = surface_warnings(prepare(rough(spike=5), Preparation()))[:1]
-    [after] = surface_warnings(prepare(rough(spike=5), Preparation(despike=7.0)))[:1]
+    [before] = surface_warnings(prepare(rough(spike=5), Reading.of_options()))[:1]
+    [after] = surface_warnings(prepare(rough(spike=5), Reading.of_options(despike=7.0)))[:1]
     assert "is a spike" in before
     assert "--despike 7 removes spikes" in before
     assert "is a spike" in after
@@ -342,8 +355,8 @@ def test_much_that_is_missing_is_warned_of_and_more_refused() -> None:
         heights = np.where(np.random.default_rng(1).random(X.shape) < share, np.nan, 0.1 * X)
         if refused:
             with pytest.raises(InputError, match=r"are missing \(.* %\): .* insist by --fill-most"):
-                prepare(topography(heights), Preparation(fill=True))
-        filled = prepare(topography(heights), Preparation(fill=True, fill_most=refused))
+                prepare(topography(heights), Reading.of_options(fill=True))
+        filled = prepare(topography(heights), Reading.of_options(fill=True, fill_most=refused))
         told = [line for line in surface_warnings(filled) if "were missing and are filled" in line]
         assert len(told) == warned
 
@@ -456,7 +469,7 @@ def test_spikes_are_found_whichever_rows_are_looked_at_together(
 def spaced(heights: np.ndarray, boundary: Boundary = "free") -> Topography:
     """A map with a spacing of 0.5 x 2 um."""
     nx, ny = (nodes - (boundary == "free") for nodes in heights.shape)
-    return Topography("scan", heights, (0.5 * nx, 2.0 * ny), boundary=boundary)
+    return Topography("scan", heights, (0.5 * nx, 2.0 * ny), boundary=boundary, asked="option")
 
 
 @given(

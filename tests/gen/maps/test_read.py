@@ -12,9 +12,10 @@ from scipy.io import savemat
 from bem.spacing import BOUNDARIES, node_spacing
 from gen import cli
 from gen.maps import instruments
-from gen.maps.read import intervals, read
+from gen.maps.read import intervals
 from gen.runtime.errors import InputError
 from gen.runtime.installation import command_for
+from tests.maps import read
 
 SurfaceTopography = pytest.importorskip("SurfaceTopography", reason="needs the extra instruments")
 

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gen import cli
-from gen.maps.read import read
 from gen.maps.scan import Scan, arranged
 from gen.runtime.errors import InputError
+from tests.maps import read
 
 RANDOM = np.random.default_rng(11)
 NX, NY = 12, 9

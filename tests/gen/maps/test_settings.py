@@ -4,7 +4,9 @@ from typing import Any
 
 import pytest
 
-from gen.maps.settings import Preparation, in_words_of_scenes
+from gen import cli
+from gen.generators.scans import PreparationTable, ReadingTable
+from gen.maps.settings import Reading, keys, markdown_table, said
 from gen.runtime.errors import InputError
 
 
@@ -19,7 +21,7 @@ from gen.runtime.errors import InputError
     ],
 )
 def test_cutoffs(text: str, cutoffs: tuple[float | None, float | None]) -> None:
-    assert Preparation(filter=text).cutoffs() == cutoffs
+    assert Reading.of_options(filter=text).cutoffs() == cutoffs
 
 
 @pytest.mark.parametrize(
@@ -32,13 +34,13 @@ def test_cutoffs(text: str, cutoffs: tuple[float | None, float | None]) -> None:
     ],
 )
 def test_kept_heights(text: str, kept: tuple[float, float] | None) -> None:
-    assert Preparation(mask=text).kept_heights() == kept
+    assert Reading.of_options(mask=text).kept_heights() == kept
 
 
 def test_settings_within_their_ranges_are_taken() -> None:
-    Preparation().check()
-    Preparation(despike=0.1, form=20, filter="1:2", downsample=2, mask="-1:1").check()
-    Preparation(level="quadratic", fill=True).check()
+    Reading.of_options().check()
+    Reading.of_options(despike=0.1, form=20, filter="1:2", downsample=2, mask="-1:1").check()
+    Reading.of_options(level="quadratic", fill=True).check()
 
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
@@ -57,11 +59,31 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
 @pytest.mark.parametrize(("settings", "word"), REFUSED)
 def test_settings_out_of_their_ranges_are_refused(settings: dict[str, Any], word: str) -> None:
     with pytest.raises(InputError) as refusal:
-        Preparation(**settings).check()
+        Reading.of_options(**settings).check()
     assert str(refusal.value).startswith(word)
     assert "\n" not in str(refusal.value)
     assert len(str(refusal.value)) < 300
 
 
-def test_options_are_keys_in_the_words_of_scenes():
-    assert in_words_of_scenes("--fill-most, --despike 7: no") == "fill_most, despike 7: no"
+@pytest.mark.parametrize(("asked", "words"), [("option", "--fill-most"), ("key", "fill_most")])
+def test_messages_are_in_the_words_of_who_asks(asked: Any, words: str) -> None:
+    assert said("fill_most", asked) == words
+    assert said("despike 7", asked) == ("--" * (asked == "option")) + "despike 7"
+    with pytest.raises(InputError) as refusal:
+        Reading(level="up", asked=asked).check()
+    assert str(refusal.value).startswith(said("level 'up': give one of", asked))
+
+
+def test_commands_scenes_and_the_manual_have_every_key(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Each key is declared once; what is not made of it is forgotten."""
+    assert cli.main(["describe", "--help"]) == 0
+    described = capsys.readouterr().out
+    scanned = {"reading": ReadingTable, "preparation": PreparationTable}
+    for table, model in scanned.items():
+        assert list(model.model_fields) == list(keys(table))
+        for name, key in keys(table).items():
+            assert said(name, "option") in described
+            assert model.model_fields[name].description == key.allowed
+            assert not key.meaning or f"| `{said(name, 'option')}" in markdown_table()

@@ -14,9 +14,10 @@ from hypothesis.extra import numpy as hnp
 
 from gen import cli
 from gen.maps import text
-from gen.maps.read import Topography, read
+from gen.maps.read import Topography
 from gen.runtime.errors import InputError
 from gen.surface import generate
+from tests.maps import read
 
 LINES = np.random.default_rng(2).normal(scale=1e-3, size=(3, 4))  # 3 lines of 4 pixels along x
 NUMBERS = "\n".join("\t".join(repr(float(each)) for each in line) for line in LINES) + "\n"

@@ -6,7 +6,7 @@ import pytest
 from small_populations import MAPS
 
 from gen.draft.proposal import Material
-from gen.maps.library import Reading
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.scene import load
 from learn.grow.population import Population, scene_of

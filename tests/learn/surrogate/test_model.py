@@ -8,7 +8,7 @@ import pytest
 import bem
 import learn
 from gen import cli
-from gen.option_groups import Reading
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn import Surrogate, split
