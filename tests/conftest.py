@@ -36,7 +36,7 @@ def populations(tmp_path_factory):
 
     from small_populations import MAPS, POPULATIONS
 
-    from bench.populations.made_maps import write_all
+    from bench.made_maps import write_all
     from gen import cli
     from gen.runtime.user_code import TRUSTED
 

@@ -28,7 +28,7 @@ ONE_HOME = {
     "pyfftw": {"bem/plans.py"},
     "threadpoolctl": {"bem/sections.py"},
     "tomllib": {"gen/scene/scene.py", "bench/files.py"},
-    "SurfaceTopography": {"gen/maps/instruments.py", "bench/populations/made_maps.py"},
+    "SurfaceTopography": {"gen/maps/instruments.py", "bench/made_maps.py"},
     "matplotlib": {"gen/runtime/figure.py", "bench"},
     "sklearn": {"learn", "bench"},
     "xgboost": {"learn/models.py"},
@@ -102,14 +102,11 @@ ROOMS = {
         *("learn.request", "learn.surrogate"),
     },
     "bench.references": set(),
-    "bench.solvers": {"bench.references"},
-    "bench.populations": {*REPORTS, "bench.surrogates"},
     "bench.farm": REPORTS,
+    "bench.solvers": {"bench.references"},
     "bench.stability": {*REPORTS, "bench.references"},
-    "bench.surrogates": REPORTS,
-    "bench.work_precision": {*REPORTS, "bench.solvers"},
-    "bench.peers": {*REPORTS, "bench.solvers"},
-    "bench.paper": {*REPORTS, "bench.hertz", "bench.surrogates"},
+    "bench.surrogates": {*REPORTS, "bench.made_maps"},
+    "bench.paper": {*REPORTS, "bench.surrogates", "bench.theory"},
 }
 """What each room may import of its own package; `gen.runtime` is below everything of `gen`."""
 

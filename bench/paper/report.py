@@ -8,29 +8,29 @@ from pathlib import Path
 from bench import databases
 from bench.contents import Absent, Content, files_of
 from bench.databases import OTHER_SEED
-from bench.paper import borrowed, cost, database, fine, models, numbers, predictions, surfaces
+from bench.paper import costs, database, models, surfaces
 from bench.record import Making, recorded, typed
 from bench.report import Report, remark
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_folder, make_folder
 
 PARTS: Mapping[str, Callable[..., list[Content]]] = {
-    "numbers": numbers.numbers,
+    "numbers": costs.numbers,
     "levels": surfaces.levels,
     "profile": surfaces.profile,
     "topographies": surfaces.topographies,
-    "hertz": borrowed.paraboloid,
+    "hertz": surfaces.paraboloid,
     "solve-times": database.solve_times,
     "distributions": database.distributions,
     "table-1": database.table_1,
     "table-2": models.table_2,
     "table-3": models.table_3,
-    "baselines": predictions.baselines,
-    "tuned": predictions.tuned,
+    "baselines": models.baselines,
+    "tuned": models.tuned,
     "table-4": models.table_4,
-    "fine": fine.fine_grid,
-    "cost": cost.total_cost,
-    "appendix": borrowed.equal_kernels,
+    "fine": database.fine_grid,
+    "cost": costs.total_cost,
+    "appendix": surfaces.equal_kernels,
 }
 """All parts in the paper's order, by the functions that make their files in a folder.
 
@@ -50,7 +50,8 @@ def paper(
     """Draw the paper's figures and tables anew; the arguments are those of the command."""
     inputs = {"database": database, "fine": fine, "comparison": comparison, "cost": cost}
     given = {name: path for name, path in inputs.items() if path is not None}
-    return Report({}, text="\n".join(map(str, write_report(folder, given, rows, only=only))))
+    paths = write_report(folder, given, rows, only=only)
+    return Report({}, text="\n".join(map(str, paths)))
 
 
 GENERATED = {"database", "fine"}  # inputs that are generated where they are not given
@@ -83,7 +84,11 @@ def write_report(
     in the folder's `databases`. Return pictures and tables, in the paper's order.
     """
     check_folder(folder)
-    for name, refuse in (("comparison", models.opened), ("cost", cost.read), ("fine", fine.check)):
+    for name, refuse in (
+        ("comparison", models.opened),
+        ("cost", costs.read_costs),
+        ("fine", database.check),
+    ):
         if name in given:
             refuse(given[name])
     parts = _chosen(only, given)
@@ -146,7 +151,7 @@ def _databases(
     if "database" in needed:
         found["database"] = databases.of_the_paper(given.get("database"), place, rows)
     if "fine" in needed and "fine" not in given:
-        count = fine.tests_of(len(database.read(found["database"])))
-        text = f"samples = {count}\nseed = {OTHER_SEED}\n{fine.SCENE}"
+        count = database.tests_of(len(database.finished(found["database"])))
+        text = f"samples = {count}\nseed = {OTHER_SEED}\n{database.FINE_SCENE}"
         found["fine"] = databases.generated(place, "fine", text)
     return found

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 import bem
 from bem.influence import Kernel
-from bench.references import dense, yielding
+from bench.references import dense
 from bench.references.half_space import Field, displacement, flat_punch
 from bench.stability.case import Answer, Case, Finding, Refusal, attempt, one_line
 from bench.stability.setup import DELTA, Setup, cropped_paper, paper
@@ -117,7 +117,7 @@ def yields_as_by_dense_solve(asked: Setup, contact: bem.Contact) -> Iterator[Fin
     """Force, contact nodes and yielded nodes are those of the dense matrix."""
     hardness = asked.bound * asked.compliance
     arguments = asked.surface, asked.delta, hardness, asked.kernel, asked.aspect
-    pressure, gap = yielding.press(*arguments, method=yielding.by_growth)
+    pressure, gap = dense.press_yielding(*arguments, method=dense.by_growth)
     pressure = pressure / asked.compliance
     force = float(pressure.sum()) * asked.cell_area
     yield Finding("force off a dense solve", abs(contact.force / force - 1), 1e-4)

@@ -11,7 +11,7 @@ import bem
 from bem import half_space
 from bem.influence import Kernel
 from bem.problem import RTOL as DEFAULT_RTOL
-from bench.references import dense, yielding
+from bench.references import dense
 from bench.references.half_space import Field
 from bench.stability.case import Answer, Case, Finding
 from bench.stability.checks import honesty, says_what_yields, unlike_nodes, violation
@@ -75,7 +75,7 @@ def problem(seed: int) -> Setup:
 @lru_cache(maxsize=128)
 def expected(asked: Setup) -> tuple[Field, Field]:
     """(nx, ny) pressure [MPa] and gap [um] of a problem by bounded least squares."""
-    return yielding.press(asked.surface, asked.delta, asked.bound, asked.kernel, asked.aspect)
+    return dense.press_yielding(asked.surface, asked.delta, asked.bound, asked.kernel, asked.aspect)
 
 
 def judge(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bench.references import exact
 from bench.references.half_space import Field
-from bench.stability import exact
 from bench.stability.case import EXACT_FACTORS, FACTORS, Answer, Case, Finding
 from gen.statistics import NAMES, Description, describe
 from gen.surface import GENERATORS, generate

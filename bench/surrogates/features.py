@@ -18,7 +18,7 @@ from bench import databases
 from bench.files import Row
 from bench.picture import new_figure
 from bench.report import Report, remark
-from bench.surrogates import times
+from bench.surrogates import cost as times
 from bench.surrogates.fitting import fit, parted, read, request_for
 from gen.arrays import Values
 from gen.runtime.errors import InputError

@@ -6,13 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench import peers as periodic
 from bench.__main__ import main
 from bench.contents import Absent, contents_of, tables_of
 from bench.files import read_table
-from bench.peers import periodic
-from bench.peers.compare import Errors, Trial, compare, find_errors, loosest
-from bench.peers.report import contents, peers
-from bench.peers.sample import sample, samples
+from bench.peers import (
+    Errors,
+    Trial,
+    compare,
+    contents,
+    find_errors,
+    loosest,
+    peers,
+    sample,
+    samples,
+)
 from bench.solvers.case import Case, find_exact
 from bench.solvers.others import OTHERS
 from bench.solvers.own import BEM, PAPERS
@@ -199,20 +207,17 @@ def test_command_compares_bodies_that_yield(tmp_path: Path, capsys: pytest.Captu
     ]
     assert rows[0]["yielded_nodes"] == "0"
     assert all(float(row["load_error"]) <= 1e-6 for row in rows if row["solver"] == "bem")
-    _, loads = read_table(tmp_path / "hardness-loads.csv")
-    assert all(row["converged"] == "True" for row in loads)
-    assert float(loads[-1]["yielded_percent"]) > 90
     shown = contents_of("hardness", tmp_path)
-    assert [len(tables_of(each)) for each in shown] == [1, 1, 1]
+    assert [len(tables_of(each)) for each in shown] == [1, 1]
 
 
-@pytest.mark.parametrize("solver", periodic.SOLVERS, ids=lambda solver: solver.name)
+@pytest.mark.parametrize("solver", periodic.PERIODIC_SOLVERS, ids=lambda solver: solver.name)
 @pytest.mark.parametrize("load", periodic.LOADS)
 def test_periodic_patches_are_the_same_problem_for_all(solver: Solver, load: float) -> None:
     """Our own waves, spacing, units and zero mean displacement, up to nearly full contact."""
     if not solver.version:
         pytest.skip(f"{solver.package} is not installed: {solver.install}")
-    errors = periodic.errors_of(solver, periodic.sample(32, 0.8, load), 1e-11)
+    errors = periodic.errors_of(solver, periodic.periodic_sample(32, 0.8, load), 1e-11)
     assert errors.load_error < 1e-8
     assert errors.misplaced_nodes == 0
     assert errors.pressure_error < 1e-8

@@ -11,10 +11,16 @@ import gen.cli
 from bench import __main__ as bench
 from bench import databases
 from bench.files import read_table
-from bench.surrogates import times
-from bench.surrogates.cost import cost, measured, of_the_paper, sizes, tuning_seconds
+from bench.surrogates import cost as times
+from bench.surrogates.cost import (
+    PAPER_BREAK_EVEN,
+    cost,
+    measured,
+    of_the_paper,
+    sizes,
+    tuning_seconds,
+)
 from bench.surrogates.fitting import fit, parted, read, request_for
-from bench.surrogates.times import PAPER_BREAK_EVEN
 from gen.database import Counts, Reader
 from gen.generation.run import RunResult
 from gen.runtime.errors import InputError

@@ -17,12 +17,15 @@ from bench.files import read_table
 from bench.solvers.case import Case, find_exact
 from bench.solvers.own import BEM
 from bench.solvers.solver import Answer, Failure
-from bench.work_precision.measurement import Row, Task, admit, measure
-from bench.work_precision.report import means
-from bench.work_precision.studies import (
+from bench.work_precision import (
     HARDNESSES,
     QUICK,
+    Row,
+    Task,
+    admit,
     compare,
+    means,
+    measure,
     nested_cases,
     paper_case,
     sweep,
@@ -265,7 +268,7 @@ def test_missing_matplotlib_is_said_before_anything_is_solved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    monkeypatch.setattr("bench.work_precision.studies.STUDIES", {})
+    monkeypatch.setattr("bench.work_precision.STUDIES", {})
     for command in ("solver", "peers"):
         assert main([command, "-o", str(tmp_path / "new")]) == 2
         assert f"drawing needs matplotlib: {command_for('plot')}" in capsys.readouterr().err

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import bem
-from bench.peers.sample import sample
+from bench.peers import sample
 from bench.references.dense import press
 from bench.solvers import case as cases
 from bench.solvers.case import Case, find_exact
-from bench.work_precision.studies import paper_case
+from bench.work_precision import paper_case
 
 
 @pytest.fixture(scope="module")

@@ -2,9 +2,8 @@
 
 import pytest
 
-from bench.peers.compare import find_errors
-from bench.peers.sample import sample
-from bench.solvers import aspher, contact_mechanics
+from bench.peers import find_errors, sample
+from bench.solvers import others
 from bench.solvers.case import find_exact
 from bench.solvers.others import OTHERS, installed
 from bench.solvers.own import BEM, PAPERS
@@ -27,8 +26,8 @@ def test_peers_solve_the_same_problem(peer: Solver, delta: float) -> None:
 
 @pytest.mark.parametrize(("nodes", "nested", "coarsest"), [(129, 132, 33), (257, 264, 33)])
 def test_grids_that_peers_like(nodes: int, nested: int, coarsest: int) -> None:
-    assert aspher.nested_grid(nodes) == nested == coarsest * 2 ** aspher.levels(nodes)
-    assert contact_mechanics.fast_grid(nodes) == {129: 135, 257: 270}[nodes]
+    assert others.nested_grid(nodes) == nested == coarsest * 2 ** others.levels(nodes)
+    assert others.fast_grid(nodes) == {129: 135, 257: 270}[nodes]
 
 
 @pytest.mark.parametrize("hardness", [0.3, 0.05, 0.005])

@@ -78,7 +78,8 @@ def test_an_unflagged_row_fails() -> None:
     fit = asked("kernel-ridge", "tuned")
     assert all(finding.passed for finding in fits.flagged(fit))
     low, high = fit.surrogate.low - np.inf, fit.surrogate.high + np.inf
-    wide = replace(fit.surrogate, low=low, high=high, distance=None)
+    near = replace(fit.surrogate.distance, limit=np.inf)
+    wide = replace(fit.surrogate, low=low, high=high, distance=near)
     found = list(fits.flagged(replace(fit, surrogate=wide)))
     assert any(not finding.passed for finding in found)
 

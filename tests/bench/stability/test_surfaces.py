@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.stability import exact, surfaces
+from bench.references import exact
+from bench.stability import surfaces
 from bench.stability.case import Answer, cases_of, run_case
 from gen import statistics, surface
 from gen.statistics import NAMES

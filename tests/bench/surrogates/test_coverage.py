@@ -6,9 +6,7 @@ import pytest
 from bench import __main__ as bench
 from bench.contents import contents_of
 from bench.surrogates import coverage as study
-from bench.surrogates import coverage_cases
-from bench.surrogates.coverage import coverage, verdict
-from bench.surrogates.coverage_cases import FEW, HARDNESS, Case, cases, column, pools
+from bench.surrogates.coverage import FEW, HARDNESS, Case, cases, column, coverage, pools, verdict
 from gen.runtime.errors import InputError
 
 SMALL = {
@@ -26,7 +24,7 @@ def made(tmp_path_factory):
 
     def databases(place, rows):
         return {
-            name: coverage_cases.generated(place, name, f"samples = 300\n{text}")
+            name: study.generated(place, name, f"samples = 300\n{text}")
             for name, text in SMALL.items()
         }
 
@@ -34,7 +32,7 @@ def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as small:
         small.setattr(study, "databases", databases)
         small.setattr(study, "pools", lambda: few)
-        small.setattr(coverage_cases, "FINE", {257: "fine-257"})
+        small.setattr(study, "FINE", {257: "fine-257"})
         return folder, coverage(folder, 300, 2)
 
 
@@ -83,7 +81,7 @@ def test_rows_of_a_finer_grid_all_train(made):
     pool = ("paper", "fine-257")
     rows = study._read(paths, hybrids, pool)
     with pytest.MonkeyPatch.context() as small:
-        small.setattr(coverage_cases, "FINE", {257: "fine-257"})
+        small.setattr(study, "FINE", {257: "fine-257"})
         found = {case.trained_on: case for case in cases(pool, rows, 1)}
     parts = study._parts(found["preset and 20 rows of fine-257"], rows, 200, 1)
     assert (parts.train.database == 1).sum() == FEW
@@ -141,8 +139,8 @@ def test_the_command_writes_what_the_page_shows(made, tmp_path, monkeypatch):
 
 
 def test_pools_hold_every_broad_scene():
-    assert sum(len(names) for names in coverage_cases.KINDS.values()) == len(coverage_cases.BROAD)
-    assert set(pools()[-1]) == set(coverage_cases.BROAD)
+    assert sum(len(names) for names in study.KINDS.values()) == len(study.BROAD)
+    assert set(pools()[-1]) == set(study.BROAD)
 
 
 def test_too_few_rows_are_refused(tmp_path):

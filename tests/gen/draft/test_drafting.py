@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.populations.made_maps import MAPS, Faults, measured, write
+from bench.made_maps import MAPS, Faults, measured, write
 from gen import cli
 from gen.database import Reader
 from gen.draft.survey import find_spikes

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.populations.made_maps import MAPS, write
+from bench.made_maps import MAPS, write
 from gen.draft import likeness, scene_text
 from gen.draft.proposal import Material
 from gen.maps.settings import Reading

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.populations.made_maps import MAPS, measured, write
+from bench.made_maps import MAPS, measured, write
 from gen.draft.survey import Spikes, common_threshold, find_spikes, remarks, survey, with_texture
 from gen.maps.filters import without_spikes
 from gen.maps.settings import Reading

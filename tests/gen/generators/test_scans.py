@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.populations.made_maps import Faults, MadeMap, write_all
+from bench.made_maps import Faults, MadeMap, write_all
 from gen import cli
 from gen.database import Reader
 from gen.generation.plan import parameters, surface_random

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.populations.made_maps import Faults, MadeMap, write_all
+from bench.made_maps import Faults, MadeMap, write_all
 from gen.maps import library
 from gen.maps.files import digests
 from gen.maps.library import Wanted, opened, prepared

@@ -19,7 +19,7 @@ def population(name, *given, hardness=None):
 
 @pytest.fixture(scope="module")
 def maps(tmp_path_factory):
-    from bench.populations.made_maps import write_all
+    from bench.made_maps import write_all
 
     folder = tmp_path_factory.mktemp("maps")
     write_all(folder / "maps", MAPS)

@@ -5,9 +5,9 @@ import pytest
 
 from bench import __main__ as bench
 from bench.contents import Figure, Table, Words, contents_of
-from bench.populations import scans as study
-from bench.populations.made_maps import MAPS
-from bench.populations.scans import Judged, judged_scans, scans
+from bench.made_maps import MAPS
+from bench.surrogates import scans as study
+from bench.surrogates.scans import Judged, judged_scans, scans
 from gen.database import Reader
 from gen.runtime.errors import InputError
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.populations.made_maps import (
+from bench.made_maps import (
     KINDS,
     MAPS,
     ONE_INSTRUMENT,

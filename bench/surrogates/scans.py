@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from bench.databases import generated
 from bench.files import Row
+from bench.made_maps import KINDS, ONE_INSTRUMENT, write_all
 from bench.picture import COLOURS, new_figure
-from bench.populations.made_maps import KINDS, ONE_INSTRUMENT, write_all
 from bench.report import Report, remark
 from bench.surrogates.fitting import fit, read, request_for
 from gen.arrays import Values
