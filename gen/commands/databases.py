@@ -87,8 +87,8 @@ def export(
     The same command continues an interrupted export, and renews one of a database that has grown.
     """
     from gen.database import Reader
-    from gen.export.about import About
-    from gen.export.folder import export as export_to
+    from gen.export import export as export_to
+    from gen.export.description import About
     from gen.runtime.memory import size
 
     with Reader(file) as reader:

@@ -14,8 +14,8 @@ from small_databases import block, filled, small
 
 from gen import cli, schema
 from gen.database import Reader, Writer
-from gen.export import card, files, tables
-from gen.export.about import About
+from gen.export import description, parquet_files
+from gen.export.description import About
 from gen.runtime.lock import lock_folder
 from gen.runtime.terminal import printable
 from gen.scene import Scene
@@ -53,7 +53,7 @@ def test_every_value_and_unit_is_in_the_parquet_files(folder):
     table = pq.read_table(folder / "out" / "rows.parquet")
     with Reader(folder / "a.h5") as reader:
         assert table["sample"].to_pylist() == list(range(40))
-        for column in tables.scalars(reader):
+        for column in parquet_files.scalars(reader):
             assert np.array_equal(table[column.name].to_numpy(), reader.column(column.name))
             metadata = table.schema.field(column.name).metadata
             assert metadata[b"unit"].decode() == column.unit
@@ -125,9 +125,9 @@ def test_only_done_rows_are_exported_and_the_others_counted(tmp_path, capsys):
 
 
 def test_an_interrupted_export_goes_on_and_keeps_whole_files(folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "FILE_BYTES", 9 * 9 * 8 * 10)
+    monkeypatch.setattr(parquet_files, "FILE_BYTES", 9 * 9 * 8 * 10)
     path, out = folder / "a.h5", tmp_path / "out"
-    write, calls = files.write, []
+    write, calls = parquet_files.write, []
 
     def interrupted(piece, *arguments):
         calls.append(piece.name)
@@ -135,11 +135,11 @@ def test_an_interrupted_export_goes_on_and_keeps_whole_files(folder, tmp_path, m
             raise KeyboardInterrupt
         write(piece, *arguments)
 
-    monkeypatch.setattr(files, "write", interrupted)
+    monkeypatch.setattr(parquet_files, "write", interrupted)
     assert cli.main(["export", str(path), "-o", str(out)]) == 130
     kept = {name: (out / name).stat().st_ino for name in calls[:3]}
     assert not (out / "croissant.json").exists()
-    monkeypatch.setattr(files, "write", write)
+    monkeypatch.setattr(parquet_files, "write", write)
     assert cli.main(["export", str(path), "-o", str(out)]) == 0
     assert {name: (out / name).stat().st_ino for name in kept} == kept
     assert cli.main(["export", str(path), "-o", str(tmp_path / "whole")]) == 0
@@ -179,26 +179,28 @@ def test_a_database_without_done_rows_is_refused(tmp_path, capsys):
 
 def test_large_exports_take_little_memory(tmp_path):
     """Four times as many rows as are read at once: the peak is that of one piece, and the mask."""
-    rows = 4 * tables.TABLE_ROWS
+    rows = 4 * parquet_files.TABLE_ROWS
     path = filled(tmp_path / "a.h5", small(rows))
     with h5py.File(path, "r+") as file:
         file["status"][:] = Status.DONE
     with Reader(path) as reader:
-        columns = tables.schema_of(reader, tables.scalars(reader))
-        done = tables.done_rows(reader)
+        columns = parquet_files.schema_of(reader, parquet_files.scalars(reader))
+        done = parquet_files.done_rows(reader)
         tracemalloc.start()
-        counted = sum(t.num_rows for t in tables.tables(reader, columns, reader.rows, done))
+        counted = sum(t.num_rows for t in parquet_files.tables(reader, columns, reader.rows, done))
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     assert counted == rows
-    assert peak < 3 * tables.TABLE_ROWS * sum(8 for _ in columns)
+    assert peak < 3 * parquet_files.TABLE_ROWS * sum(8 for _ in columns)
 
 
 def test_the_card_says_what_kind_of_bodies_and_patch(tmp_path):
     scene = small(4, contact={"boundary": "mirror", "hardness": 0.1})
     with Reader(filled(tmp_path / "a.h5", scene, (0, 4, Status.DONE))) as reader:
-        assert "bodies that yield pressed onto a patch that its mirror images" in card.words(reader)
-        text = card.card(reader, About("T"), 4)
+        assert "bodies that yield pressed onto a patch that its mirror images" in description.words(
+            reader
+        )
+        text = description.card(reader, About("T"), 4)
     assert "elastic" not in text
     assert "free edges" not in text
 
