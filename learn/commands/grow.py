@@ -147,9 +147,9 @@ def _grow(
     from gen.runtime.figure import new_figure, save
     from gen.runtime.signals import Interruption
     from learn.comparison.halving import seconds
-    from learn.grow import picture, rounds, summary
-    from learn.grow.pace import Pace
+    from learn.grow import report, rounds
     from learn.grow.population import scene_of
+    from learn.grow.rows import Pace
     from learn.surrogate.fitting import require_better
 
     pace = Pace(seconds(goal.budget) if goal.budget else None, executor.workers)
@@ -161,7 +161,7 @@ def _grow(
         [] if population.is_folder or not Path(scene).is_file() else [scene],
     )
     _require_own(order.request.database, output, drawing)
-    figure = new_figure(picture.WIDTH, picture.HEIGHT, dpi=110)
+    figure = new_figure(report.WIDTH, report.HEIGHT, dpi=110)
     with Interruption(listening=True) as interruption:
         whole = scene_of(population, _beside(output, ".toml"), note)
         for doubt in whole.contact.doubts:
@@ -170,8 +170,8 @@ def _grow(
     if grown.ending == "interrupted" or grown.last is None:
         note(f"stopped; {order.request.database} is kept, the same command goes on")
         return 128 + interruption.signal
-    summary.show(order.request, grown, grown.last, order.most)
-    picture.draw(figure, grown.last, grown.curve)
+    report.show(order.request, grown, grown.last, order.most)
+    report.draw(figure, grown.last, grown.curve)
     echo(f"wrote {output}, {order.request.database} and {save(figure, drawing)}")
     require_better(grown.last.surrogate, str(output))
     return 0

@@ -15,11 +15,9 @@ from gen.runtime.errors import InputError
 from gen.scene import Scene, differences
 from learn.columns import TARGETS, results, short_name
 from learn.executor import Executor
-from learn.grow.appraisal import Appraisal, appraise
+from learn.grow.accuracy import Appraisal, Sizes, appraise
 from learn.grow.curve import EXPONENTS, Advice, Curve, advise, learning_curve
-from learn.grow.generation import generate, stock
-from learn.grow.pace import Pace
-from learn.grow.sizes import Sizes
+from learn.grow.rows import Pace, generate, stock
 from learn.request import Request
 
 FURTHEST = 4

@@ -80,11 +80,11 @@ FAILING = """
 import sys
 from mpi4py import MPI
 from learn import cli
-from learn.grow import generation
+from learn.grow import rows
 def broken(*arguments, **keys):
     raise ZeroDivisionError("a bug")
 if MPI.COMM_WORLD.rank == 2:
-    generation.compute_rows = broken
+    rows.compute_rows = broken
 sys.exit(cli.main({arguments}))
 """
 

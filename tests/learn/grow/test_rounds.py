@@ -15,9 +15,9 @@ from gen.runtime.errors import InputError
 from gen.scene import Scene
 from learn import Surrogate
 from learn.executor import Executor
-from learn.grow import appraisal, generation, pace, rounds
-from learn.grow.pace import Pace
+from learn.grow import accuracy, rounds, rows
 from learn.grow.rounds import Order
+from learn.grow.rows import Pace
 from learn.request import Request
 
 SCENE = Scene.parse("samples = 10\nsamples_per_surface = 1\n[surface]\nnodes = 9\n", "scene")
@@ -109,7 +109,7 @@ def test_the_holdout_never_train(whole):
 STAGES = {
     "in the first rows": (Writer, "write_block", 1),
     "in later rows": (Writer, "write_block", 4),
-    "before rows of a longer database": (generation, "make_ready", 2),
+    "before rows of a longer database": (rows, "stock", 2),
     "before a fit": (rounds, "appraise", 2),
     "before a surrogate is written": (Surrogate, "save", 1),
     "after a surrogate is written": (rounds, "learning_curve", 1),
@@ -201,7 +201,7 @@ def test_a_budget_ends_a_growth_by_the_clock_of_its_rows(limit, tmp_path, monkey
         clock.now += 0.01 * (stop - start)
         write(self, start, stop, columns)
 
-    for module in (pace, generation, rounds, appraisal):
+    for module in (rows, rounds, accuracy):
         monkeypatch.setattr(module, "time", clock)
     monkeypatch.setattr(Writer, "write_block", written)
     if limit < 0.6:  # fewer rows than a first look needs

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from learn.grow import pace as module
-from learn.grow.pace import Pace
+from learn.grow import rows as module
+from learn.grow.rows import Pace
 
 
 class Clock:
