@@ -105,12 +105,14 @@ def _packed(learnt: Learnt, distance: Distance) -> dict[str, Any]:
     intervals, growth = learnt.calibration, learnt.calibration.growth
     if growth is not None and not np.array_equal(growth.distance.centres, distance.centres):
         raise ValueError("errors grow with other distances than those of the surrogate")
+    estimator, trees = _without_trees(_portable(learnt.pipeline.named_steps[STEP]))
     pipeline = copy(learnt.pipeline)
-    pipeline.steps = [pipeline.steps[0], (STEP, _portable(learnt.pipeline.named_steps[STEP]))]
+    pipeline.steps = [pipeline.steps[0], (STEP, estimator)]
     return {
         "column": learnt.column,
         "unit": learnt.unit,
         "pipeline": pipeline,
+        "trees": trees,
         "scaling": vars(learnt.scaling),
         "clip": learnt.clip,
         "bounds": learnt.bounds,
@@ -137,6 +139,45 @@ def _portable(estimator: Any) -> Any:
     return estimator
 
 
+def _without_trees(estimator: Any) -> tuple[Any, dict[str, Values] | None]:
+    """Return an ensemble of scikit-learn with its first tree only, and all trees in two arrays.
+
+    Each of some thousand trees would take ten small files in the archive, and a millisecond.
+    """
+    if not hasattr(estimator, "estimators_"):
+        return estimator, None
+    members = np.ravel(np.array(estimator.estimators_, dtype=object)).tolist()
+    states = [each.tree_.__getstate__() for each in members]
+    trees = {
+        "counts": np.array([each["node_count"] for each in states]),
+        "depths": np.array([each["max_depth"] for each in states]),
+        "nodes": np.concatenate([each["nodes"] for each in states]),
+        "values": np.concatenate([each["values"] for each in states]),
+    }
+    alone = copy(estimator)
+    alone.estimators_ = estimator.estimators_[:1]
+    return alone, trees
+
+
+def _with_trees(estimator: Any, trees: dict[str, Values]) -> None:
+    """Put all trees into an ensemble that `_without_trees` has left its first one."""
+    first = np.ravel(np.array(estimator.estimators_, dtype=object))[0]
+    kind, sizes, _ = first.tree_.__reduce__()
+    members, start = [], 0
+    for count, depth in zip(trees["counts"].tolist(), trees["depths"].tolist(), strict=True):
+        inside = slice(start, start + count)
+        own = {"nodes": trees["nodes"][inside], "values": trees["values"][inside]}
+        member = copy(first)
+        member.tree_ = kind(*sizes)
+        member.tree_.__setstate__({"max_depth": depth, "node_count": count, **own})
+        members.append(member)
+        start += count
+    if isinstance(estimator.estimators_, np.ndarray):  # of gradient boosting, a column
+        estimator.estimators_ = np.array(members, dtype=object).reshape(-1, 1)
+    else:
+        estimator.estimators_ = members
+
+
 def load(path: Path) -> dict[str, Any]:
     """Read the fields of a `Surrogate`.
 
@@ -155,7 +196,7 @@ def load(path: Path) -> dict[str, Any]:
             models = io.loads(archive, trusted=list(REVIEWED))
             distance = Distance(**models["distance"])
             learnt = {
-                name: _unpacked(models["targets"][name], distance, card["model"], low)
+                name: _unpacked(models["targets"][name], distance, card, low)
                 for name in card["targets"]
             }
     except Exception as error:  # what a library says of content that it does not know
@@ -167,8 +208,12 @@ def load(path: Path) -> dict[str, Any]:
     return {"card": card, "learnt": learnt, "low": low, "high": high, "distance": distance}
 
 
-def _unpacked(part: dict[str, Any], distance: Distance, model: str, low: Values) -> Learnt:
-    """Return the model of a target, after a prediction at the ends of the training ranges."""
+def _unpacked(
+    part: dict[str, Any], distance: Distance, card: Mapping[str, Any], low: Values
+) -> Learnt:
+    """Return the model of a target, after a trial if another scikit-learn has made it."""
+    import sklearn
+
     usual, growth = part["usual"], part["growth"]
     intervals = Calibration(
         part["borders"],
@@ -187,9 +232,13 @@ def _unpacked(part: dict[str, Any], distance: Distance, model: str, low: Values)
         part["clip"],
         part["bounds"],
     )
-    if not isinstance(MODELS[model].estimator(0), type(learnt.pipeline.named_steps[STEP])):
-        raise TypeError(f"its model is no {model}")
-    learnt.ends(low[None], learnt.raw(low[None]), 0.5)
+    estimator = learnt.pipeline.named_steps[STEP]
+    if part["trees"] is not None:
+        _with_trees(estimator, part["trees"])
+    if not isinstance(MODELS[card["model"]].estimator(0), type(estimator)):
+        raise TypeError(f"its model is no {card['model']}")
+    if sklearn.__version__ != card["versions"].get("scikit-learn"):
+        learnt.ends(low[None], learnt.raw(low[None]), 0.5)
     return learnt
 
 

@@ -223,12 +223,13 @@ def test_models_that_the_libraries_here_cannot_use_are_one_line(path, capsys, ch
     card, models = content(path)
     whole = io.loads(models, trusted=io.get_untrusted_types(data=models))
     change(whole)
+    card["card"]["versions"]["scikit-learn"] = "1.0"
     written(path, card, io.dumps(whole))
     for command in (["predict", "-", "--delta", "5"], ["law", "quick", "--csv", "x.csv"]):
         assert cli.main([command[0], str(path), *command[1:]]) == 2
         (said,) = capsys.readouterr().err.splitlines()
         assert word in said
-        assert "scikit-learn" in said
+        assert "scikit-learn 1.0" in said
         assert "--model kernel-ridge --features dimensionless" in said
 
 
