@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.database import Reader
-from gen.fields import DECADES, contact_maps, draw_map, load_text, metric
 from gen.generation.plan import parameters
 from gen.generation.sample import load_of, solve_contact, surface_of
+from gen.maps.pictures import DECADES, contact_maps, draw_map, load_text, metric
 from gen.runtime.errors import InputError
 from gen.runtime.figure import log_axis, new_figure, require_picture_name, save
 from gen.runtime.terminal import shortened

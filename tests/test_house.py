@@ -57,7 +57,7 @@ ROOMS = {
         "gen.surface",
     },
     "gen.maps": {
-        *("gen.arrays", "gen.fields", "gen.material", "gen.runtime", "gen.schema", "gen.spectral"),
+        *("gen.arrays", "gen.material", "gen.runtime", "gen.spectral"),
         "gen.statistics",
     },
     "gen.draft": {
@@ -80,7 +80,7 @@ ROOMS = {
     "gen.commands": {
         *("gen.database", "gen.display", "gen.draft", "gen.export", "gen.generation", "gen.law"),
         *("gen.material", "gen.maps", "gen.option_groups", "gen.options", "gen.picture"),
-        *("gen.runtime", "gen.scene", "gen.statistics"),
+        *("gen.runtime", "gen.scene", "gen.schema", "gen.statistics"),
     },
     "learn.features": {"learn.arrays", "learn.executor"},
     "learn.comparison": {

@@ -25,7 +25,8 @@ from gen import database
 from gen.generation.plan import parameters
 from gen.generation.run import Target, blocks_of
 from gen.generation.sample import surface_of
-from gen.maps.store import PreparedMap, opened, write
+from gen.maps.library import PreparedMap, opened
+from gen.maps.store import write
 from gen.maps.windows import Tiling, cut, drawn
 from gen.runtime.errors import InputError
 from gen.runtime.farm import World

@@ -24,9 +24,9 @@ def scene(
 
     Comments in the scene say why it has its values. It runs as it is, and is meant to be edited.
     """
-    from gen.draft.drafting import Order, draft
+    from gen.draft import draft
     from gen.draft.proposal import Material
 
     material = Material.of_options(young or [], poisson or [], e_star, hardness)
     how = Reading.of_options(**vars(reading))
-    draft(Order(inputs or [], like, output, how, material, typed(context, "gen")))
+    draft(inputs or [], like, output, how, material, typed(context, "gen"))

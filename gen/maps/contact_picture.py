@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gen import fields
 from gen.arrays import Values
+from gen.maps import pictures
 from gen.runtime.figure import log_axis, save
 from gen.runtime.terminal import shortened
 
@@ -74,21 +74,21 @@ def draw_contacts(
         Picture to write.
     """
     last = contacts[-1]
-    axes, letters = _panels(figure, fields.patch_sides(last), law=len(contacts) > 1)
+    axes, letters = _panels(figure, pictures.patch_sides(last), law=len(contacts) > 1)
     figure.suptitle(_title(contacts, subject), fontsize=11, parse_math=False)
     if subject.warnings:
         lines = [textwrap.fill(f"warning: {warning}", 160) for warning in subject.warnings]
         figure.supxlabel("\n".join(lines), fontsize=8, color="tab:red", parse_math=False)
-    where = f" at {fields.load_text(last, subject.load)}" if len(contacts) > 1 else ""
+    where = f" at {pictures.load_text(last, subject.load)}" if len(contacts) > 1 else ""
     spots = f"contact{where}: {last.area_percent:.3g} % of {last.pressure.size} nodes"
     if subject.spots:
-        heights_map, pressure_map = fields.spot_maps(last)
+        heights_map, pressure_map = pictures.spot_maps(last)
         heights_map = replace(heights_map, title=f"{heights_map.title}{where}")
     else:
-        heights_map, pressure_map = fields.contact_maps(last, "heights", spots)
-    fields.draw_map(axes["heights"], heights_map, letters)
-    fields.draw_map(axes["spots"], pressure_map, letters)
-    _stretch(axes, fields.patch_sides(last))
+        heights_map, pressure_map = pictures.contact_maps(last, "heights", spots)
+    pictures.draw_map(axes["heights"], heights_map, letters)
+    pictures.draw_map(axes["spots"], pressure_map, letters)
+    _stretch(axes, pictures.patch_sides(last))
     _draw_section(axes["section"], last, where)
     if len(contacts) > 1:
         _draw_law([axes[name] for name in ("area", "answer", "gap")], contacts, subject.load)
@@ -143,15 +143,15 @@ def _title(contacts: Sequence[Contact], subject: Subject) -> str:
     """Return the title: file, load and material in lines that fit."""
     last = contacts[-1]
     load = (
-        f"Δ = {fields.metric(1e-6 * last.delta, 'm')},"
-        f" force {fields.metric(1e-6 * last.force, 'N')},"
-        f" mean pressure {fields.metric(1e6 * last.force / fields.nominal_area(last), 'Pa')}"
+        f"Δ = {pictures.metric(1e-6 * last.delta, 'm')},"
+        f" force {pictures.metric(1e-6 * last.force, 'N')},"
+        f" mean pressure {pictures.metric(1e6 * last.force / pictures.nominal_area(last), 'Pa')}"
     )
     if len(contacts) > 1:
         load = f"last of {len(contacts)} loads: {load}"
-    material = f"E* = {fields.metric(1e6 * last.problem.modulus, 'Pa')}"
+    material = f"E* = {pictures.metric(1e6 * last.problem.modulus, 'Pa')}"
     if last.problem.hardness is not None:
-        material += f", hardness {fields.metric(1e6 * last.problem.hardness, 'Pa')}"
+        material += f", hardness {pictures.metric(1e6 * last.problem.hardness, 'Pa')}"
     if not subject.material:
         material += ", no material given"
     if last.problem.boundary != "free":
@@ -178,7 +178,7 @@ def section_line(contact: Contact) -> tuple[int, int]:
     index : int
         Index of the line on the other axis.
     """
-    sides = fields.patch_sides(contact)
+    sides = pictures.patch_sides(contact)
     longer = 0 if sides[0] >= sides[1] else 1
     for along in (longer, 1 - longer):
         forces = contact.pressure.sum(axis=along)
@@ -199,30 +199,30 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
     along, place = section_line(contact)
     line: tuple[Any, ...] = (slice(None), place) if along == 0 else (place, slice(None))
     spacing, first = contact.problem.spacing, _first_node(contact)
-    per_um, unit = fields.axis_unit(max(fields.patch_sides(contact)), fields.FINE_SIDE)
+    per_um, unit = pictures.axis_unit(max(pictures.patch_sides(contact)), pictures.FINE_SIDE)
     position = per_um * spacing[along] * (first + np.arange(contact.pressure.shape[along]))
     # The half-space's surface is at 0 before contact, and the rough body comes down from above.
     surfaces = -contact.displacement[line], contact.gap[line] - contact.displacement[line]
-    factor, height_unit = fields.axis_unit(float(np.ptp(surfaces)), fields.FINE_HEIGHT)
+    factor, height_unit = pictures.axis_unit(float(np.ptp(surfaces)), pictures.FINE_HEIGHT)
     deformed, rough = (factor * heights for heights in surfaces)
     margin = 0.08 * float(np.ptp([deformed.min(), deformed.max(), rough.max(), 0.0]))
     top = max(float(rough.max()), 0.0) + margin
     bottom = float(deformed.min()) - margin
     axis.fill_between(position, rough, top, color="0.8", label="rough body")
     axis.fill_between(position, bottom, deformed, color="tab:blue", alpha=0.4, label="half-space")
-    yielded = fields.yielded_nodes(contact)[line]
+    yielded = pictures.yielded_nodes(contact)[line]
     touching = np.ma.masked_where((contact.pressure[line] == 0) | yielded, deformed)
     axis.plot(position, touching, ".", ms=4, color="tab:red", label="in contact")
     if yielded.any():
         yielding = np.ma.masked_where(~yielded, deformed)
-        axis.plot(position, yielding, ".", ms=4, color=fields.CYAN, label="yielded")
+        axis.plot(position, yielding, ".", ms=4, color=pictures.CYAN, label="yielded")
     axis.axhline(0, color="k", lw=0.6, ls=":")
     names = "xy"
     across = per_um * spacing[1 - along] * (first + place)
     where = f"section at {names[1 - along]} = {across:.4g} {unit}{load.replace(' at', ',', 1)}"
     axis.set_title(where, loc="left", fontsize=10, pad=20)
     axis.set(xlabel=f"{names[along]} [{unit}]", ylabel=f"z [{height_unit}], stretched")
-    axis.set(xlim=(0, per_um * fields.patch_sides(contact)[along]), ylim=(bottom, top))
+    axis.set(xlim=(0, per_um * pictures.patch_sides(contact)[along]), ylim=(bottom, top))
     axis.legend(
         loc="lower left",
         bbox_to_anchor=(0, 1),
@@ -237,7 +237,7 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
 
 def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> None:
     """Draw area, force or far-field displacement, and mean gap over the load that was given."""
-    cells = fields.nominal_area(contacts[0])
+    cells = pictures.nominal_area(contacts[0])
     displacements = _lengths([contact.delta for contact in contacts], "displacement Δ")
     quantities = {
         "delta": displacements,
@@ -247,7 +247,7 @@ def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> No
     given, label = quantities[load]
     order = np.argsort(given)
     loads = np.array(given)[order]
-    decades = bool(loads[0] > 0 and loads[-1] >= fields.DECADES * loads[0])
+    decades = bool(loads[0] > 0 and loads[-1] >= pictures.DECADES * loads[0])
     answers = (
         ([contact.area_percent for contact in contacts], "contact area [%]"),
         quantities["force" if load == "delta" else "delta"],
@@ -262,7 +262,7 @@ def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> No
 
 def _lengths(values: Sequence[float], name: str) -> tuple[list[float], str]:
     """Return lengths [um] in the unit of their axis, and the label of that axis."""
-    factor, unit = fields.axis_unit(max(values), fields.FINE_HEIGHT)
+    factor, unit = pictures.axis_unit(max(values), pictures.FINE_HEIGHT)
     return [factor * value for value in values], f"{name} [{unit}]"
 
 

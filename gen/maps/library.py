@@ -1,4 +1,10 @@
-"""The maps of a scene, prepared once and shared by all processes of a machine."""
+"""The maps of a scene, prepared once and shared by all processes of a machine.
+
+Prepared maps lie in a file that the ranks of a machine map into their memory. It begins with a
+fixed line and the place, length and SHA-256 of its table, a JSON text at the end that holds the
+key of what was prepared, and place, shape and SHA-256 of each map. Heights are 64-bit numbers in
+the machine's order of bytes. A file that is damaged in any way is made anew.
+"""
 
 from __future__ import annotations
 
@@ -6,20 +12,23 @@ import hashlib
 import json
 import os
 import stat
+import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import IO, Any
 
-from gen.maps import store
+import numpy as np
+
+from gen.arrays import Heights
 from gen.maps.prepare import is_same, prepare, resampled
 from gen.maps.read import Topography, read
 from gen.maps.settings import Reading
-from gen.maps.store import PreparedMap
 from gen.maps.windows import Shape
 from gen.runtime.errors import InputError
-from gen.runtime.files import kind_of
+from gen.runtime.files import MAPS, atomic, kind_of
 from gen.runtime.installation import versions
 
 READER = 2
@@ -129,7 +138,7 @@ def prepared(
         damaged = path.exists()
         if damaged and not (path.is_file() and kind_of(path) in {"maps", ""}):
             raise InputError(f"{path}: is no file of prepared maps; move it away")
-        store.write(path, key, _each(paths, wanted), replace=damaged)
+        write_maps(path, key, _each(paths, wanted), replace=damaged)
         library = opened(sha256s, wanted, home, verify=False)
         if library is None:
             raise InputError(f"{path}: was damaged while it was written; delete it and try again")
@@ -163,7 +172,7 @@ def opened(
     for place in (folder, _temporary_folder(make=False)):
         if place is not None:
             file = _file(place, key)
-            stored = store.opened(file, key, verify=verify)
+            stored = stored_maps(file, key, verify=verify)
             if stored is not None:
                 return Library(stored.maps, stored.spacing, file)
     return None
@@ -246,3 +255,139 @@ def _temporary_folder(*, make: bool) -> Path | None:
         if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid():
             return None if found.st_mode & 0o022 else folder
     return None
+
+
+PAGE = 4096
+"""Alignment of the maps in the file, that of pages in memory [bytes]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedMap:
+    """One prepared map.
+
+    Attributes
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights without holes, read-only [um].
+    remarks : tuple of str
+        One line for each reason to distrust the heights.
+    """
+
+    heights: Heights
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """Content of a file of prepared maps.
+
+    Attributes
+    ----------
+    maps : tuple of PreparedMap
+        The maps, mapped into memory.
+    spacing : tuple of float
+        Distance of their nodes along x and y [um].
+    """
+
+    maps: tuple[PreparedMap, ...]
+    spacing: tuple[float, float]
+
+
+def write_maps(
+    path: Path, key: str, maps: Iterable[tuple[PreparedMap, tuple[float, float]]], *, replace: bool
+) -> None:
+    """Write prepared maps one by one, so that only one of them is in memory at a time.
+
+    Parameters
+    ----------
+    path : Path
+        File to make.
+    key : str
+        Name of what was prepared, and how.
+    maps : iterable of (PreparedMap, (float, float))
+        Maps with their common spacing along x and y [um].
+    replace : bool
+        Whether to replace a file of that name, one that is damaged.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or is there and of another kind.
+    """
+    table: dict[str, Any] = {"key": key, "byteorder": sys.byteorder, "maps": []}
+    with atomic(path, "maps", replace=replace) as file:
+        file.write(bytes(PAGE))
+        for prepared, spacing in maps:
+            table["spacing"] = spacing
+            content = np.ascontiguousarray(prepared.heights, dtype=np.float64).reshape(-1).data
+            table["maps"].append(
+                {
+                    "place": file.tell(),
+                    "shape": prepared.heights.shape,
+                    "sha256": hashlib.sha256(content).hexdigest(),
+                    "remarks": prepared.remarks,
+                }
+            )
+            file.write(content)
+            file.write(bytes(-file.tell() % PAGE))
+        _finish(file, json.dumps(table).encode())
+
+
+def _finish(file: IO[bytes], table: bytes) -> None:
+    """Write the table to the end of the file, and its place to the beginning."""
+    place = file.tell()
+    file.write(table)
+    file.seek(0)
+    file.write(MAPS + f"{place} {len(table)} {hashlib.sha256(table).hexdigest()}\n".encode())
+
+
+def stored_maps(path: Path, key: str, *, verify: bool) -> Stored | None:
+    """Map a file of prepared maps into memory.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    key : str
+        Name of what it has to hold.
+    verify : bool
+        Whether to compare the heights with their SHA-256, which reads the whole file. One process
+        of a run does so, the others follow it.
+
+    Returns
+    -------
+    Stored or None
+        The maps; None if there is no such file, or it is damaged or holds something else.
+    """
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        table = _table(path)
+        if table["key"] == key and table["byteorder"] == sys.byteorder:
+            maps = tuple(_mapped(path, entry, verify=verify) for entry in table["maps"])
+            dx, dy = table["spacing"]
+            return Stored(maps, (dx, dy))
+    return None
+
+
+def _table(path: Path) -> dict[str, Any]:
+    """Read the table of a file; raise ValueError if it is damaged."""
+    if not path.is_file():  # a pipe would never answer
+        raise ValueError("no file")
+    with path.open("rb") as file:
+        if file.read(len(MAPS)) != MAPS:
+            raise ValueError("no file of prepared maps")
+        place, length, sha256 = file.readline(200).decode().split()
+        file.seek(int(place))
+        text = file.read(int(length) + 1)
+    if len(text) != int(length) or hashlib.sha256(text).hexdigest() != sha256:
+        raise ValueError("damaged table")
+    table: dict[str, Any] = json.loads(text)
+    return table
+
+
+def _mapped(path: Path, entry: dict[str, Any], *, verify: bool) -> PreparedMap:
+    """Map one map into memory; raise ValueError if it is damaged."""
+    nx, ny = entry["shape"]
+    heights = np.memmap(path, dtype=np.float64, mode="r", offset=entry["place"], shape=(nx, ny))
+    if verify and hashlib.sha256(heights.reshape(-1).data).hexdigest() != entry["sha256"]:
+        raise ValueError("damaged map")
+    return PreparedMap(heights, tuple(entry["remarks"]))

@@ -159,6 +159,7 @@ def _is_group(kind: Any) -> bool:
     return hasattr(kind, "_field_defaults") or is_dataclass(kind)
 
 
+@cache
 def _options(group: Any) -> list[Parameter]:
     """Return the fields of a group as parameters of a function."""
     kinds = get_type_hints(group, include_extras=True)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import bem
-from gen.fields import COLOURS, CYAN
 from gen.maps import contact_picture
 from gen.maps.contact_picture import Subject, draw_contacts, section_line
+from gen.maps.pictures import COLOURS, CYAN
 from gen.surface import generate
 
 pytest.importorskip("matplotlib", reason="needs the extra plot")

@@ -10,7 +10,7 @@ pytest.importorskip("matplotlib", reason="needs the extra plot")
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from gen.maps import description
+from gen.maps import pictures
 
 ROUGH = generate_spectral(
     (129, 129), 1000.0, SelfAffineSpectrum(0.7, 250, 16.5), np.random.default_rng(1), rms_height=2.0
@@ -35,9 +35,9 @@ def test_every_surface_is_drawn_and_nothing_is_cut(shape, tmp_path, monkeypatch,
     heights, side = SHAPES[shape]
     monkeypatch.chdir(tmp_path)
     np.save("surface.npy", heights)
-    figures, save = [], description.save
+    figures, save = [], pictures.save
     monkeypatch.setattr(
-        description, "save", lambda figure, path: figures.append(figure) or save(figure, path)
+        pictures, "save", lambda figure, path: figures.append(figure) or save(figure, path)
     )
     assert cli.main(["describe", "surface.npy", "--side", side, "--plot", "one.png"]) == 0
     assert (tmp_path / "one.png").read_bytes().startswith(b"\x89PNG")
