@@ -25,8 +25,7 @@ from gen import database
 from gen.generation.plan import parameters
 from gen.generation.run import Target, blocks_of
 from gen.generation.sample import surface_of
-from gen.maps.library import PreparedMap, opened
-from gen.maps.store import write
+from gen.maps.library import PreparedMap, stored_maps, write_maps
 from gen.maps.windows import Tiling, cut, drawn
 from gen.runtime.errors import InputError
 from gen.runtime.farm import World
@@ -113,8 +112,8 @@ def test_window(benchmark: BenchmarkFixture, nodes: int, tmp_path: Path) -> None
     heights = np.random.default_rng(3).normal(size=(2 * nodes + 9, 2 * nodes + 5))
     path = tmp_path / "a.maps"
     spacing = (SPACING, SPACING)
-    write(path, "key", iter([(PreparedMap(heights), spacing)]), replace=False)
-    stored = opened(path, "key", verify=True)
+    write_maps(path, "key", iter([(PreparedMap(heights), spacing)]), replace=False)
+    stored = stored_maps(path, "key", verify=True)
     assert stored is not None
     (prepared,) = stored.maps
     tiling = Tiling((heights.shape,), (nodes, nodes))
