@@ -35,28 +35,14 @@ MAP, TILE = "map", "tile"
 
 
 def short_name(column: str) -> str:
-    """Return the name of a target's column in folders and on the command line.
-
-    Parameters
-    ----------
-    column : str
-        The column.
-    """
+    """Return the name of a target's column in folders and on the command line."""
     return next((short for short, name in TARGETS.items() if name == column), column)
 
 
 def results(scene: Scene) -> dict[str, Column]:
     """Return the columns of a scene's database that can be learnt, by their names.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene of the database.
-
-    Returns
-    -------
-    dict of str to Column
-        Area and force first, then the other results in the order of the file.
+    Area and force come first, then the other results in the order of the file.
     """
     given = NO_TARGETS | drawn_names(scene)
     found = {
@@ -131,19 +117,10 @@ class Stored:
 
 
 def read_stored(path: Path, targets: Sequence[str]) -> Stored:
-    """Read the columns of a database.
+    """Read the columns of a database that learning needs.
 
-    Parameters
-    ----------
-    path : Path
-        A database made by `gen`.
-    targets : sequence of str
-        Short names or columns of the targets.
-
-    Raises
-    ------
-    InputError
-        If the file is no database or lacks a target.
+    Targets are short names or columns. InputError is raised if the file is no database, or lacks
+    one.
     """
     with Reader(path) as reader:
         draws = reader.scene.contact.draws_hardness
@@ -185,19 +162,7 @@ def _target_column(reader: Reader, target: str) -> Column:
 
 
 def reasons_against(stored: Stored, target: Values) -> NDArray[np.object_]:
-    """Return the reason why each row cannot be used with any features, "" if it can.
-
-    Parameters
-    ----------
-    stored : Stored
-        The columns.
-    target : ndarray, shape (n,)
-        Values of the target.
-
-    Returns
-    -------
-    ndarray of str, shape (n,)
-    """
+    """Return the reason why each row cannot be used with any features, (n,); "" if it can."""
     status, reason = stored.status, stored.reason
     reasons = np.full(status.size, "", dtype=object)
     excused = stored.undefined[:, None] & np.isnan(stored.inputs)

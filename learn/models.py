@@ -170,18 +170,7 @@ STEP = "model"
 
 
 def models_named(names: list[str] | None) -> list[Model]:
-    """Return the models of some names, in the order of `MODELS`.
-
-    Parameters
-    ----------
-    names : list of str or None
-        Names of models; all nine if there are none.
-
-    Raises
-    ------
-    InputError
-        If there is no model of a name.
-    """
+    """Return the models of some names, or all nine, in the order of `MODELS`; or InputError."""
     for name in names or ():
         if name not in MODELS:
             raise InputError(f"--model {name!r}: give one of {', '.join(MODELS)}")
@@ -196,7 +185,7 @@ def pipeline(
     seed: int = 0,
     tuned: bool = False,
 ) -> Any:
-    """Build an unfitted pipeline: scaling, then the model.
+    """Build an unfitted pipeline of scikit-learn: scaling, then the model.
 
     Parameters
     ----------
@@ -210,10 +199,6 @@ def pipeline(
         Seed of the model's random draws.
     tuned : bool
         True for the settings that all candidates of a search share.
-
-    Returns
-    -------
-    sklearn.pipeline.Pipeline
     """
     from sklearn.pipeline import Pipeline
 
@@ -288,24 +273,12 @@ class Scaling:
     root: bool = False
 
     def scaled(self, target: Values) -> Values:
-        """Return the values that a model is trained on.
-
-        Parameters
-        ----------
-        target : ndarray, shape (n,)
-            Targets.
-        """
+        """Return the values that a model is trained on, (n,)."""
         values = np.sqrt(target) if self.root else target
         return (values - self.mean) / self.deviation
 
     def restored(self, predicted: Values) -> Values:
-        """Return targets from a model's predictions.
-
-        Parameters
-        ----------
-        predicted : ndarray, shape (n,)
-            Predictions on the scale of the training.
-        """
+        """Return targets, (n,), from a model's predictions on the scale of the training."""
         values = self.mean + self.deviation * np.asarray(predicted, dtype=np.float64)
         return np.maximum(values, 0.0) ** 2 if self.root else values
 
@@ -332,19 +305,11 @@ error of the force, over its scale, grew by a third when its root was learnt."""
 def scaling_of(
     dataset: Dataset, train: Indices, *, roots: bool = False, standard: bool = False
 ) -> Scaling:
-    """Return the scaling of a dataset's target.
+    """Return the scaling of a dataset's target over its training rows, (m,).
 
-    Parameters
-    ----------
-    dataset : Dataset
-        The usable rows.
-    train : ndarray, shape (m,)
-        Positions of the training rows.
-    roots : bool
-        True for the square root of a target of `ROOTED_TARGETS`.
-    standard : bool
-        True for mean 0 and deviation 1 whatever the features, as a Gaussian process needs it, whose
-        predictions are the mean where it knows nothing.
+    With `roots` it is of the square root of a target of `ROOTED_TARGETS`. With `standard` it has
+    mean 0 and deviation 1 whatever the features, as a Gaussian process needs it, whose predictions
+    are the mean where it knows nothing.
     """
     target = dataset.target[train]
     root = roots and dataset.target_name in ROOTED_TARGETS

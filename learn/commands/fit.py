@@ -28,31 +28,7 @@ SurrogateFile = Annotated[
 
 
 class Choice(NamedTuple):
-    """Model, features, targets and rows of a surrogate.
-
-    Attributes
-    ----------
-    model : str
-        Name of the model.
-    features : str
-        Name of the feature set, "" for the dimensionless one.
-    blocks : int, optional
-        Blocks per side of the coarse solve of hybrid features.
-    target : str
-        Names of targets with commas, or "both".
-    source : Path, optional
-        Comparison folder whose tuned settings are used.
-    area_max : float, optional
-        Largest area that is kept [%].
-    normalise : str
-        Name of the scaling, "" for that of the features.
-    seed : int, optional
-        Seed of the split and of the model.
-    train_rows : int, optional
-        Largest number of rows to train on and to calibrate with.
-    calibrate_on : Path, optional
-        Database whose rows calibrate the intervals.
-    """
+    """Model, features, targets and rows of a surrogate; see the help of the options."""
 
     model: Annotated[
         str, typer.Option(metavar="NAME", help="One of the nine models, as in learn compare.")

@@ -194,8 +194,8 @@ def _targets(
     hybrid = hybrid_for(request, executor, stopping)
     if stopping():
         return
-    for rows in dataset.read_targets(
-        request.database, request.targets, request.area_max, request.features, hybrid
+    for rows in dataset.read_together(
+        (request.database,), request.targets, request.area_max, request.features, (hybrid,)
     ):
         if not stopping():
             folder, training = prepare(request, rows, models, searched=searched)

@@ -45,24 +45,11 @@ Block = tuple[int, int, tuple[float, ...]]
 def hybrid_rows(
     path: Path, executor: Executor, stopping: Callable[[], bool], blocks: int = BLOCKS
 ) -> Values:
-    """Return the hybrid features of all finished rows.
+    """Return the columns of `HYBRID` for every row of a database, (n, 17).
 
-    Parameters
-    ----------
-    path : Path
-        The database.
-    executor : Executor
-        Generates the surfaces.
-    stopping : callable
-        Called between blocks of rows; True ends the work.
-    blocks : int
-        Blocks per side of the coarse solve, one of `learn.features.sets.BLOCK_COUNTS`.
-
-    Returns
-    -------
-    ndarray, shape (n, 17)
-        The features of `HYBRID` for every row of the database; NaN for rows that are not finished
-        or were not reached before the stop.
+    They are NaN for rows that are not finished or were not reached before the stop, for which
+    `stopping` is asked between blocks of rows. The executor generates the surfaces; `blocks` is the
+    number per side of the coarse solve.
 
     Raises
     ------

@@ -190,11 +190,7 @@ class FeatureSet:
     def with_roots(self, blocks: int = BLOCKS) -> "FeatureSet":
         """Return the set that surrogates see; itself if it has units.
 
-        Parameters
-        ----------
-        blocks : int
-            Blocks per side of the coarse solve of sets that need the surface; 0 for the columns
-            that surrogates saw before there were those of `LOCAL`.
+        With 0 blocks per side of the coarse solve it has no columns of `LOCAL`.
         """
         if not self.scaled:
             return self
@@ -216,20 +212,12 @@ class FeatureSet:
         return bool({HARDNESS, SCALED_HARDNESS} & set(self.columns))
 
     def with_hardness(self, limits: Limits | None, *, elastic: bool = False) -> "FeatureSet":
-        """Return the set for bodies that yield.
+        """Return the set for bodies that yield at these limits of the hardness over E*.
 
-        Parameters
-        ----------
-        limits : tuple of float or None
-            Smallest and largest hardness over E* of the rows; None for elastic bodies.
-        elastic : bool
-            True if elastic bodies are among the rows, whose features have no units.
-
-        Returns
-        -------
-        FeatureSet
-            A set with units gains the hardness if it varies. A set without units always gains it,
-            because its other features lack the scale of the heights, and with it the pressure.
+        A set with units gains the hardness if it varies. A set without units always gains it,
+        because its other features lack the scale of the heights, and with it the pressure;
+        `elastic` says that elastic bodies are among its rows. Without limits all bodies are
+        elastic.
         """
         if limits is None or not (self.scaled or limits[0] < limits[1]):
             return self
@@ -311,10 +299,8 @@ def chosen(
         Name of the set.
     hardness_ratio : tuple of float, optional
         Smallest and largest hardness over E*, for bodies that yield.
-    roots : bool
-        True for the set that surrogates see (`FeatureSet.with_roots`).
-    blocks : int
-        Blocks per side of their coarse solve.
+    roots, blocks
+        True for the set that surrogates see, with this number of blocks per side of a coarse solve.
     elastic : bool
         True if elastic bodies are among those that yield.
 
@@ -423,9 +409,8 @@ def no_yield(delta: Values, length: Values | float, nodes: Values | float | None
     """Return a hardness over E* that no elastic contact reaches with `nodes` along a side, (n, 1).
 
     All pressures push a node down, so its own is at most the interference over its own influence
-    coefficient: p <= E* Delta / (1.12 spacing) in square cells, less than E* Delta n / L. Bodies
-    that are harder are elastic: with this ceiling, rows with the same contact have the same
-    feature.
+    coefficient: p <= E* Delta / (1.12 spacing) in square cells, less than E* Delta n / L. Harder
+    bodies are elastic: with this ceiling, rows with the same contact have the same feature.
     """
     if nodes is None:
         raise ValueError("features of elastic bodies among others need the number of nodes")
@@ -455,21 +440,8 @@ def target_scale(
 ) -> Values:
     """Return the scale that a target is divided by before it is learnt, so that it has no unit.
 
-    Parameters
-    ----------
-    features : FeatureSet
-        The set that the models are given.
-    target : str
-        Name of the target's column.
-    statistics, delta, length : ndarray
-        See `build`.
-    modulus : float
-        E* [MPa].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Scale in the unit of the target; 1 for features with units.
+    It is in the unit of the target's column, (n,), and 1 for features with units. Statistics, Delta
+    and length are those of `build`; E* is in MPa.
     """
     ones = np.ones(len(delta))
     if not features.scaled:

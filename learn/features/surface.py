@@ -99,19 +99,9 @@ class Blocks:
     def local_area(self, pressure: Values, factor: float) -> float:
         """Return the share of the nodes in contact by Persson's theory, inside each block.
 
-        Parameters
-        ----------
-        pressure : ndarray, shape (bx, by)
-            Mean pressure on each block, over E*.
-        factor : float
-            Multiple of these pressures that is taken.
-
-        Returns
-        -------
-        float
-            Share; blocks without slopes count in full where they are pressed.
-
-        Source: B. N. J. Persson (2001), J. Chem. Phys. 115, 3840.
+        The pressure on each block is over E*, and multiplied by the factor. Blocks without slopes
+        count in full where they are pressed. Source: B. N. J. Persson (2001), J. Chem. Phys. 115,
+        3840.
         """
         from scipy.special import erf
 
@@ -232,20 +222,7 @@ class SurfaceFeatures:
     def features(
         self, features: FeatureSet, deltas: Values, hardness_ratio: float | None = None
     ) -> Values:
-        """Return the features at each displacement.
-
-        Parameters
-        ----------
-        features : FeatureSet
-            The set to compute.
-        deltas : ndarray, shape (k,)
-            Far-field displacements, above 0 [um].
-        hardness_ratio : float, optional
-            Hardness over E*; None for elastic bodies.
-
-        Returns
-        -------
-        ndarray, shape (k, d)
+        """Return the features of a set at displacements above 0 [um], (k, d).
 
         Raises
         ------
@@ -275,16 +252,9 @@ class SurfaceFeatures:
     def hybrid(
         self, delta: float, hardness_ratio: float | None = None, blocks: int = BLOCKS
     ) -> tuple[float, ...]:
-        """Return the columns of `HYBRID`, which the hybrid set adds, at one Delta.
+        """Return the columns of `HYBRID`, which the hybrid set adds, at one Delta above 0 [um].
 
-        Parameters
-        ----------
-        delta : float
-            Far-field displacement, above 0 [um].
-        hardness_ratio : float, optional
-            Hardness over E*; None for elastic bodies.
-        blocks : int
-            Blocks per side, one of `BLOCK_COUNTS`.
+        The coarse solve has `blocks` per side, one of `BLOCK_COUNTS`.
         """
         interference = self.heights - (self._highest - delta)
         bearing, coarse = _above(interference, delta), self._blocks(blocks)
@@ -344,18 +314,11 @@ class SurfaceFeatures:
     def coarse_means(
         self, delta: float, hardness_ratio: float | None = None
     ) -> tuple[float, float]:
-        """Return mean displacement over F / (E* L), and mean yielded depth, of the coarse solve.
+        """Return the coarse solve's mean displacement over F / (E* L) and mean yielded depth [um].
 
         Multiplied by F / (E* L) with the force of a finer solve, the first gives the mean
         displacement of that solve: it depends on the distribution of the load over the patch, and
         hardly on its distribution over single nodes. Without edges the mean displacement is 0.
-
-        Returns
-        -------
-        compliance : float
-            Mean displacement over F / (E* L) [1].
-        yielded : float
-            Mean yielded depth; 0 for elastic bodies [um].
         """
         if self.boundary != "free" and hardness_ratio is None:
             return 0.0, 0.0
@@ -400,14 +363,8 @@ def _above(interference: Values, delta: float) -> tuple[float, float]:
 def _shifted(interference: Values, delta: float, roughness: float) -> tuple[float, ...]:
     """Return the shares of nodes above shifted displacements, and norms of the positive part.
 
-    Parameters
-    ----------
-    interference : ndarray, shape (nx, ny)
-        Heights above the displacement [um].
-    delta : float
-        Far-field displacement [um].
-    roughness : float
-        Rms of the heights that the blocks do not resolve [um].
+    The interference is that of the heights above the displacement [um], the roughness the rms of
+    the heights that the blocks do not resolve [um].
     """
     shares = [np.count_nonzero(interference > shift * roughness) for shift in SHIFTS]
     above = np.maximum(interference, 0.0) / delta

@@ -112,13 +112,7 @@ def holdouts(rows: Dataset, parts: Indices) -> Iterator[tuple[Indices, Indices]]
     """Yield the rows of each part, and the rows that a model must not see that predicts them.
 
     The latter are those of the part, and those that share a surface or tile with one of them.
-
-    Parameters
-    ----------
-    rows : Dataset
-        n rows.
-    parts : ndarray of int, shape (n,)
-        Part of each row, from `Groups.left_out` or `clusters_of`.
+    Parts, (n,), come from `Groups.left_out` or `clusters_of`.
     """
     for part in np.unique(parts):
         mine = np.flatnonzero(parts == part)
@@ -165,12 +159,7 @@ def near(rows: Dataset) -> Distance:
 def holdout_squares(rows: Dataset, parts: Sequence[tuple[Indices, Indices]]) -> Values:
     """Return squared distances of n training rows from those that their model has seen, (n,).
 
-    Parameters
-    ----------
-    rows : Dataset
-        The training rows.
-    parts : sequence of pairs of ndarray of int
-        From `holdouts`.
+    The parts come from `holdouts`.
     """
     labels, found = near_labels(rows), np.empty(rows.size)
     for mine, unseen in parts:
@@ -301,19 +290,8 @@ class Plan:
 def planned(rows: Dataset, train: Indices, others: list[Dataset] | None = None) -> Plan:
     """Decide which rows train, and which calibrate.
 
-    Parameters
-    ----------
-    rows : Dataset
-        The usable rows.
-    train : ndarray of int
-        Positions of the training rows, from `learn.split.draw`.
-    others : list of Dataset, optional
-        Rows of another database that calibrate, for each target.
-
-    Raises
-    ------
-    InputError
-        If too few rows are left to train on.
+    Training rows are positions from `learn.split.draw`; `others` are rows of another database that
+    calibrate, for each target. InputError is raised if too few rows are left to train on.
     """
     if others is not None:
         return Plan(train, np.empty(0, dtype=np.int64), groups_of(others[0]), others)

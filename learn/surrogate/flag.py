@@ -128,14 +128,7 @@ def from_groups(inputs: Values, labels: Indices, parts: Indices) -> Distance:
 def squares_from(inputs: Values, labels: Indices, unseen: Indices, mine: Indices) -> Values:
     """Return squared distances of the rows `mine` from those that a model has seen.
 
-    Parameters
-    ----------
-    inputs : ndarray, shape (n, d)
-        Features of the training rows.
-    labels : ndarray of int, shape (n,)
-        Group of each row.
-    unseen, mine : ndarray of int
-        Rows that the model has not seen, and those whose distances are asked for.
+    It has not seen the rows `unseen` of the training rows, (n, d), whose groups are `labels`, (n,).
     """
     seen = _unlimited(np.delete(inputs, unseen, axis=0), np.delete(labels, unseen))
     return np.square(seen.of(inputs[mine]))
@@ -273,16 +266,9 @@ def between(limits: tuple[float, float]) -> str:
 def hardness_note(
     limits: tuple[float, float] | None, hardness_ratio: float | None, *, elastic: bool = False
 ) -> str:
-    """Return how a hardness lies outside that of the training; "" if it does not.
+    """Return how a hardness over E* lies outside the limits of the training; "" if it does not.
 
-    Parameters
-    ----------
-    limits : tuple of float or None
-        Smallest and largest hardness over E* of the training, None for elastic bodies.
-    hardness_ratio : float or None
-        Hardness over E* of the prediction.
-    elastic : bool
-        True if elastic bodies are in the training: they are the end of the harder ones.
+    Where elastic bodies are in the training, they are the end of the harder ones.
     """
     if limits is None or hardness_ratio is None:
         return ""

@@ -79,17 +79,10 @@ class Order(contact_law.Order):
 
 
 def make(surrogate: Surrogate | None, order: Order, say: Callable[[str], None]) -> Law:
-    """Make a law.
+    """Make a law; `say` is called with a line for the user about each file.
 
-    Parameters
-    ----------
-    surrogate : Surrogate or None
-        Surrogate that predicts. Where contacts are solved it may be None; otherwise its E*,
-        hardness, boundary and range of Delta stand in for those that are not given.
-    order : Order
-        The request.
-    say : callable
-        Called with a line for the user about each file.
+    Where contacts are solved the surrogate may be None; otherwise its E*, hardness, boundary and
+    range of Delta stand in for those that are not given.
 
     Raises
     ------
@@ -163,26 +156,9 @@ def _bodies(surrogate: Surrogate | None, order: Order, subjects: LawSurfaces) ->
 def _defined(
     surrogate: Surrogate, surfaces: Sequence[LawSurface]
 ) -> tuple[Sequence[LawSurface], list[str]]:
-    """Leave out surfaces that lack statistics which the surrogate needs.
+    """Return the surfaces whose statistics the surrogate needs, and a line if any were left out.
 
-    Parameters
-    ----------
-    surrogate : Surrogate
-        Surrogate of area and force.
-    surfaces : sequence of LawSurface
-        One surface or more.
-
-    Returns
-    -------
-    surfaces : sequence of LawSurface
-        The other surfaces.
-    warnings : list of str
-        One line if any were left out.
-
-    Raises
-    ------
-    InputError
-        If no surface is left.
+    InputError is raised if no surface is left.
     """
     kept, faults = [], []
     for surface in surfaces:
@@ -273,25 +249,9 @@ def _tables(
 def predicted_points(
     on_surface: OnSurface, subject: LawSurface, deltas: Values, level: float, bodies: Bodies
 ) -> Points:
-    """Predict the law of one surface.
+    """Predict the law of one surface at ascending displacements above 0, (k,) [um].
 
-    Parameters
-    ----------
-    on_surface : OnSurface
-        The surrogate on the surface.
-    subject : LawSurface
-        The surface.
-    deltas : ndarray, shape (k,)
-        Ascending displacements above 0 [um].
-    level : float
-        Coverage of the intervals.
-    bodies : Bodies
-        E* and hardness.
-
-    Raises
-    ------
-    InputError
-        If a prediction is not finite.
+    InputError is raised if a prediction is not finite.
     """
     e_star, hardness = bodies.e_star, bodies.hardness
     answer = on_surface.predict(deltas, e_star=e_star, hardness=hardness, level=level)
@@ -434,20 +394,10 @@ def _pressures(
 
 
 def at_pressures(points: Points, pressures: Values) -> Points:
-    """Evaluate the law of one surface at given pressures.
+    """Evaluate the law of one surface at ascending pressures that it reaches, (m,) [MPa].
 
-    Parameters
-    ----------
-    points : Points
-        Monotone points, from first touch on.
-    pressures : ndarray, shape (m,)
-        Ascending pressures that the law reaches [MPa].
-
-    Returns
-    -------
-    Points
-        Points at these pressures. Where an end of an interval lies beyond the law or outside the
-        training, the interval is NaN and the reason says so.
+    The points are monotone, from first touch on. Where an end of an interval lies beyond the law or
+    outside the training, the interval is NaN and the reason says so.
     """
     deltas = points.values["delta_um"]
     at = _inverse(deltas, points.values["pressure_MPa"], pressures, first=True)
@@ -495,14 +445,8 @@ def _ends_of_delta(points: Points, pressures: Values, at: Values) -> tuple[Value
 def _inverse(deltas: Values, reach: Values, pressures: Values, *, first: bool) -> Values:
     """Return the Delta at which a rising pressure reaches given ones, (m,); NaN beyond its end.
 
-    Parameters
-    ----------
-    deltas, reach : ndarray, shape (k,)
-        Curve of the pressure against Delta [um, MPa].
-    pressures : ndarray, shape (m,)
-        Pressures to reach; 0 is at first touch [MPa].
-    first : bool
-        True for the beginning of a level stretch, False for its end.
+    The curve is given by pressures `reach` at `deltas`, each (k,) [MPa, um]. Of a level stretch it
+    is the beginning if `first`, else the end. No pressure is at first touch.
     """
     shares = np.arange(FINE) / FINE
     fine = np.append((deltas[:-1, None] + np.diff(deltas)[:, None] * shares).ravel(), deltas[-1])

@@ -100,10 +100,7 @@ def choose(
 def tuned_conditions(folder: Folder, model: str) -> dict[str, Any]:
     """Return the features, rows and seed that a tuned winner rests on.
 
-    Raises
-    ------
-    InputError
-        If the folder has no tuned model of this name.
+    InputError is raised if the folder has no tuned model of this name.
     """
     conditions: dict[str, Any] = folder.record()["conditions"]
     _tuned(folder, model)
@@ -196,13 +193,7 @@ def _likelihood(process: Any) -> float:
 
 
 def normalisation_of(features_default: str, given: str) -> str:
-    """Return the given scaling, or the default of the features.
-
-    Raises
-    ------
-    InputError
-        If no scaling has this name.
-    """
+    """Return the given scaling, or the default of the features; InputError if there is none."""
     if given and given not in NORMALISATIONS:
         raise InputError(f"--normalise {given!r}: give one of {', '.join(NORMALISATIONS)}")
     return given or features_default
