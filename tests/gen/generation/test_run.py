@@ -75,32 +75,6 @@ def test_a_database_of_bodies_that_yield_lives_as_any_other(folder, capsys, hard
     assert "hardness" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("keys", ["boundary = 'periodic'", "boundary = 'mirror'\nhardness = 0.05"])
-def test_a_database_of_patches_without_edges_lives_as_any_other(folder, capsys, keys):
-    for samples in (11, 20):
-        text = SCENE.format(samples, "") + f"[contact]\n{keys}\n"
-        text += "[delta]\npieces = [{ share = 1.0, range = [0.5, 4.0] }]\n"
-        (folder / f"{samples}.toml").write_text(text)
-    assert run("20.toml", "-o", "whole.h5") == 0
-    assert run("11.toml", "-o", "grown.h5") == 0
-    assert run("20.toml", "-o", "grown.h5") == 0
-    assert run("20.toml", "-o", "part0.h5", "--rows", "0:7") == 0
-    assert run("20.toml", "-o", "part1.h5", "--rows", "7:20") == 0
-    assert cli.main(["merge", "part0.h5", "part1.h5", "-o", "merged.h5"]) == 0
-    whole = deterministic_bytes(folder / "whole.h5")
-    assert deterministic_bytes(folder / "grown.h5") == whole
-    assert deterministic_bytes(folder / "merged.h5") == whole
-    assert cli.main(["check", "part1.h5", "--recompute", "20"]) == 0
-    capsys.readouterr()
-    assert cli.main(["info", "whole.h5"]) == 0
-    told = capsys.readouterr().out
-    assert "20 done, 0 failed" in told
-    assert 'spacing = "side/n"' in told
-    assert cli.main(["plot", "whole.h5", "-o", "whole.png"]) == 0
-    assert run("scene.toml", "-o", "whole.h5") == 2
-    assert "contact.boundary" in capsys.readouterr().err
-
-
 def test_the_shipped_sample_is_resumed_and_extended_and_keeps_its_bytes(folder, capsys):
     """Files made before scenes knew a hardness go on and keep their bytes."""
     shutil.copy(SAMPLE, "sample.h5")
@@ -168,18 +142,6 @@ def test_retrying_a_share_leaves_other_failures(folder):
     assert status(folder / "rows.h5")[30] == 2
 
 
-def test_more_samples_extend_and_keep_what_is_done(folder, capsys):
-    assert run("more.toml", "-o", "whole.h5") == 0
-    assert run("scene.toml", "-o", "grown.h5") == 0
-    with h5py.File("grown.h5") as file:
-        times = file["runtime/solve_seconds"][:]
-    assert run("more.toml", "-o", "grown.h5") == 0
-    assert "extended, 70 rows, 30 to do" in capsys.readouterr().err
-    with h5py.File("grown.h5") as file:
-        np.testing.assert_array_equal(file["runtime/solve_seconds"][:40], times)
-    assert deterministic_bytes(folder / "grown.h5") == deterministic_bytes(folder / "whole.h5")
-
-
 def test_retrying_computes_failed_rows_again(folder, capsys):
     assert run("scene.toml", "-o", "rows.h5") == 0
     whole = deterministic_bytes(folder / "rows.h5")
@@ -193,28 +155,6 @@ def test_retrying_computes_failed_rows_again(folder, capsys):
     assert run("scene.toml", "-o", "rows.h5", "--retry-failed") == 0
     assert "2 to do, 2 failed ones among them" in capsys.readouterr().err
     assert deterministic_bytes(folder / "rows.h5") == whole
-
-
-def test_another_scene_is_refused_key_by_key(folder, capsys):
-    assert run("scene.toml", "-o", "rows.h5") == 0
-    (folder / "other.toml").write_text(SCENE.format(40, "seed = 3") + "side = 900.0\n")
-    before = (folder / "rows.h5").read_bytes()
-    capsys.readouterr()
-    assert run("other.toml", "-o", "rows.h5") == 2
-    message = capsys.readouterr().err
-    assert "seed: 2025 in the file, 3 asked for" in message
-    assert "surface.side: 1000.0 in the file, 900.0 asked for" in message
-    assert (folder / "rows.h5").read_bytes() == before
-
-
-def test_another_physics_needs_force(folder, capsys):
-    assert run("scene.toml", "-o", "rows.h5", "--rows", "0:10") == 0
-    with h5py.File("rows.h5", "r+") as file:
-        file.attrs["physics"] = 0
-    assert run("scene.toml", "-o", "rows.h5") == 2
-    assert "--force" in capsys.readouterr().err
-    assert run("scene.toml", "-o", "rows.h5", "--force") == 0
-    assert (status(folder / "rows.h5") == 1).all()
 
 
 def test_info_says_how_results_have_changed_since(folder, capsys):

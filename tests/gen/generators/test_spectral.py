@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from SurfaceTopography import Topography
 
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_numbered, surface_of
@@ -47,32 +46,6 @@ def surfaces(of, number):
     return plan, [surface_of(of, plan, row) for row in range(number)]
 
 
-def test_heights_of_a_whole_period_have_the_rms_asked_for():
-    plan, drawn = surfaces(scene(rms="rms_height = [0.2, 3.0]"), 5)
-    assert [heights.std() for heights in drawn] == pytest.approx(plan.drawn["rms_height"], 1e-12)
-    assert [heights.min() for heights in drawn] == [0.0] * 5
-
-
-def test_slopes_of_a_whole_period_have_the_rms_asked_for():
-    """The rms gradient by the derivative of the trigonometric interpolant, to rounding."""
-    of = scene(rms="rms_slope = [0.02, 0.1]", nodes=[63, 49])
-    plan, drawn = surfaces(of, 5)
-    for row, heights in enumerate(drawn):
-        slopes = [
-            np.fft.ifft(
-                np.fft.fft(heights, axis=axis)
-                * (2j * np.pi * np.fft.fftfreq(nodes, spacing)).reshape(shape),
-                axis=axis,
-            ).real
-            for axis, (nodes, spacing, shape) in enumerate(
-                zip(heights.shape, of.spacing, ((-1, 1), (1, -1)), strict=True)
-            )
-        ]
-        assert np.sqrt(np.mean(slopes[0] ** 2 + slopes[1] ** 2)) == pytest.approx(
-            plan.drawn["rms_slope"][row], rel=1e-10
-        )
-
-
 @pytest.mark.parametrize("boundary", ["free", "mirror"])
 def test_windows_have_the_rms_asked_for_in_the_mean(boundary):
     """Mean square differences of neighbours in 200 windows, within 3 % of the period's own."""
@@ -98,57 +71,6 @@ def test_the_period_can_be_given():
         of = scene(boundary=boundary, further="period = 1.0", nodes=32, cut_off=14.0)
         _, drawn = surfaces(of, 2)
         assert [heights.std() for heights in drawn] == pytest.approx([0.5, 0.5], rel=1e-12)
-
-
-def averaged_spectrum(of, number):
-    """Mean square height of all components over some whole periods [um^2]."""
-    _, drawn = surfaces(of, number)
-    return np.mean([np.abs(np.fft.fft2(heights) / heights.size) ** 2 for heights in drawn], axis=0)
-
-
-def asked_spectrum(of):
-    """Mean square height of all components as the scene describes it: flat, power law, nothing."""
-    stretch, hurst = float(of.surface.stretch), float(of.surface.hurst)
-    qx, qy = (
-        2 * np.pi * np.fft.fftfreq(nodes, spacing)
-        for nodes, spacing in zip(of.shape, of.spacing, strict=True)
-    )
-    wavelengths = 2 * np.pi / np.maximum(np.hypot(stretch * qx[:, None], qy[None, :]), 1e-30)
-    density = np.minimum(wavelengths / 60.0, 1.0) ** (2 + 2 * hurst)
-    density[(wavelengths < of.surface.cut_off * (1 - 1e-9)) | (wavelengths > 1e20)] = 0.0
-    return density * 0.25 / density.sum()
-
-
-@pytest.mark.parametrize("stretch", [1.0, 2.0])
-@pytest.mark.parametrize("hurst", [0.3, 0.9])
-def test_200_surfaces_have_the_power_spectrum_asked_for(stretch, hurst):
-    """Every component between the cut-offs, anisotropic ones too, within 3 % of the scene's."""
-    of = scene(stretch=stretch, hurst=hurst, cut_off=14.0)
-    asked = asked_spectrum(of)
-    measured = averaged_spectrum(of, 200)
-    held = asked > 0
-    assert held.sum() > 200
-    np.testing.assert_allclose(measured[held], asked[held], rtol=0.03)
-    measured[0, 0] = 0.0  # heights are counted from the lowest node
-    assert measured[~held].max() < 1e-25
-
-
-def test_the_estimator_of_surface_topography_finds_the_spectrum():
-    """Its isotropic spectrum of 200 surfaces falls as q^(-2 - 2 H), within 3 % of the density."""
-    of = scene(nodes=128, side=200.0, cut_off=6.0)
-    _, drawn = surfaces(of, 200)
-    spectra = []
-    for heights in drawn:
-        topography = Topography(heights, (200.0, 200.0), periodic=True)
-        wavenumbers, density = topography.power_spectrum_from_area(nb_points_per_decade=20)
-        spectra.append(np.ma.filled(density, np.nan))
-    mean = np.mean(spectra, axis=0)
-    inside = np.isfinite(mean) & (wavenumbers > 2 * np.pi / 25.0) & (wavenumbers < 2 * np.pi / 7.0)
-    assert inside.sum() >= 8
-    slope = np.polyfit(np.log(wavenumbers[inside]), np.log(mean[inside]), 1)[0]
-    assert slope == pytest.approx(-2 - 2 * 0.7, rel=0.03)
-    expected = asked_spectrum(of)[1, 0] * 200.0**2 * (wavenumbers[inside] * 60 / 2 / np.pi) ** -3.4
-    assert mean[inside] == pytest.approx(expected, rel=0.03)
 
 
 @pytest.mark.parametrize("m", [1, 3])
