@@ -6,7 +6,6 @@ Each line is made of tables of one report. Its commands are those that the repor
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import mean
 
 from bench.files import is_there, named, read_table
 from bench.record import Inputs, read
@@ -21,12 +20,13 @@ NOT_OTHERS = {"bem", "paper's NNLS"}
 
 @dataclass(frozen=True)
 class Asked:
-    """A question, and the function that puts rows of the `tables` of a report into words.
+    """A question, and the function that puts rows of the `tables` of a part into words.
 
     In names of tables a * stands for several; `also` are further reports that add to them.
     """
 
     question: str
+    part: str
     tables: str
     answer: Answer
     also: Sequence[str]
@@ -41,8 +41,8 @@ class Asked:
             return ""
 
 
-ASKED: dict[str, Asked] = {}
-"""The questions by the report that answers them, in the order of the page."""
+ASKED: list[Asked] = []
+"""The questions in the order of the page."""
 
 
 @dataclass(frozen=True)
@@ -59,20 +59,22 @@ def lines(parts: Sequence[Part], inputs: Inputs) -> list[Line]:
     """Answer all questions whose tables are there and hold the answer."""
     known = {part.name: part for part in parts}
     found = []
-    for name, asked in ASKED.items():
-        made_by = [known[each] for each in (name, *asked.also) if each in known]
+    for asked in ASKED:
+        made_by = [known[each] for each in (asked.part, *asked.also) if each in known]
         if made_by and (answer := asked.said(inputs.folder(made_by[0]))):
             records = [(part, read(inputs.making(part).path)) for part in made_by]
             ran = tuple(inputs.command(part, record.command) for part, record in records if record)
-            found.append(Line(asked.question, answer, name, ran))
+            found.append(Line(asked.question, answer, asked.part, ran))
     return found
 
 
-def asked(question: str, tables: str, also: Sequence[str] = ()) -> Callable[[Answer], Answer]:
-    """Let a function answer a question from tables of the report that it is named after."""
+def asked(
+    question: str, tables: str, also: Sequence[str] = (), part: str = ""
+) -> Callable[[Answer], Answer]:
+    """Let a function answer a question from tables of a report, that of its name unless given."""
 
     def keep(answer: Answer) -> Answer:
-        ASKED[answer.__name__] = Asked(question, tables, answer, also)
+        ASKED.append(Asked(question, part or answer.__name__, tables, answer, also))
         return answer
 
     return keep
@@ -155,14 +157,13 @@ def comparison(rows: list[Row]) -> str:
     return f"{best}; the paper's best ({theirs['model']}) has {float(theirs['paper_r2']):.2f} %."
 
 
-@asked("How exact is a surrogate?", "features.csv")
-def features(rows: list[Row]) -> str:
-    """Error of the area with hybrid features, and share inside the intervals, over the seeds."""
-    hybrid = [row for row in rows if row["features"] == "hybrid"]
-    nmae, covered = (mean(float(row[name]) for row in hybrid) for name in ("nmae", "covered"))
+@asked("How exact is a surrogate?", "learning.csv", part="cost")
+def exactness(rows: list[Row]) -> str:
+    """Error of the area with hybrid features, learnt from all rows, on rows that judge."""
+    best = max((r for r in rows if r["features"] == "hybrid"), key=lambda r: int(r["trained"]))
     return (
-        f"New surfaces of the same kind: nMAE {nmae:.2f} % of the area, {100 * covered:.0f} % of"
-        f" them inside the 90 % intervals ({len(hybrid)} seeds)."
+        f"New surfaces of the same kind: nMAE {float(best['nmae']):.2f} % of the area, R2"
+        f" {float(best['r2']):.2f} %, learnt from {int(best['trained']):,} rows."
     )
 
 

@@ -62,7 +62,7 @@ def drawn(report: Mapping[str, Any], tables: Mapping[str, Sequence[Row]]) -> dic
 
 
 def draw(said: Mapping[str, Any], rows: Sequence[Row]) -> Any:
-    """Draw one figure of a report: its panels side by side, those of a facet below each other.
+    """Draw one figure of a report: its panels in `down` rows, those of a facet below each other.
 
     `facet` is a format that tells the columns of panels apart, filled in with a row; `size` is
     the width and height of a panel [inches], `legend` "figure" or the number of the panel that
@@ -70,11 +70,12 @@ def draw(said: Mapping[str, Any], rows: Sequence[Row]) -> Any:
     """
     facets = _split(rows, said.get("facet", ""))
     panels, (width, height) = said["panels"], said.get("size", (3.7, 3.6))
-    down, across = (len(panels), len(facets)) if "facet" in said else (1, len(panels))
+    down = len(panels) if "facet" in said else said.get("down", 1)
+    across = len(facets) if "facet" in said else len(panels) // down
     figure = new_figure(width * across, height * down)
     axes = figure.subplots(down, across, squeeze=False, **said.get("shared", {}))
     for place, (title, own) in enumerate(facets.items()):
-        column = axes[:, place] if "facet" in said else axes[0]
+        column = axes[:, place] if "facet" in said else axes.flat
         for axis, panel in zip(column, panels, strict=True):
             draw_panel(axis, {**said.get("all", {}), **panel}, own)
         if title:

@@ -5,8 +5,7 @@ compressed. Databases, surrogates and what the commands printed stay behind.
 """
 
 import lzma
-import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from bench.contents import Figure
@@ -18,19 +17,13 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import make_folder, write
 from gen.runtime.lock import lock_folder
 
-LARGEST = 6_000_000
-"""Most bytes of all published results."""
-
-LARGE = 200_000
-"""Bytes from which on a table is compressed."""
-
+LARGEST = 6_000_000  # bytes of all published results, at most
+LARGE = 200_000  # bytes from which on a table is compressed
 RECORD = ".part.json"
 KINDS = frozenset({".csv", ".json", ".jsonl", ".toml", ".txt"})
+# Folders inside of a part's, and files by folder and name, that are not published.
 INSIDE = frozenset({"baseline", "databases", "decks", "maps", "predictions", "tuned"})
-"""Folders inside of a part's whose files are not published."""
-
 LEFT_BEHIND = frozenset({"benchmarks/times.json", "area/rows.csv"})
-"""Files that other published ones tell of: by folder and name."""
 
 
 def publish(parts: Sequence[Part], inputs: Inputs, target: Path, *, mixed: bool) -> list[Path]:
@@ -45,55 +38,36 @@ def publish(parts: Sequence[Part], inputs: Inputs, target: Path, *, mixed: bool)
         results would be of several states of the code and `mixed` does not allow that, or too
         large, or another process writes the folder. Then nothing is changed.
     """
-    folders = _by_folder(parts, inputs)
-    _require_apart((inputs.output, *folders), target)
-    with lock_folder(target):
-        return _copied(folders, inputs, target, mixed=mixed)
-
-
-def _copied(
-    folders: Mapping[Path, Sequence[Part]], inputs: Inputs, target: Path, *, mixed: bool
-) -> list[Path]:
-    """Copy into a folder that this process has locked."""
-    new: dict[Path, bytes] = {}
-    gone: set[Path] = set()
-    for folder, those in folders.items():
-        made = [part for part in those if _finished(part, inputs)]
-        home = target / (made[0].folder or made[0].name) if made else target
-        new |= {home / name: content for name, content in _published(made, folder)}
-        if made and len(made) == len(those):
-            gone |= {path for path in home.rglob("*") if path.is_file()}
-    if not new:
-        raise InputError(f"{inputs.output} holds no finished part: `python -m bench run` makes it")
-    there = {path for path in target.rglob("*") if path.is_file() and path.name != PAGE}
-    after = {path: path.read_bytes() for path in there - gone} | new
-    _require_one_state(after, mixed=mixed)
-    _require_small(after, target)
-    for path in gone - new.keys():
-        path.unlink()
-    for path, content in new.items():
-        make_folder(path.parent)
-        if path.suffix == COMPRESSED:
-            path.unlink(missing_ok=True)
-        write(path, content, "picture" if path.suffix == ".png" else "text")
-    return sorted(new)
-
-
-def _by_folder(parts: Sequence[Part], inputs: Inputs) -> dict[Path, list[Part]]:
-    """Return the parts of a full run by the folder that they share."""
-    found: dict[Path, list[Part]] = {}
+    folders: dict[Path, list[Part]] = {}
     for part in parts:
-        found.setdefault(inputs.folder(part), []).append(part)
-    return found
-
-
-def _require_apart(folders: Iterable[Path], target: Path) -> None:
-    """Refuse a target that is read, or that holds a folder which is read: files would be lost."""
-    goal = Path(os.path.realpath(target))
-    for folder in folders:
-        source = Path(os.path.realpath(folder))
+        folders.setdefault(inputs.folder(part), []).append(part)
+    for folder in (inputs.output, *folders):
+        source, goal = folder.resolve(), target.resolve()
         if source.is_relative_to(goal) or goal.is_relative_to(source):
             raise InputError(f"{target}: {folder} is read, give a folder apart from it")
+    with lock_folder(target):
+        new: dict[Path, bytes] = {}
+        gone: set[Path] = set()
+        for folder, those in folders.items():
+            made = [part for part in those if _finished(part, inputs)]
+            home = target / (made[0].folder or made[0].name) if made else target
+            new |= {home / name: content for name, content in _published(made, folder)}
+            if made and len(made) == len(those):
+                gone |= {path for path in home.rglob("*") if path.is_file()}
+        if not new:
+            raise InputError(
+                f"{inputs.output} holds no finished part: `python -m bench run` makes it"
+            )
+        there = {path for path in target.rglob("*") if path.is_file() and path.name != PAGE}
+        _check({path: path.read_bytes() for path in there - gone} | new, target, mixed=mixed)
+        for path in gone - new.keys():
+            path.unlink()
+        for path, content in new.items():
+            make_folder(path.parent)
+            if path.suffix == COMPRESSED:
+                path.unlink(missing_ok=True)
+            write(path, content, "picture" if path.suffix == ".png" else "text")
+        return sorted(new)
 
 
 def _finished(part: Part, inputs: Inputs) -> bool:
@@ -116,15 +90,14 @@ def _published(made: Sequence[Part], folder: Path) -> Iterator[tuple[Path, bytes
         printed = path.name.endswith(NOT_READ) and not path.name.endswith(RECORD)
         if path.is_file() and wanted and not printed and not INSIDE.intersection(name.parts[:-1]):
             content = path.read_bytes()
-            large = path.suffix == ".csv" and len(content) >= LARGE
-            if large or path.suffix == ".jsonl":
+            if path.suffix == ".jsonl" or (path.suffix == ".csv" and len(content) >= LARGE):
                 yield name.with_name(name.name + COMPRESSED), lzma.compress(content)
             else:
                 yield name, content
 
 
-def _require_one_state(after: Mapping[Path, bytes], *, mixed: bool) -> None:
-    """Refuse results of several states of the code, or of an unknown one, unless that is asked."""
+def _check(after: Mapping[Path, bytes], target: Path, *, mixed: bool) -> None:
+    """Refuse results of several states of the code, unless that is asked, or too large ones."""
     names: dict[str, list[str]] = {}
     for path in sorted(path for path in after if path.name.endswith(RECORD)):
         state = str(documents.checked(path, after[path], Record).get("state", ""))
@@ -132,10 +105,6 @@ def _require_one_state(after: Mapping[Path, bytes], *, mixed: bool) -> None:
     if len(names) > 1 and not mixed:
         told = "; ".join(f"{state}: {', '.join(those)}" for state, those in names.items())
         raise InputError(f"results of several states of the code, --mixed allows them: {told}")
-
-
-def _require_small(after: Mapping[Path, bytes], target: Path) -> None:
-    """Refuse results that would make the repository large."""
     size = sum(map(len, after.values()))
     if size > LARGEST:
         largest = sorted(after, key=lambda path: len(after[path]), reverse=True)[:3]

@@ -10,17 +10,15 @@ gradient's modulus, and lengths over the rms height.
 """
 
 import math
-from typing import Any
+from itertools import product
 
 import numpy as np
-import pandas as pd
 
 import bem
 from bem.analytic import Paraboloid, PerssonInterface, area_share, distances_to_centre
 from bem.influence import KERNELS, Kernel
 from bench.files import Row
-from bench.picture import STYLES, new_figure
-from bench.report import Report, remark
+from bench.report import remark
 from gen.arrays import Heights, Values
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
@@ -29,9 +27,6 @@ PATCH = 1000.0  # um
 NODES = (128, 256)
 LARGEST_DELTA = 1.0  # um
 STEPS = 50
-
-COLOURS = {"uniform-pressure": STYLES[0]["color"], "concentrated-force": STYLES[1]["color"]}
-DASHES = {128: (4, 2), 256: (1, 0)}
 
 
 def closed_form(delta: float) -> tuple[float, float]:
@@ -46,50 +41,24 @@ def solved(kernel: Kernel, nodes: int, delta: float) -> tuple[float, float]:
     return contact.force, contact.area_percent
 
 
-def compare_with_hertz(steps: int = STEPS) -> pd.DataFrame:
+def hertz(steps: int = STEPS) -> list[Row]:
     """Compute the closed form first, then every kernel on every grid, at `steps` displacements.
 
     A row names the solution, "hertz" or the kernel, and its nodes a side, "" for the closed form.
+    Deviations of force and area are in per cent of Hertz's at the largest displacement.
     """
-    delta = np.linspace(0, LARGEST_DELTA, steps + 1).tolist()
-    rows: list[tuple[Any, ...]] = [("hertz", "", each, *closed_form(each)) for each in delta]
-    for kernel in KERNELS:
-        for nodes in NODES:
-            rows += [(kernel, nodes, each, *solved(kernel, nodes, each)) for each in delta]
-    columns = ["solution", "nodes", "delta_um", "force_uN", "area_percent"]
-    return pd.DataFrame(rows, columns=columns).astype({"nodes": object})
-
-
-def hertz() -> Report:
-    """Press the paraboloid, and draw what `compare_with_hertz` returns."""
-    rows = compare_with_hertz()
-    return Report({"hertz": rows.to_dict("records")}, pictures={"hertz": hertz_picture(rows)})
-
-
-def hertz_picture(rows: pd.DataFrame) -> Any:
-    """Draw force and area above, and their deviations from Hertz below."""
-    figure = new_figure(11, 7.5)
-    panels = figure.subplots(2, 2, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
-    (_, closed), *numerical = rows.groupby(["solution", "nodes"], sort=False)
-    for (above, below), quantity in zip(panels.T, ("force_uN", "area_percent"), strict=True):
-        exact = closed[quantity].to_numpy()
-        for (kernel, nodes), curve in numerical:
-            label = f"{kernel}, {nodes} × {nodes}"
-            style = {"color": COLOURS[kernel], "dashes": DASHES[nodes], "label": label}
-            values = curve[quantity].to_numpy()
-            above.plot(curve["delta_um"], values, **style)
-            below.plot(curve["delta_um"], 100 * (values - exact) / exact[-1], **style)
-        above.plot(closed["delta_um"], exact, "k:", lw=2, label="Hertz")
-        below.axhline(0, color="k", ls=":", lw=2)
-        below.set(xlabel="far-field displacement Δ [µm]", xlim=(0, LARGEST_DELTA))
-    (force, area), (force_off, area_off) = panels
-    force.set(ylabel="force F [µN], E* = 1 MPa", ylim=(0, None), title="(a) contact force")
-    area.set(ylabel="contact area [% of the nodes]", ylim=(0, None), title="(b) contact area")
-    force_off.set(ylabel="deviation of F\n[% of Hertz's at Δ = 1 µm]")
-    area_off.set(ylabel="deviation of the area\n[% of Hertz's at Δ = 1 µm]")
-    force.legend()
-    figure.align_ylabels()
-    return figure
+    deltas = np.linspace(0, LARGEST_DELTA, steps + 1).tolist()
+    exact = [closed_form(each) for each in deltas]
+    rows: list[Row] = []
+    cases: list[tuple[Kernel | None, int]] = [(None, 0), *product(KERNELS, NODES)]
+    for kernel, nodes in cases:
+        for delta, right in zip(deltas, exact, strict=True):
+            force, area = right if kernel is None else solved(kernel, nodes, delta)
+            row: Row = {"solution": kernel or "hertz", "nodes": nodes or "", "delta_um": delta}
+            row |= {"force_uN": force, "area_percent": area}
+            row["force_off_percent"] = 100 * (force - right[0]) / exact[-1][0]
+            rows.append(row | {"area_off_percent": 100 * (area - right[1]) / exact[-1][1]})
+    return rows
 
 
 SIDE = 1.0  # um

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 import bem
 from bench import theory
 from bench.contents import Content, Figure
-from bench.files import write_rows, write_table
+from bench.files import write_table
 from bench.paper.facts import AREA_MAX, DELTAS, DIGITS, GRIDS, caption, picture
-from bench.picture import COLOURS, new_figure, save
+from bench.picture import COLOURS, new_figure
+from bench.report import Report
 from gen.arrays import Heights
 from gen.distribution import limits
 from gen.scene import DisplacedSurface, load
@@ -160,15 +161,15 @@ process's memory grows with their square."""
 
 def paraboloid(folder: Path) -> list[Content]:
     """Press the paraboloid, and draw it as `python -m bench hertz` does (section 2.4)."""
-    rows = theory.compare_with_hertz()
-    table = write_rows(folder / "hertz.csv", rows.to_dict("records"))
-    picture = save(theory.hertz_picture(rows), folder / "hertz.png")
-    exact, *areas = rows.groupby(["solution", "nodes"], sort=False)["area_percent"].sum().items()
-    off = [
-        f"{100 * (area / exact[1] - 1):+.1f} % ({kernel} on {nodes} nodes a side)"
-        for (kernel, nodes), area in areas
-    ]
-    return [Figure(picture, caption("hertz", off=", ".join(off)), data=(table,))]
+    rows = theory.hertz()
+    data, drawn = Report({"hertz": rows}).write(folder, "hertz")
+    areas: dict[str, float] = {}
+    for row in rows:
+        name = f"{row['solution']} on {row['nodes']} nodes a side"
+        areas[name] = areas.get(name, 0.0) + row["area_percent"]
+    (_, exact), *others = areas.items()
+    off = [f"{100 * (area / exact - 1):+.1f} % ({name})" for name, area in others]
+    return [Figure(drawn, caption("hertz", off=", ".join(off)), data=(data,))]
 
 
 def equal_kernels(folder: Path, database: Path) -> list[Content]:

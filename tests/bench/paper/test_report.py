@@ -67,10 +67,10 @@ def cost(tmp_path_factory):
 @pytest.fixture(scope="module")
 def made(preset, comparison, cost, tmp_path_factory):
     """The whole report on few rows: its folder, its inputs, the files that it told of."""
-    folder, compare = tmp_path_factory.mktemp("made"), theory.compare_with_hertz
+    folder, compare = tmp_path_factory.mktemp("made"), theory.hertz
     given = {"database": preset, "comparison": comparison, "cost": cost}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(theory, "compare_with_hertz", lambda: compare(3))
+        patch.setattr(theory, "hertz", lambda: compare(3))
         return folder, given, report.write_report(folder, given, 200)
 
 
