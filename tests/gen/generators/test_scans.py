@@ -92,18 +92,6 @@ def test_a_surface_is_a_window_of_a_prepared_map(folder, nodes, symmetries):
     assert seen == set(range(symmetries))
 
 
-def test_oblong_cells_have_four_symmetries(folder):
-    shutil.rmtree(folder / "maps")
-    write_all(folder / "maps", [MadeMap("fractal", 0, (60, 60), 0.5, 15.0, (0.5, 0.8))])
-    scene = scene_of(folder)
-    assert scene.spacing == pytest.approx((0.5, 0.8))
-    windows = parameters(scene, 0, 20)
-    assert surface_of(scene, windows, 0).shape == (16, 16)
-    randoms = [surface_random(scene, surface) for surface in range(200)]
-    tiling = Tiling(((60, 60),), (16, 16))
-    assert {drawn(each, tiling, square=False).symmetry for each in randoms} == set(range(4))
-
-
 def with_tables(folder, tables):
     """Write the scene with other tables of loads, of the contact and of columns."""
     text = SCENE.format(samples=8, nodes="16", keys="").partition("[load]")[0]
@@ -111,12 +99,6 @@ def with_tables(folder, tables):
 
 
 CORRECTED = "[load]\nquantity = 'pressure'\nrange = 0.01\n[store]\ncorrected_area_percent = true\n"
-
-
-def test_corrected_areas_of_windows_are_those_of_square_cells(folder):
-    with_tables(folder, CORRECTED)
-    rows = compute_rows(scene_of(folder), 0, 2)
-    assert (rows["corrected_area_percent"] < rows["area_percent"]).all()
 
 
 @pytest.mark.parametrize(
@@ -233,19 +215,6 @@ def test_prepared_maps_are_enough_for_a_process_that_goes_on(folder):
     scans._OPEN.clear()
     with pytest.raises(SourceError, match="the map is gone"):
         surface_of(scene, parameters(scene, 0, 2), 0)
-
-
-def test_damaged_prepared_maps_are_made_anew_by_whoever_opens_them_first(folder):
-    scene = scene_of(folder)
-    expected = surface_of(scene, parameters(scene, 0, 2), 0)
-    (kept,) = folder.glob("*.maps")
-    content = bytearray(kept.read_bytes())
-    for place in range(4096, len(content) - 4000, 64):
-        content[place + 6] ^= 0xFF
-    kept.write_bytes(content)
-    scans._OPEN.clear()
-    scene.surface.make_ready(folder)
-    assert np.array_equal(surface_of(scene, parameters(scene, 0, 2), 0), expected)
 
 
 def test_a_database_of_a_surface_that_is_read_otherwise_is_refused(folder):

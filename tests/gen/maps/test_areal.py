@@ -93,18 +93,6 @@ def test_a_step_has_its_closed_forms():
         assert found[name] == pytest.approx(value, rel=1e-12), name
 
 
-def test_normal_heights_are_normal():
-    """Tolerances are five standard errors of 160,000 independent heights."""
-    found = values_of(np.random.default_rng(2).normal(0.0, 3.0, (400, 400))).values
-    assert found["Sa"] == pytest.approx(3.0 * math.sqrt(2 / math.pi), rel=0.01)
-    assert found["Sq"] == pytest.approx(3.0, rel=0.01)
-    assert found["Ssk"] == pytest.approx(0.0, abs=0.031)
-    assert found["Sku"] == pytest.approx(3.0, abs=0.062)
-    assert found["Sdq"] == pytest.approx(6.0, rel=0.01)  # differences of variance 2 * 9, twice
-    assert found["Sal"] == pytest.approx(0.8, abs=0.01)  # linear from 1 to 0 within a node
-    assert 0.5 < found["Str"] <= 1.0
-
-
 @pytest.mark.parametrize(("boundary", "tolerance"), [("periodic", 1e-12), ("free", 0.01)])
 def test_surface_topography_agrees(boundary, tolerance):
     """Periodic patches agree to rounding; of free ones it leaves out a line of differences."""
@@ -209,15 +197,6 @@ def test_another_program_finds_the_same_core(name):
         assert found[key] == pytest.approx(value, rel=2e-3, abs=1e-9), key
 
 
-def test_a_plateau_is_the_core_with_dales_alone():
-    heights = np.minimum(np.random.default_rng(3).normal(size=(200, 200)), 0.0)
-    found = values_of(heights).values
-    for name in ("Sk", "Spk", "Smr1"):
-        assert found[name] == pytest.approx(0.0, abs=1e-9)
-    assert found["Smr2"] == pytest.approx(50.0, abs=1.0)
-    assert found["Svk"] == pytest.approx(2 * math.sqrt(2 / math.pi), rel=0.03)
-
-
 CURVE = {"Sk", "Spk", "Svk", "Smr1", "Smr2"}
 UNDEFINED = {
     "flat": (np.full((20, 30), 3.0), {"Ssk", "Sku", "Sal", "Str"} | CURVE),
@@ -292,15 +271,6 @@ def test_the_law_is_in_the_table_and_what_cannot_be_is_one_line(tmp_path, monkey
     ):
         assert cli.main(["describe", *options, "--side", "1000"]) == 2
         assert told in capsys.readouterr().err.splitlines()[-1]
-
-
-def test_a_flat_surface_is_printed_as_undefined(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    np.save("flat.npy", np.zeros((9, 9)))
-    assert cli.main(["describe", "flat.npy", "--side", "9"]) == 0
-    text = capsys.readouterr().out
-    assert "nan: flat surface\n" in text
-    assert next(line for line in text.splitlines() if line.startswith("Ssk")).split()[1] == "nan"
 
 
 SMALL = arrays(

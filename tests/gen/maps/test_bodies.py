@@ -43,14 +43,6 @@ def test_a_flat_second_body_changes_no_byte(boundary, turned):
     assert pair.pressure.tobytes() == own.pressure.tobytes()
 
 
-@pytest.mark.parametrize("shape", [(7, 7), (12, 7)])  # a coarser flat body is interpolated
-@pytest.mark.parametrize("boundary", BOUNDARIES)
-def test_a_flat_second_body_of_another_grid_changes_no_byte(shape, boundary):
-    first = surface(rough((16, 15)), boundary=boundary)
-    flat = surface(np.full(shape, -0.3), boundary=boundary)
-    assert composite(first, flat).heights.tobytes() == first.heights.tobytes()
-
-
 def test_a_body_faces_the_other_one_with_one_axis_turned():
     first, second = rough((6, 5)), rough((6, 5), 1)
     below = second - second.max()
@@ -59,20 +51,6 @@ def test_a_body_faces_the_other_one_with_one_axis_turned():
         np.testing.assert_array_equal(made.heights, first + facing)
     default = composite(surface(first), surface(second))
     np.testing.assert_array_equal(default.heights, first + below[::-1])
-
-
-@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
-def test_two_equal_waves_are_one_of_double_amplitude(boundary):
-    x, y = grid(32, 8.0, boundary), grid(24, 8.0, boundary)
-    wave = 0.1 * np.cos(2 * np.pi * x / 8)[:, None] * np.cos(4 * np.pi * y / 8)
-    made = composite(surface(wave, boundary=boundary), surface(wave, boundary=boundary))
-    np.testing.assert_allclose(
-        made.heights - made.heights.max(), 2 * (wave - wave.max()), atol=1e-15
-    )
-    pair = bem.solve(made.heights, 8.0, pressure=0.05, spacing=made.spacing, boundary=boundary)
-    one = bem.solve(2 * wave, 8.0, pressure=0.05, spacing=made.spacing, boundary=boundary)
-    assert pair.delta == pytest.approx(one.delta, rel=1e-9)
-    assert pair.contact_nodes == one.contact_nodes
 
 
 @pytest.mark.parametrize("nodes", [(65, 65), (65, 48)])  # of the two bodies
@@ -108,16 +86,6 @@ def test_the_map_with_the_wider_spacing_is_interpolated(boundary):
         assert np.abs(error - error.mean()).max() < 3e-4
         number = 2 if shapes[0] == fine else 1
         assert f"body {number} interpolated by cubic splines from nodes every" in made.steps[-1]
-
-
-def test_a_cubic_surface_is_interpolated_to_rounding():
-    def cubic(nodes):
-        x = grid(nodes, 8.0, "free") / 8
-        return x[:, None] ** 3 - 2 * x[:, None] * x**2 + x
-
-    made = composite(surface(np.zeros((50, 50))), surface(cubic(21)), Placement("none"))
-    error = made.heights - cubic(50)
-    assert np.ptp(error) < 1e-14
 
 
 @pytest.mark.parametrize("nodes", [2, 3])
@@ -170,14 +138,6 @@ def test_maps_of_one_spacing_are_never_interpolated(nodes):
     middle = [np.array_equal(made.heights, each) for each in sums]
     assert sum(middle) == 1
     assert middle.index(True) in {(len(sums) - 1) // 2, len(sums) // 2}
-
-
-def test_a_small_body_lies_on_the_middle_of_a_large_one():
-    first = rough((17, 17))
-    second = rough((5, 9), 1)
-    made = composite(surface(first, (16.0, 16.0)), surface(second, (4.0, 8.0)), Placement("none"))
-    np.testing.assert_allclose(made.heights, first[6:11, 4:13] + second - second.max(), atol=1e-14)
-    assert made.spacing == (1.0, 1.0)
 
 
 sizes = st.integers(5, 14)
@@ -278,15 +238,6 @@ def test_the_contact_of_two_bodies_is_that_of_their_sum(capsys):
     assert "body 2: read 17 x 17 nodes" in pair["prepared"]
 
 
-def test_a_body_against_itself_and_a_flat_one():
-    np.save("flat.npy", np.full((17, 17), 2.5))
-    alone = solved("a.npy", "--side", 16)
-    flat = solved("a.npy", "--side", 16, "--against", "flat.npy")
-    for name in ("force_uN", "area_percent", "mean_gap_um", "residual"):
-        assert flat[name] == alone[name]
-    assert float(solved("a.npy", "--side", 16, "--against", "a.npy")["force_uN"]) > 0
-
-
 def test_both_bodies_are_prepared_alike_unless_the_second_has_options_of_its_own():
     options = ["a.npy", "--side", 16, "--level", "plane", "--against", "b.npy"]
     alike = solved(*options, command="describe")["prepared"]
@@ -317,16 +268,6 @@ def test_neither_body_is_overwritten(capsys):
     assert cli.main(arguments) == 2
     assert "b.npy" in capsys.readouterr().err
     assert Path("b.npy").read_bytes() == before
-
-
-def test_holes_of_either_body_have_to_be_filled(capsys):
-    holes = np.load("b.npy")
-    holes[3, 4] = np.nan
-    np.save("holes.npy", holes)
-    arguments = ["describe", "a.npy", "--side", "16", "--against", "holes.npy"]
-    assert cli.main(arguments) == 2
-    assert "holes.npy: 1 of 289 heights are missing" in capsys.readouterr().err
-    assert cli.main([*arguments, "--fill"]) == 0
 
 
 @pytest.mark.parametrize(

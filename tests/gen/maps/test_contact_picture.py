@@ -110,12 +110,6 @@ def test_maps_and_section_say_which_of_several_loads_they_show() -> None:
     assert left_title(alone, "contact").startswith("contact: ")
 
 
-def test_the_legend_names_yielded_nodes_only_where_some_yield() -> None:
-    (contact,) = bem.ladder(ROUGH, (100.0, 100.0), [2.0], modulus=E_STAR, hardness=1e6)
-    legend = titled(drawn([contact]), "section at").get_legend()
-    assert "yielded" not in [text.get_text() for text in legend.texts]
-
-
 @pytest.mark.parametrize(
     ("scale", "sides", "heights"), [(0.02, "nm", "nm"), (1.0, "µm", "µm"), (50.0, "mm", "µm")]
 )

@@ -52,19 +52,6 @@ def test_a_contact_of_a_body_that_yields_is_printed_and_written(surface, capsys)
     assert row.area_percent >= 100 * 100 / 2000, "the mean contact pressure is at most the hardness"
 
 
-def test_a_law_of_a_body_that_yields_has_its_columns(surface, capsys) -> None:
-    load = ["--delta", "1:6:3", *STEEL, "--hardness", "4000"]
-    assert contact(surface, *load, "--csv", "law.csv") == 0
-    title, *rows = capsys.readouterr().out.splitlines()[-4:]
-    assert title.split("  ")[-1].strip() == "depth um"
-    assert "yielded %" in title
-    table = pd.read_csv("law.csv")
-    assert [float(row.split()[-2]) for row in rows] == pytest.approx(
-        list(table.yielded_percent), rel=1e-5
-    )
-    assert (np.diff(table.largest_yielded_depth_um) > 0).all()
-
-
 def test_loading_the_flattened_surface_again_is_elastic_up_to_the_load(surface, capsys) -> None:
     """Shakedown: the surface that 100 MPa leave bears them without yielding any further."""
     load = ["--pressure", "100", *STEEL, "--hardness", "2000"]
@@ -213,20 +200,6 @@ def test_an_impossible_boundary_is_one_line(wide, capsys, arguments, message) ->
     assert not told.out
 
 
-def test_statistics_of_a_patch_without_edges_have_the_spacing_of_its_pixels(wide, capsys) -> None:
-    rows = []
-    for sides, boundary in (("330,300", "mirror"), ("320,290", "free")):
-        ask = ["describe", "wide.npy", "--side", sides, "--boundary", boundary]
-        assert cli.main([*ask, "--csv", "row.csv"]) == 0
-        assert "33 x 30 nodes, spacing 10 x 10 um" in capsys.readouterr().out
-        rows.append(pd.read_csv("row.csv").iloc[0])
-    mirror, free = rows
-    assert mirror.pop("boundary") == "mirror"
-    assert (mirror.pop("side_x_um"), free.pop("side_x_um")) == (330, 320)
-    assert (mirror.pop("side_y_um"), free.pop("side_y_um")) == (300, 290)
-    assert mirror.equals(free)
-
-
 @pytest.mark.parametrize(
     ("loads", "refusal"),
     [
@@ -243,22 +216,6 @@ def test_a_load_without_equilibrium_is_refused_before_any_is_solved(
     monkeypatch.setattr(bem, "ladder", never)
     assert contact(surface, *loads) == 2
     assert refusal in capsys.readouterr().err
-
-
-def test_the_edge_of_a_tilted_map_is_told_without_a_boundary_that_does_not_help(
-    wide, capsys
-) -> None:
-    np.save("wide.npy", WIDE + np.linspace(0, 99, 33)[:, None])
-    for command in (["contact", "wide.npy", "--delta", "2"], ["describe", "wide.npy"]):
-        assert cli.main([*command, *SIDES]) == 0
-        said = capsys.readouterr()
-        assert "--level plane takes the tilt out" in said.err
-        assert "--boundary" not in said.out + said.err
-    assert cli.main(["describe", "wide.npy", *SIDES, "--level", "plane"]) == 0
-    said = capsys.readouterr()
-    assert "levelled by a plane (tilt was 0.3" in said.out
-    assert said.out.count("tilt") == 1
-    assert "tilted" not in said.err
 
 
 def test_a_load_that_is_not_solved_is_named_and_costs_no_others(surface, capsys) -> None:

@@ -6,15 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import erf
 
-from gen.maps import filters
 from gen.maps.filters import (
     ALPHA,
-    FINEST,
     WINDOW,
     fitted_polynomial,
     local_medians,
     long_waves,
-    number_of_terms,
     without_spikes,
 )
 from gen.surface import generate
@@ -53,19 +50,6 @@ def test_what_is_left_is_orthogonal_to_polynomials(seed: int, degree: int) -> No
     assert abs(rest @ other) < 1e-11 * np.linalg.norm(rest) * np.linalg.norm(other)
     above = polynomial((14, 17), degree + 1, random)
     assert np.abs(above - fitted_polynomial(above, degree)).max() > 1e-6
-
-
-def test_the_fit_does_not_depend_on_the_nodes_taken_together(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    heights = np.random.default_rng(0).normal(size=(50, 20))
-    expected = fitted_polynomial(heights, 4)
-    monkeypatch.setattr(filters, "BLOCK", 60)
-    np.testing.assert_allclose(fitted_polynomial(heights, 4), expected, atol=1e-13)
-
-
-def test_terms_are_counted() -> None:
-    assert [number_of_terms(degree) for degree in (0, 1, 2, 3)] == [1, 3, 6, 10]
 
 
 def planted_nodes(shape: tuple[int, int], random: np.random.Generator) -> np.ndarray:
@@ -128,16 +112,6 @@ def test_a_slope_with_holes_has_no_spikes() -> None:
     assert not without_spikes(heights, 15)[1].any()
 
 
-@pytest.mark.parametrize("rows", [1, 3, 1000])
-def test_medians_do_not_depend_on_the_rows_taken_together(
-    monkeypatch: pytest.MonkeyPatch, rows: int
-) -> None:
-    heights = np.random.default_rng(0).normal(size=(65, 33))
-    expected = local_medians(heights)
-    monkeypatch.setattr(filters, "ROWS", rows)
-    assert np.array_equal(local_medians(heights), expected)
-
-
 def test_planes_and_flat_maps_have_no_spikes_but_what_stands_out_of_them() -> None:
     for slope in (0.0, 0.3):
         plane = 1e3 + slope * np.add.outer(np.arange(11.0), 2 * np.arange(8.0))
@@ -148,7 +122,7 @@ def test_planes_and_flat_maps_have_no_spikes_but_what_stands_out_of_them() -> No
         assert despiked[5, 4] == pytest.approx(plane[5, 4] - 0.5)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(3))
 def test_fractal_surfaces_have_no_spikes(seed: int) -> None:
     rough = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(seed))
     assert not without_spikes(rough, 7)[1].any()
@@ -179,21 +153,6 @@ def test_waves_pass_as_the_standard_says(
     np.testing.assert_allclose(smooth[inner], 0.5 ** (ratio**2) * waves[inner], atol=1e-5)
 
 
-@pytest.mark.parametrize("angle", [0, np.pi / 2])
-def test_half_of_the_shortest_cutoff_passes(angle: float) -> None:
-    cutoff = FINEST * max(SPACING)
-    waves = wave((120, 121), cutoff, angle)
-    inner = slice(30, -30), slice(30, -30)
-    smooth = long_waves(waves, SPACING, cutoff)
-    np.testing.assert_allclose(smooth[inner], 0.5 * waves[inner], atol=0.003)
-
-
-@pytest.mark.parametrize("cutoff", [3.2, 11.0, 40.0])
-def test_constants_pass_up_to_the_border(cutoff: float) -> None:
-    smooth = long_waves(np.full((81, 50), 3.7), SPACING, cutoff)
-    np.testing.assert_allclose(smooth, 3.7, rtol=1e-14)
-
-
 @pytest.mark.parametrize("cutoff", [3.2, 11.0, 40.0])  # the longest reaches round the map
 def test_a_periodic_map_is_filtered_as_one_that_is_repeated(cutoff: float) -> None:
     heights = np.random.default_rng(2).normal(size=(81, 50))
@@ -202,13 +161,6 @@ def test_a_periodic_map_is_filtered_as_one_that_is_repeated(cutoff: float) -> No
     np.testing.assert_allclose(smooth, repeated[162:243, 100:150], atol=1e-7)
     shifted = long_waves(np.roll(heights, (7, -11), (0, 1)), SPACING, cutoff, "periodic")
     np.testing.assert_allclose(shifted, np.roll(smooth, (7, -11), (0, 1)), atol=1e-12)
-
-
-@pytest.mark.parametrize("ratio", [1, 2])
-def test_periodic_waves_pass_up_to_the_border(ratio: int) -> None:
-    waves = wave((80, 50), 40.0 / ratio, 0.0)
-    smooth = long_waves(waves, SPACING, 40.0, "periodic")
-    np.testing.assert_allclose(smooth, 0.5 ** (ratio**2) * waves, atol=1e-7)
 
 
 @pytest.mark.parametrize("cutoff", [3.2, 11.0, 40.0])

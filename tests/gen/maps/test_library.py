@@ -106,15 +106,6 @@ def test_a_damaged_file_is_made_anew(paths, home):
     assert file.read_bytes() != bytes(content)
 
 
-def test_a_strangers_file_is_refused(paths, home):
-    made(paths, home)
-    (file,) = home.iterdir()
-    file.write_bytes(b"\x89HDF\r\nsomething else")
-    with pytest.raises(InputError, match=r"\.maps: is no file of prepared maps; move it away"):
-        made(paths, home)
-    assert file.read_bytes() == b"\x89HDF\r\nsomething else"
-
-
 @pytest.mark.parametrize("make", [os.mkfifo, os.mkdir])
 def test_a_pipe_or_a_folder_in_the_place_of_prepared_maps_is_refused(paths, home, make):
     made(paths, home)
@@ -191,12 +182,6 @@ def test_spacings_may_differ_by_rounding(tmp_path, home):
     assert found.spacing == (1.0004, 1.0004)
 
 
-def test_oblong_cells_stay_oblong(tmp_path, home):
-    oblong = MadeMap("fractal", 1, (40, 40), 0.5, 20.0, (0.5, 0.8))
-    found = made(write_all(tmp_path / "scans", [oblong]), home)
-    assert found.spacing == (0.5, 0.8)
-
-
 def test_a_map_smaller_than_the_window_is_refused(paths, home):
     message = "honed-0.x3p: has 40 x 30 nodes after its preparation, less than the window of 33 x"
     for wanted in (Wanted((33, 33), None, CLEAN), Wanted((9, 9), None, CLEAN)):
@@ -219,22 +204,6 @@ def test_warnings_come_with_the_maps(tmp_path, home):
     for _ in range(2):  # as they are prepared, and from the file
         (found,) = made(write_all(tmp_path / "scans", [pierced]), home).maps
         assert any("of the heights were missing and are filled" in line for line in found.remarks)
-
-
-def test_warnings_of_maps_name_the_keys_of_scenes(tmp_path, home):
-    rough = write_all(tmp_path / "scans", [MadeMap("turned", 0, (40, 30), 0.5, 10.0)])
-    wanted = Wanted((9, 9), None, replace(CLEAN, despike=0.5))
-    (found,) = made(rough, home, wanted).maps
-    (warning,) = (line for line in found.remarks if "taken out as spikes" in line)
-    assert warning.endswith("raise despike")
-
-
-def test_maps_that_a_scene_leaves_tilted_are_told(paths, home):
-    wanted = Wanted((9, 9), None, Reading(asked="key", fill=True, level="mean"))
-    for path, found in zip(paths, made(paths, home, wanted).maps, strict=True):
-        told = [line for line in found.remarks if "level plane takes the tilt out" in line]
-        assert len(told) == ("ground" in path.name)
-    assert not any("tilt" in line for each in made(paths, home).maps for line in each.remarks)
 
 
 MAPS = [
@@ -260,14 +229,7 @@ def test_maps_come_back_bit_for_bit(path):
         assert not each.heights.flags.writeable
 
 
-def test_another_key_or_machine_is_another_file(path, monkeypatch):
-    assert stored_maps(path, "other", verify=False) is None
-    assert stored_maps(path.with_name("none"), "key", verify=False) is None
-    monkeypatch.setattr("sys.byteorder", "other")
-    assert stored_maps(path, "key", verify=False) is None
-
-
-@pytest.mark.parametrize("share", np.linspace(0, 1, 15))
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_damaged_first_lines_are_noticed(path, share):
     content = bytearray(path.read_bytes())
     lines = content.index(b"\n", content.index(b"\n") + 1)

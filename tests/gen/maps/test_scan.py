@@ -203,10 +203,6 @@ FILES = {
 }
 
 
-def test_there_are_sixty_of_them() -> None:
-    assert len(FILES) >= 60
-
-
 @pytest.mark.parametrize("name", FILES)
 def test_strange_files_are_read_rightly_or_refused_by_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str

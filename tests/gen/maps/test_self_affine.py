@@ -131,18 +131,6 @@ def test_what_no_exponent_describes_is_refused_with_the_reason(name, boundary):
     assert re.search(reason, fit)
 
 
-@pytest.mark.parametrize("stretch", [1.0, 3.0, 1 / 3])
-def test_directional_surfaces_are_told_from_isotropic_ones(stretch):
-    spectrum = SelfAffineSpectrum(0.8, 400.0, 24.0, stretch)
-    for seed in range(6):
-        random = np.random.default_rng(seed)
-        heights = generate_spectral((256, 256), SIDE, spectrum, random, rms_height=1.0)
-        topography = Topography("made", heights, (SIDE, SIDE))
-        fit = fit_self_affine(topography, radial_spectrum(topography))
-        assert isinstance(fit, str) == (stretch != 1.0)
-        assert stretch == 1.0 or "directional (slopes along its lay 0.3" in fit
-
-
 def _with_spectrum(heights, boundary="periodic"):
     topography = Topography("made", heights, (SIDE, SIDE), boundary=boundary)
     return topography, radial_spectrum(topography)

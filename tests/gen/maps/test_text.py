@@ -16,7 +16,6 @@ from gen import cli
 from gen.maps import text
 from gen.maps.read import Topography
 from gen.runtime.errors import InputError
-from gen.surface import generate
 from tests.maps import read
 
 LINES = np.random.default_rng(2).normal(scale=1e-3, size=(3, 4))  # 3 lines of 4 pixels along x
@@ -64,10 +63,6 @@ def same(topography: Topography, um: float) -> None:
 @pytest.mark.parametrize(("header", "um"), HEADERS.values(), ids=HEADERS)
 def test_headers_state_lengths_and_units(tmp_path: Path, header: str, um: float) -> None:
     same(read(written(tmp_path, header + NUMBERS)), um)
-
-
-def test_a_micro_sign_is_known_in_another_encoding(tmp_path: Path) -> None:
-    same(read(written(tmp_path, GWYDDION + NUMBERS, encoding="latin-1")), 1e6)
 
 
 def test_a_header_that_is_read_is_not_contradicted(tmp_path: Path) -> None:
@@ -134,26 +129,6 @@ def test_remarks_that_are_not_read_are_told(tmp_path: Path) -> None:
     transposed = written(tmp_path, "# nx = 3\n# ny: 4\n# NX, NY: a grid\n" + NUMBERS)
     assert read(transposed, "9,9").heights.shape == (3, 4)
     assert not read(written(tmp_path, "# from a profilometer\n" + NUMBERS), "9,9").warnings
-
-
-X, Y = (axis.ravel() for axis in np.mgrid[:9, :9])
-LISTS = {
-    "profile": np.column_stack([np.linspace(0, 5, 10_001), np.zeros(10_001)]),
-    "short profile": np.column_stack([np.arange(4), np.zeros(4)]),
-    "doubled points": np.column_stack([X, Y, np.zeros(81)])[[*range(81), 4]],
-    "scattered points": np.random.default_rng(0).normal(size=(200, 3)),
-    "profile in rows": np.array([np.arange(9), np.zeros(9)]),
-}
-
-
-@pytest.mark.parametrize("numbers", LISTS.values(), ids=LISTS)
-def test_profiles_and_lists_of_points_are_refused(tmp_path: Path, numbers: np.ndarray) -> None:
-    np.savetxt(tmp_path / "list.txt", numbers, fmt="%g")
-    np.save(tmp_path / "list.npy", numbers)
-    what = "a profile, x and z" if min(numbers.shape) == 2 else "a list of points, x, y and z"
-    for name in ("list.txt", "list.npy"):
-        with pytest.raises(InputError, match=f"looks like {what}.*; give the heights as a grid"):
-            read(tmp_path / name, "9")
 
 
 def test_names_of_columns_are_told_and_strips_of_maps_are_read(tmp_path: Path) -> None:
@@ -260,13 +235,6 @@ def test_reads_real_npy_of_any_width_byte_order_and_layout(array, fortran, tmp_p
     assert heights.dtype == np.float64
     assert heights.dtype.isnative
     assert heights.flags.c_contiguous
-
-
-def test_heights_are_not_shifted_and_survive_the_round_trip(tmp_path):
-    heights = generate("midpoint", 17, 0.7, 12.0, np.random.default_rng(5)) - 1e3
-    assert np.array_equal(load(write(tmp_path, "heights.npy", npy(heights))), heights)
-    np.savetxt(tmp_path / "heights.csv", heights, delimiter=",", fmt="%.17g", header="um")
-    assert np.array_equal(load(tmp_path / "heights.csv"), heights)
 
 
 def test_npy_is_known_by_its_content_whatever_its_name(tmp_path):
