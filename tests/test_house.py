@@ -66,20 +66,26 @@ ROOMS = {
     },
     "gen.law": {
         *("gen.arrays", "gen.database", "gen.distribution", "gen.generation", "gen.material"),
-        *("gen.maps", "gen.option_groups", "gen.reading", "gen.runtime", "gen.scene"),
+        *("gen.maps", "gen.options", "gen.reading", "gen.runtime", "gen.scene"),
     },
     "gen.generation": {
         *("gen.arrays", "gen.database", "gen.distribution", "gen.material", "gen.runtime"),
         *("gen.scene", "gen.schema", "gen.statistics"),
     },
     "gen.display": {
-        *("gen.database", "gen.distribution", "gen.generation", "gen.maps", "gen.runtime"),
+        *(
+            "gen.database",
+            "gen.distribution",
+            "gen.generation",
+            "gen.maps",
+            "gen.runtime",
+        ),
         *("gen.scene", "gen.schema", "gen.statistics"),
     },
     "gen.export": {"gen.database", "gen.runtime", "gen.schema"},
     "gen.commands": {
         *("gen.database", "gen.display", "gen.draft", "gen.export", "gen.generation", "gen.law"),
-        *("gen.material", "gen.maps", "gen.option_groups", "gen.options", "gen.picture"),
+        *("gen.material", "gen.maps", "gen.options"),
         *("gen.runtime", "gen.scene", "gen.schema", "gen.statistics"),
     },
     "learn.features": {"learn.arrays", "learn.executor"},

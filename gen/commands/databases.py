@@ -20,7 +20,7 @@ def plot(
     trust: options.Trust = False,
 ) -> None:
     """Draw a database: one surface and its pressure, all areas, all solve times."""
-    from gen.picture import draw_database
+    from gen.display.picture import draw_database
 
     check_outputs([Output(output, "--output", "picture")], [file])
     draw_database(file, output)

@@ -6,11 +6,10 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from gen import options
-from gen.commands.bodies import Against, second_body
-from gen.commands.pictures import empty_figure
 from gen.maps.settings import Reading
 from gen.runtime.command_line import grouped
 from gen.runtime.errors import InputError
+from gen.runtime.figure import empty_figure
 from gen.runtime.files import Output, check_outputs
 
 if TYPE_CHECKING:
@@ -25,7 +24,7 @@ def describe(
     surface: options.SurfaceFile,
     *,
     reading: Reading,
-    facing: Against,
+    facing: options.Against,
     boundary: options.Boundary = "free",
     depth: options.Depth = None,
     table: options.Table = None,
@@ -45,7 +44,7 @@ def describe(
     outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
     check_outputs([*outputs, Output(picture, "--plot", "picture")], facing.with_first(surface))
     figure = empty_figure(picture, 10.5, 8.6)
-    topography = surface_of(surface, reading, second_body(reading, facing), boundary)
+    topography = surface_of(surface, reading, facing.body(reading), boundary)
     warnings = surface_warnings(topography)
     surfaces.print_preparation(topography, warnings)
     description = statistics.describe(topography.heights, topography.spacing)

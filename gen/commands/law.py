@@ -3,10 +3,9 @@
 import typer
 
 from gen import options
-from gen.commands.bodies import Against, second_body
 from gen.maps.settings import Reading
-from gen.option_groups import Files
 from gen.runtime.command_line import grouped, typed
+from gen.runtime.figure import empty_figure
 from gen.runtime.files import check_outputs
 from gen.runtime.numbers import require_share
 from gen.runtime.terminal import echo
@@ -29,9 +28,9 @@ def law(
     output: options.LawFiles = None,
     trust: options.Trust = False,
     *,
-    files: Files,
+    files: options.LawOutputs,
     reading: Reading,
-    facing: Against,
+    facing: options.Against,
 ) -> None:
     """Tabulate the law of an interface: closure, area, gap, conductance over nominal pressure.
 
@@ -46,7 +45,7 @@ def law(
 
     files = files.filled(output)
     check_outputs(files.outputs, facing.with_first(*inputs))
-    figure = files.empty_figure()
+    figure = empty_figure(files.picture, 12.0, 7.0)
     bodies = Bodies.of_options(young or [], poisson or [], e_star, hardness)
     order = Order(
         inputs=tuple(inputs),
@@ -60,7 +59,7 @@ def law(
         conductivities=require_conductivities(conductivity or []),
         stiffness=True,
         reading=reading,
-        opposite=second_body(reading, facing),
+        opposite=facing.body(reading),
         command=typed(context, "gen"),
     )
     made = by_solver(order, lambda line: echo(line, err=True))

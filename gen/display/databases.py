@@ -7,11 +7,10 @@ import signal
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.table import Table
 
 from gen.distribution import limits
 from gen.runtime.memory import size
-from gen.runtime.terminal import echo, print_table, to_type
+from gen.runtime.terminal import echo, print_columns, to_type
 from gen.scene.columns import changes_since
 from gen.scene.tables import UNITS
 from gen.schema import REASONS, RUNTIME, Column, Status
@@ -85,7 +84,7 @@ def print_database(reader: Reader) -> None:
         echo(f"            {line}")
     if counts.done:
         papers = _is_papers(reader.scene)
-        print_table(_ranges_table(reader, papers=papers))
+        _print_ranges(reader, papers=papers)
         if papers:
             echo("paper: its Table 1, whose bandwidth is defined otherwise and areas end early")
 
@@ -209,17 +208,15 @@ def _ends_of(scene: Scene) -> list[tuple[float, float]]:
     return [*ends, (min(low for low, _ in loads), max(high for _, high in loads))]
 
 
-def _ranges_table(reader: Reader, *, papers: bool) -> Table:
-    """Tabulate the range of every column over the done rows, beside that of the paper if wanted."""
-    table = Table(box=None, pad_edge=False)
-    for title in ("column", "unit", "from", "to", *(("paper from", "paper to") if papers else ())):
-        table.add_column(title, justify="left" if title in {"column", "unit"} else "right")
-    ranges = reader.ranges()
+def _print_ranges(reader: Reader, *, papers: bool) -> None:
+    """Print the range of every column over the done rows, beside that of the paper if wanted."""
+    numbers = ("from", "to", *(("paper from", "paper to") if papers else ()))
+    ranges, rows = reader.ranges(), []
     for column in reader.columns():
         if column.name in ranges and column.group != RUNTIME:
             cells = _limits(ranges[column.name], column)
-            table.add_row(column.name, column.unit, *(cells if papers else cells[:2]))
-    return table
+            rows.append([column.name, column.unit, *cells[: len(numbers)]])
+    print_columns(rows, ("column", "unit", *numbers), right=numbers)
 
 
 def _limits(limits_here: tuple[float, float], column: Column) -> list[str]:

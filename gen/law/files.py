@@ -14,7 +14,7 @@ from gen.arrays import Values
 from gen.law import c_header, finite_elements
 from gen.law.contact_law import Law
 from gen.law.curves import CONDUCTANCE, STIFFNESS, Curve, Curves
-from gen.option_groups import Files
+from gen.options import LawOutputs
 from gen.runtime.documents import Row, text_of, write_csv
 from gen.runtime.figure import save
 from gen.runtime.files import write
@@ -41,17 +41,17 @@ LABELS = {
 }
 
 
-def write_files(law: Law, files: Files, figure: Any) -> Iterator[Path]:
+def write_files(law: Law, files: LawOutputs, figure: Any) -> Iterator[Path]:
     """Write a law to the files asked for, one after the other.
 
     Parameters
     ----------
     law : Law
         The law.
-    files : Files
+    files : LawOutputs
         Files to write.
     figure : matplotlib.figure.Figure or None
-        Figure of `Files.empty_figure`.
+        Figure of `empty_figure`.
 
     Yields
     ------

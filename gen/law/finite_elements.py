@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from gen.arrays import Values
 from gen.law.contact_law import Law
 from gen.law.curves import CONDUCTANCE, risen
-from gen.option_groups import Units, sides_of
+from gen.options import Units, sides_of
 from gen.runtime import files
 from gen.runtime.errors import InputError
 from gen.runtime.installation import git_commit, versions

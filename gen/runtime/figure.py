@@ -39,6 +39,27 @@ def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
     return Figure(figsize=(width, height), dpi=dpi, layout="constrained")
 
 
+def empty_figure(picture: Path | None, width: float, height: float) -> Any:
+    """Make the figure of a picture before anything is computed for it; None if there is none.
+
+    Parameters
+    ----------
+    picture : Path or None
+        Picture that will be written.
+    width, height : float
+        Size of the figure [inches].
+
+    Raises
+    ------
+    InputError
+        If the suffix is of no picture, or matplotlib is not installed.
+    """
+    if picture is None:
+        return None
+    require_picture_name(picture)
+    return new_figure(width, height, dpi=110)
+
+
 def log_axis(axis: Any) -> None:
     """Make an axis logarithmic, with plain numbers that keep apart where it spans few decades.
 

@@ -7,7 +7,7 @@ printed passes through `printable`.
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from typing import Any, Self
@@ -80,6 +80,30 @@ def print_table(table: Any, width: int = ENDLESS) -> None:
     with console.capture() as captured:
         console.print(Segments(pieces), end="")
     _put(captured.get(), sys.stdout)
+
+
+def print_columns(
+    rows: Iterable[Sequence[str]], titles: Sequence[str] = (), right: Collection[str] = ()
+) -> None:
+    """Print rows of texts in columns without lines between them.
+
+    Parameters
+    ----------
+    rows : iterable of sequence of str
+        Cells of each row.
+    titles : sequence of str
+        Titles of the columns; none are printed if there are none.
+    right : collection of str
+        Titles of the columns whose cells end at the right, as numbers do.
+    """
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, show_header=bool(titles))
+    for title in titles:
+        table.add_column(title, justify="right" if title in right else "left")
+    for row in rows:
+        table.add_row(*row)
+    print_table(table)
 
 
 def _put(text: str, stream: Any) -> None:

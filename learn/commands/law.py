@@ -7,9 +7,9 @@ import typer
 
 from gen import options
 from gen.maps.settings import Reading
-from gen.option_groups import Files
 from gen.runtime.command_line import grouped, typed
 from gen.runtime.errors import InputError
+from gen.runtime.figure import empty_figure
 from gen.runtime.files import check_outputs, kind_of
 from gen.runtime.terminal import echo
 from learn.commands.options import Coverage, Deltas, Material, note
@@ -48,7 +48,7 @@ def law(
     output: options.LawFiles = None,
     trust: options.Trust = False,
     *,
-    files: Files,
+    files: options.LawOutputs,
     reading: Reading,
     material: Material,
 ) -> None:
@@ -68,7 +68,7 @@ def law(
 
     files = files.filled(output)
     check_outputs(files.outputs, inputs)
-    figure = files.empty_figure()
+    figure = empty_figure(files.picture, 12.0, 7.0)
     file, wanted = _surrogate_and_inputs(inputs, solver=solver)
     order = Order(
         inputs=tuple(wanted),

@@ -35,7 +35,6 @@ LOADED = {
         "gen.database",
         "gen.display",
         "gen.generation.forecast",
-        "gen.picture",
         "gen.generation.run",
         "matplotlib.backends.backend_agg",
         "scipy.sparse.linalg",

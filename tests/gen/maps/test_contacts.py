@@ -12,7 +12,7 @@ import pytest
 
 import bem
 from gen import cli
-from gen.display.contacts import print_contact
+from gen.display.surfaces import print_contact
 from gen.maps import contacts
 from gen.maps.contacts import NOTHING, Wanted, answers
 from gen.surface import generate

@@ -10,7 +10,7 @@ from gen.database import Reader
 
 pytest.importorskip("matplotlib", reason="needs the extra plot")
 
-from gen import picture
+from gen.display import picture
 
 
 @pytest.mark.parametrize("hardness", ["", "hardness = [0.01, 0.05]", "hardness_ratio = 0.03"])
