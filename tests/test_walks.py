@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple
@@ -27,10 +28,10 @@ class Counts(NamedTuple):
 
 MOST = {
     "heights": Counts(18, 117, 13),  # heights to the pressure on a free patch
-    "scene": Counts(70, 407, 32),  # a scene to the rows of a database
-    "fit": Counts(48, 255, 24),  # a database to a surrogate
-    "predict": Counts(36, 200, 20),  # a surrogate and a map to a prediction
-    "law": Counts(76, 416, 31),  # a map to its contact law
+    "scene": Counts(55, 393, 31),  # a scene to the rows of a database
+    "fit": Counts(43, 248, 24),  # a database to a surrogate
+    "predict": Counts(30, 182, 19),  # a surrogate and a map to a prediction
+    "law": Counts(60, 413, 30),  # a map to its contact law
 }
 """Most of each that a walk may pass."""
 
@@ -125,13 +126,11 @@ def walk_all() -> dict[str, Counts]:
 
 
 @pytest.fixture(scope="module")
-def counted(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def counted() -> Any:
     """Counts of a fresh process, whose caches no other test has filled."""
     pytest.importorskip("sklearn")
-    folder = tmp_path_factory.mktemp("walks")
     done = subprocess.run(
         [sys.executable, __file__],
-        cwd=folder,
         capture_output=True,
         text=True,
         check=False,
@@ -152,6 +151,8 @@ if __name__ == "__main__":
     sys.path[0] = str(
         Path(__file__).parents[1]
     )  # not tests/, whose folders have our packages' names
-    walked = walk_all()
+    with tempfile.TemporaryDirectory() as empty:
+        os.chdir(empty)
+        walked = walk_all()
     sys.stdout.write(json.dumps(walked) + "\n")
     sys.stdout.flush()
