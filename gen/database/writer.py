@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gen.database.layout import chunks, stored_path, write_rows
 from gen.database.reader import OpenDatabase, checked_for, counts, first_line, open_file
@@ -20,9 +20,6 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import require_writable
 from gen.scene import Scene
 from gen.schema import STATUS, Status
-
-KINDS = {"f": "fiu", "i": "iu", "u": "iu", "S": "S"}
-"""Accepted kinds of arrays for each kind of column."""
 
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """Errors of the system for a full disk, an exhausted quota or a file that is too large."""
@@ -204,13 +201,23 @@ class Writer(OpenDatabase):
         Raises
         ------
         ValueError
-            If a column is missing, unknown, or of another shape or kind, a status is neither done
-            nor failed, or the file has no such rows; nothing is written then.
+            If a column is missing, unknown, or of another shape, or the file has no such rows;
+            nothing is written then.
         InputError
             If the disk is full or fails, with the number of rows that are safe, or if the file has
             been replaced.
         """
-        arrays = self._checked_block(start, stop, columns)
+        if not self.rows.start <= start < stop <= self.rows.stop:
+            raise ValueError(f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}")
+        if wrong := columns.keys() ^ self._datasets.keys():
+            raise ValueError(f"columns missing or unknown: {', '.join(sorted(wrong))}")
+        arrays = {
+            column.name: np.ascontiguousarray(columns[column.name], dtype=column.dtype)
+            for column in self.columns()
+        }
+        for column in self.columns():
+            if arrays[column.name].shape != column.shape(stop - start, self.scene.shape):
+                raise ValueError(f"column {column.name} is of shape {arrays[column.name].shape}")
         self.confirm()
         status = arrays.pop(STATUS.name)
         try:
@@ -228,28 +235,6 @@ class Writer(OpenDatabase):
                 f"{self.path}: {trouble}; {counts(self._status).done} rows are done and safe: "
                 "make room and run the same command again"
             ) from None
-
-    def _checked_block(
-        self, start: int, stop: int, columns: Mapping[str, ArrayLike]
-    ) -> dict[str, NDArray[Any]]:
-        """Return a block's arrays in the columns' types; refuse wrong names, shapes and kinds."""
-        if not self.rows.start <= start < stop <= self.rows.stop:
-            raise ValueError(f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}")
-        if wrong := columns.keys() ^ self._datasets.keys():
-            raise ValueError(f"columns missing or unknown: {', '.join(sorted(wrong))}")
-        arrays = {}
-        for column in self.columns():
-            values = np.asarray(columns[column.name])
-            shape = column.shape(stop - start, self.scene.shape)
-            if values.shape != shape or values.dtype.kind not in KINDS[column.dtype[0]]:
-                raise ValueError(
-                    f"column {column.name}: wanted {column.dtype} of shape {shape}, "
-                    f"got {values.dtype} of shape {values.shape}"
-                )
-            arrays[column.name] = np.ascontiguousarray(values, dtype=column.dtype)
-        if not np.isin(arrays[STATUS.name], (Status.DONE, Status.FAILED)).all():
-            raise ValueError("a finished row is done or failed, nothing else")
-        return arrays
 
     def _flush(self) -> None:
         """Pass all data to the kernel, which keeps them if this process is killed."""

@@ -183,7 +183,6 @@ def opposite_random(scene: Scene, surface: int | np.int64) -> np.random.Generato
 def blocks(
     pending: Iterable[tuple[int, int]],
     *,
-    samples: int,
     samples_per_surface: int,
     workers: int,
     largest: int,
@@ -199,8 +198,6 @@ def blocks(
     ----------
     pending : iterable of (int, int)
         Ranges (start, stop) of rows, ascending, without overlap.
-    samples : int
-        Number of planned rows, which no block exceeds.
     samples_per_surface : int
         Rows of one surface.
     workers : int
@@ -215,48 +212,21 @@ def blocks(
     ------
     tuple of int and int
         Ranges (start, stop) of rows, ascending, that hold every pending row once and no other.
-
-    Raises
-    ------
-    ValueError
-        If the ranges are not ascending within 0..samples, or a number is below 1.
     """
-    if min(samples_per_surface, workers, largest, smallest) < 1:
-        raise ValueError(
-            f"{samples_per_surface=}, {workers=}, {largest=}, {smallest=}: wanted 1 or more"
-        )
-    ranges = _ascending(list(pending), samples)
+    ranges = list(pending)
     remaining = sum(stop - start for start, stop in ranges)
     for start, stop in ranges:
         position = start
         while position < stop:
             rows = min(max(smallest, remaining // (3 * workers)), largest)
-            border = _border(position, rows, samples_per_surface, largest)
+            border = (position + rows) // samples_per_surface * samples_per_surface
+            if border <= position:  # one surface has more rows: all of them, if a block may
+                border += samples_per_surface
+                border = border if border - position <= largest else position + rows
             border = min(border, stop)
             yield position, border
             remaining -= border - position
             position = border
-
-
-def _border(position: int, rows: int, samples_per_surface: int, largest: int) -> int:
-    """Return the end of a block of `rows` rows: that of a surface if `largest` allows it."""
-    aligned = (position + rows) // samples_per_surface * samples_per_surface
-    if aligned > position:
-        return aligned
-    following = aligned + samples_per_surface
-    return following if following - position <= largest else position + rows
-
-
-def _ascending(ranges: list[tuple[int, int]], samples: int) -> list[tuple[int, int]]:
-    """Refuse ranges that do not ascend within the plan."""
-    previous = 0
-    for start, stop in ranges:
-        if not previous <= start <= stop <= samples:
-            raise ValueError(
-                f"pending rows {start} to {stop}: wanted ascending ranges in {previous}..{samples}"
-            )
-        previous = stop
-    return ranges
 
 
 def _stream(seed: int, *key: int) -> np.random.PCG64:

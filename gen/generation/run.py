@@ -387,7 +387,6 @@ def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Bloc
     least = max(1, min(most, _least_rows(nodes, sum(b - a for a, b in pending), workers)))
     return plan.blocks(
         pending,
-        samples=scene.samples,
         samples_per_surface=scene.samples_per_surface,
         workers=workers,
         largest=min(most, max(fitting, 2 * least - 1)),

@@ -88,22 +88,20 @@ def compute_rows(
     InputError
         If memory runs out: that is not the sample's fault, so no row has failed.
     """
-    try:
-        return _computed(scene, start, stop, rank, limit)
-    except MemoryError:
-        raise too_little_for_solve(scene.shape) from None
-
-
-def _computed(scene: Scene, start: int, stop: int, rank: int, limit: float | None) -> Columns:
-    """Compute the rows start to stop - 1 without handling a lack of memory."""
     plan = parameters(scene, start, stop)
-    rows = _pending_rows(scene, stop - start)
+    rows: Columns = {
+        column.name: np.full(column.shape(stop - start, scene.shape), column.fill, column.dtype)
+        for column in columns_for(scene)
+    }
     rows |= planned_columns(scene, plan)
     rows["rank"][:] = rank
     rows["host"][:] = socket.gethostname().encode()[:64]
     edges = np.flatnonzero(np.diff(plan.surface, prepend=-1, append=-1))
-    for first, last in itertools.pairwise(edges.tolist()):
-        _compute_surface(scene, plan, rows, first, last, limit)
+    try:
+        for first, last in itertools.pairwise(edges.tolist()):
+            _compute_surface(scene, plan, rows, first, last, limit)
+    except MemoryError:
+        raise too_little_for_solve(scene.shape) from None
     return rows
 
 
@@ -249,14 +247,6 @@ def load_of(scene: Scene, heights: Heights, load: float) -> dict[str, float]:
             modulus = plane_strain_modulus(scene.contact.modulus, scene.contact.poisson)
             return {"pressure": load * modulus * rms_slope(heights, scene.spacing)}
     return {scene.quantity: load}
-
-
-def _pending_rows(scene: Scene, count: int) -> Columns:
-    """Make rows in which every column has its fill value."""
-    return {
-        column.name: np.full(column.shape(count, scene.shape), column.fill, dtype=column.dtype)
-        for column in columns_for(scene)
-    }
 
 
 def _compute_surface(

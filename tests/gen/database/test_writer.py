@@ -107,8 +107,6 @@ def broken_blocks():
     yield 0, 3, {name: whole[name] for name in whole if name != "force"}, "force"
     yield 0, 3, whole | {"weight": np.ones(3)}, "weight"
     yield 0, 3, whole | {"force": np.ones(4)}, "force"
-    yield 0, 3, whole | {"rank": np.ones(3)}, "rank"
-    yield 0, 3, whole | {"status": np.zeros(3, dtype="u1")}, "finished"
     yield 8, 11, whole, "8 to 11"
 
 

@@ -166,10 +166,8 @@ def pending_plans(draw: st.DrawFn) -> tuple[list[tuple[int, int]], int, int]:
 def test_blocks_hold_every_pending_row_once(
     plan: tuple[list[tuple[int, int]], int, int], workers: int, largest: int
 ) -> None:
-    ranges, samples, m = plan
-    cut = list(
-        blocks(ranges, samples=samples, samples_per_surface=m, workers=workers, largest=largest)
-    )
+    ranges, _, m = plan
+    cut = list(blocks(ranges, samples_per_surface=m, workers=workers, largest=largest))
     held = [row for start, stop in cut for row in range(start, stop)]
     assert held == sorted(set(held))
     assert held == [row for start, stop in ranges for row in range(start, stop)]
@@ -187,9 +185,7 @@ def test_blocks_hold_every_pending_row_once(
     largest=st.integers(1, 2000),
 )
 def test_blocks_shrink_to_the_end(samples: int, m: int, workers: int, largest: int) -> None:
-    cut = blocks(
-        [(0, samples)], samples=samples, samples_per_surface=m, workers=workers, largest=largest
-    )
+    cut = blocks([(0, samples)], samples_per_surface=m, workers=workers, largest=largest)
     sizes = [stop - start for start, stop in cut]
     if largest < m:
         return
@@ -199,30 +195,15 @@ def test_blocks_shrink_to_the_end(samples: int, m: int, workers: int, largest: i
 
 
 def test_blocks_of_ten_million_rows_are_few_and_lazy() -> None:
-    settings_ = {"samples": 10**7, "samples_per_surface": 5, "workers": 100, "largest": 1000}
+    settings_ = {"samples_per_surface": 5, "workers": 100, "largest": 1000}
     whole = blocks([(0, 10**7)], **settings_)
     assert next(whole) == (0, 1000)
     assert sum(1 for _ in whole) < 1.2 * 10**7 / 1000
 
 
 def test_finished_rows_of_a_surface_are_left_alone() -> None:
-    cut = list(blocks([(3, 4), (11, 12)], samples=12, samples_per_surface=5, workers=1, largest=9))
+    cut = list(blocks([(3, 4), (11, 12)], samples_per_surface=5, workers=1, largest=9))
     assert cut == [(3, 4), (11, 12)]
-
-
-@pytest.mark.parametrize("pending", [[(0, 11)], [(-1, 3)], [(3, 2)], [(4, 6), (5, 7)]])
-def test_ranges_that_do_not_ascend_within_the_plan_are_refused(
-    pending: list[tuple[int, int]],
-) -> None:
-    with pytest.raises(ValueError, match="ascending ranges"):
-        list(blocks(pending, samples=10, samples_per_surface=1, workers=1, largest=9))
-
-
-@pytest.mark.parametrize("zero", ["samples_per_surface", "workers", "largest"])
-def test_blocks_need_workers_and_rows(zero: str) -> None:
-    numbers = {"samples": 10, "samples_per_surface": 1, "workers": 1, "largest": 9} | {zero: 0}
-    with pytest.raises(ValueError, match=f"{zero}=0"):
-        list(blocks([(0, 10)], **numbers))
 
 
 @pytest.mark.parametrize(
