@@ -90,8 +90,8 @@ ROOMS = {
     },
     "learn.features": {"learn.arrays", "learn.executor"},
     "learn.comparison": {
-        *("learn.arrays", "learn.columns", "learn.dataset", "learn.executor", "learn.features"),
-        *("learn.kernel_ridge", "learn.memory", "learn.metrics", "learn.models"),
+        *("learn.arrays", "learn.bounded", "learn.columns", "learn.dataset", "learn.executor"),
+        *("learn.features", "learn.kernel_ridge", "learn.memory", "learn.metrics", "learn.models"),
         *("learn.request", "learn.split"),
     },
     "learn.surrogate": {
@@ -100,11 +100,18 @@ ROOMS = {
         *("learn.request", "learn.split"),
     },
     "learn.grow": {
-        *("learn.arrays", "learn.columns", "learn.dataset", "learn.executor", "learn.request"),
-        *("learn.metrics", "learn.split", "learn.surrogate"),
+        *("learn.arrays", "learn.bounded", "learn.columns", "learn.dataset", "learn.executor"),
+        *("learn.metrics", "learn.request", "learn.split", "learn.surrogate"),
     },
     "learn.commands": {
-        *("learn.comparison", "learn.executor", "learn.features", "learn.grow", "learn.models"),
+        *(
+            "learn.bounded",
+            "learn.comparison",
+            "learn.executor",
+            "learn.features",
+            "learn.grow",
+            "learn.models",
+        ),
         *("learn.request", "learn.surrogate"),
     },
     "bench.references": set(),

@@ -80,8 +80,8 @@ def tune(
     `mpiexec -n 65 python -m mpi4py -m learn tune ...` rank 0 hands out the fits, the others do
     them.
     """
+    from learn.bounded import seconds
     from learn.comparison import jobs
-    from learn.comparison.halving import seconds
     from learn.executor import lead
 
     def job(executor: Executor) -> int:
@@ -110,8 +110,8 @@ def estimate(
     The times are those of one thread: divide by the workers. What is fitted is kept, and need not
     be done again by `tune` on the same folder.
     """
+    from learn.bounded import seconds
     from learn.comparison import jobs
-    from learn.comparison.halving import seconds
     from learn.executor import lead
 
     def job(executor: Executor) -> int:

@@ -146,7 +146,7 @@ def _grow(
     """Grow on the master; return the exit code."""
     from gen.runtime.figure import new_figure, save
     from gen.runtime.signals import Interruption
-    from learn.comparison.halving import seconds
+    from learn.bounded import seconds
     from learn.grow import report, rounds
     from learn.grow.population import scene_of
     from learn.grow.rows import Pace

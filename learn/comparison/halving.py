@@ -21,7 +21,6 @@ import time
 
 import numpy as np
 
-from gen.runtime.errors import InputError
 from learn.comparison.grid import Task, expected_work
 from learn.comparison.search import GridScores, GridSearch, SearchResult
 from learn.comparison.spaces import WHOLE
@@ -54,34 +53,6 @@ GROWTH = {"gaussian-process": 3.0, "kernel-ridge": 3.0, "svm": 2.5}
 
 USUAL_GROWTH = 1.5
 """The exponent of the other models."""
-
-UNITS = {"s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
-"""Seconds of the units in which a time may be given."""
-
-LONGEST = 36500 * UNITS["d"]
-"""Longest time that may be given, a century [s]."""
-
-
-def seconds(text: str) -> float:
-    """Read a time such as 90s, 30min, 2h or 1.5d.
-
-    Raises
-    ------
-    InputError
-        If the text is not a time, or the time is not above zero.
-    """
-    number = text.rstrip("abcdefghijklmnopqrstuvwxyz").strip()
-    unit = text[len(number) :].strip() or "s"
-    try:
-        value = float(number) * UNITS[unit]
-    except (ValueError, KeyError):
-        value = 0.0
-    if not 0 < value <= LONGEST:
-        raise InputError(
-            f"--budget {text!r}: give a time above zero, as 90s, 30min, 2h or 1.5d, and at most"
-            f" {LONGEST / UNITS['d']:g}d"
-        )
-    return value
 
 
 def steps(total: int, least: int | None = None) -> list[int]:

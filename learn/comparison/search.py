@@ -16,8 +16,8 @@ from math import inf
 import numpy as np
 
 from gen.runtime.terminal import RunProgress
+from learn import bounded
 from learn.arrays import Values
-from learn.comparison import bounded
 from learn.comparison.fits import fit
 from learn.comparison.grid import Grid, Settings, Task, baseline_key, expected_work, key
 from learn.comparison.spaces import TABLE_2, WHOLE

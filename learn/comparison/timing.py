@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from learn import bounded
 from learn.arrays import Values
-from learn.comparison import bounded
 from learn.comparison.grid import Settings
 from learn.comparison.training import Training
 from learn.metrics import Scores, scores
@@ -29,7 +29,6 @@ ENOUGH = 5.0
 
 TOO_LONG = 300.0
 """Seconds after which no further repetition is begun."""
-
 
 NO_TIMES = {"fit": None, "fits": 0, "test": None, "row": None}
 """Times of a fit that has failed."""
@@ -106,18 +105,9 @@ def fit_in_time(training: Training, task: TimedFit) -> FitResult | None:
 
 
 def fit_and_time(training: Training, task: TimedFit) -> FitResult:
-    """Fit, score and time a model.
-
-    Parameters
-    ----------
-    training : Training
-        Training and test rows.
-    task : TimedFit
-        The model and its settings.
-    """
-    model = MODELS[task.model]
+    """Fit, score and time a model."""
     unfitted = pipeline(
-        model,
+        MODELS[task.model],
         task.settings,
         normalisation=training.normalisation,
         seed=training.seed,
@@ -141,40 +131,54 @@ def _scored_and_timed(training: Training, unfitted: Any, until: float) -> FitRes
     train = scores(restored(training.target), restored(fitted.predict(training.inputs)))
     test = scores(training.test_target, prediction)
     chosen = _chosen(fitted)
-    times = {
-        "test": median(_repeated(lambda: fitted.predict(training.test_inputs), (3, 9))),
-        "row": median(_repeated(lambda: fitted.predict(training.test_inputs[:1]), (5, 99))),
+    times: dict[str, float | None] = {
+        "test": median(repeated(lambda: fitted.predict(training.test_inputs), (3, 9))),
+        "row": median(repeated(lambda: fitted.predict(training.test_inputs[:1]), (5, 99))),
     }
 
-    def refit() -> None:
+    def again() -> None:
         unfitted.fit(training.inputs, training.target)
 
     # The first of several fits is a warm-up; a fit that is too long to be repeated counts itself.
-    fits = _repeated(refit, FITS, alone, until) or [alone]
-    times |= {"fit": median(fits), "fits": len(fits)}
-    return FitResult(train, test, prediction, chosen, {**times})
+    fits = repeated(again, FITS, alone, until) or [alone]
+    return FitResult(
+        train, test, prediction, chosen, {**times, "fit": median(fits), "fits": len(fits)}
+    )
 
 
-def _repeated(
+def repeated(
     action: Callable[[], Any],
     bounds: tuple[int, int],
-    spent: float = 0.0,
+    before: float = 0.0,
     until: float = math.inf,
 ) -> list[float]:
-    """Time an action repeatedly, within bounds of number, of time spent and of the clock [s].
+    """Time an action repeatedly.
 
-    The last time, at first that of a run before, tells whether another run ends in time.
+    Parameters
+    ----------
+    action : callable
+        The action.
+    bounds : tuple of int
+        Fewest and most repetitions; fewer, even none, if they take too long.
+    before : float
+        Time that the action took before, which tells whether another one ends in time [s].
+    until : float
+        Time of `time.time` by which the last one has to end [s].
+
+    Returns
+    -------
+    list of float
+        Times [s].
     """
     taken: list[float] = []
-    longest = spent
-    while len(taken) < bounds[1] and spent < TOO_LONG and time.time() + 2 * longest < until:
+    while len(taken) < bounds[1] and before + sum(taken) < TOO_LONG:
         if len(taken) >= bounds[0] and sum(taken) > ENOUGH:
+            break
+        if time.time() + 2 * max([before, *taken]) >= until:
             break
         began = perf_counter()
         action()
         taken.append(perf_counter() - began)
-        longest = max(longest, taken[-1])
-        spent += taken[-1]
     return taken
 
 

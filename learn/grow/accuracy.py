@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.scene import ScanSurface, Scene
+from learn import bounded
 from learn.arrays import Indices, Values
 from learn.columns import TILE
 from learn.dataset import Dataset
@@ -346,6 +347,7 @@ def appraise(
     executor: Executor,
     say: Callable[[str], None],
     stopping: Callable[[], bool],
+    until: float = math.inf,
 ) -> Appraisal | None:
     """Fit a surrogate to the finished rows, judge it and save it.
 
@@ -363,6 +365,8 @@ def appraise(
         Called with lines for the user.
     stopping : callable
         Asked between surfaces; True ends the work.
+    until : float
+        Time of `time.time` at which the fit is stopped [s].
 
     Returns
     -------
@@ -381,7 +385,12 @@ def appraise(
     reading = time.monotonic() - began
     sets = [each.at(np.flatnonzero(each.rows < rows)) for each in sets]
     parts = parted(sets, request.seed)
-    surrogate = fitting.fit_parts(request, sets, parts, say)
+    done = bounded.call(_fitted, (request, sets, parts), None, until)
+    if done is None:
+        return None
+    surrogate, lines = done
+    for line in lines:
+        say(line)
     judged = {
         target: judge(surrogate.learnt[target], each.at(parts.test))
         for target, each in zip(request.targets, sets, strict=True)
@@ -396,3 +405,9 @@ def appraise(
     }
     surrogate.save(request.output)
     return found
+
+
+def _fitted(data: tuple[Request, list[Dataset], Split], task: None) -> tuple[Surrogate, list[str]]:
+    """Fit a surrogate to rows that are divided; return the lines for the user too."""
+    lines: list[str] = []
+    return fitting.fit_parts(*data, lines.append), lines

@@ -13,6 +13,7 @@ from gen.database import Reader
 from gen.generation.functions import completed
 from gen.runtime.errors import InputError
 from gen.scene import Scene, differences
+from learn import bounded
 from learn.columns import TARGETS, results, short_name
 from learn.executor import Executor
 from learn.grow.accuracy import Appraisal, Sizes, appraise
@@ -204,7 +205,7 @@ class _Growth:
         if found is None:
             return
         self.last = found
-        self.curve = learning_curve(self.order.request, found)
+        self.curve = bounded.call(learning_curve, self.order.request, found, self.pace.until)
         self.advice = None
         if self.curve is not None and not found.met:
             self.advice = advise(found, self.curve, self.sizes, self.order.most)
@@ -218,8 +219,9 @@ class _Growth:
         """Return a look; None after a stop, and where a database has too few rows for one yet."""
         order, number = self.order, self.sizes.number(rows)
         try:
-            return appraise(
-                order.request, rows, number, order.mark, self.executor, self.say, self.stopping
+            found = appraise(
+                *(order.request, rows, number, order.mark, self.executor, self.say),
+                *(self.stopping, self.pace.until),
             )
         except InputError as error:
             if self.last is not None or number >= PATIENT or rows >= order.most:
@@ -231,6 +233,12 @@ class _Growth:
                 ) from None
             self.say(f"{rows} rows are too few: {error}")
             return None
+        if found is None and self.last is None and not self.stopping():
+            raise InputError(
+                f"the budget sufficed for {rows} rows, but not for a fit to them; the same command"
+                " goes on"
+            )
+        return found
 
     def _ending(self, rows: int) -> Ending | None:
         """Return why the growth ends after a look, None if it goes on."""

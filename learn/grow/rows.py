@@ -64,6 +64,11 @@ class Pace:
         """Time left of the budget, infinite without one [s]."""
         return self._end - time.monotonic()
 
+    @property
+    def until(self) -> float:
+        """Time of `time.time` at which the budget ends, infinite without one [s]."""
+        return time.time() + self.left
+
     def note_fit(self, rows: int, seconds: float) -> None:
         """Record what the fit to a number of rows has taken, with its judgement [s]."""
         self._fitted = rows, seconds

@@ -7,25 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gen.runtime.errors import InputError
 from learn.comparison import fits, halving
 from learn.comparison.grid import canonical_settings
 from learn.comparison.training import Training
 from learn.comparison.trials import Trials
-
-
-@pytest.mark.parametrize(("text", "expected"), [("90s", 90), ("2h", 7200), ("1.5min", 90)])
-def test_budgets_are_read(text, expected):
-    assert halving.seconds(text) == expected
-
-
-@pytest.mark.parametrize("text", ["", "2", "-1h", "0s", "nan", "inf", "2 weeks", "h", "1e18s"])
-def test_budgets_that_are_none_are_refused(text):
-    if text == "2":
-        assert halving.seconds(text) == 2
-        return
-    with pytest.raises(InputError, match="--budget"):
-        halving.seconds(text)
 
 
 def test_steps_triple_and_end_with_all_rows():

@@ -5,8 +5,8 @@ import json
 import pytest
 from comparisons import run, table
 
-from learn import Surrogate
-from learn.comparison import bounded, halving, spaces, timing
+from learn import Surrogate, bounded
+from learn.comparison import halving, spaces, timing
 from learn.comparison.folder import Folder
 from learn.comparison.search import GridSearch
 

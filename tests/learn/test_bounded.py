@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gen.runtime.errors import InputError
-from learn.comparison import bounded
+from learn import bounded
 
 
 def count(shared, task):
@@ -35,6 +35,20 @@ def leave(shared, task):
 
 def soon(seconds=60.0):
     return time.time() + seconds
+
+
+@pytest.mark.parametrize(("text", "expected"), [("90s", 90), ("2h", 7200), ("1.5min", 90)])
+def test_budgets_are_read(text, expected):
+    assert bounded.seconds(text) == expected
+
+
+@pytest.mark.parametrize("text", ["", "2", "-1h", "0s", "nan", "inf", "2 weeks", "h", "1e18s"])
+def test_budgets_that_are_none_are_refused(text):
+    if text == "2":
+        assert bounded.seconds(text) == 2
+        return
+    with pytest.raises(InputError, match="--budget"):
+        bounded.seconds(text)
 
 
 def test_without_a_limit_the_work_is_done_here():
@@ -72,7 +86,7 @@ def is_running(number):
 
 KILLED = """
 import sys, time
-from learn.comparison import bounded
+from learn import bounded
 import test_bounded
 print(bounded.call(test_bounded.count, 0, 3, time.time() + 60)[1], flush=True)
 bounded.call(test_bounded.spin, 0, 3, time.time() + 60)

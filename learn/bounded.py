@@ -1,8 +1,9 @@
-"""Work that ends at a given time: a process of its own does it, and is killed if it takes longer.
+"""Time limits: how users give them, and work that is stopped at its time.
 
 Libraries cannot be asked to end a fit: compiled code runs to its end. Each process that computes
-therefore starts a second one as soon as a task has a time limit, and keeps it for further tasks. It
-needs no MPI. It ends with the process that started it, whatever ends that one.
+therefore starts a second one as soon as a task has a time limit, keeps it for further tasks, and
+kills it if one takes longer. It needs no MPI. It ends with the process that started it, whatever
+ends that one.
 """
 
 import atexit
@@ -21,6 +22,34 @@ from gen.runtime.errors import InputError
 Shared = TypeVar("Shared")
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+
+UNITS = {"s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
+"""Seconds of the units in which a time may be given."""
+
+LONGEST = 36500 * UNITS["d"]
+"""Longest time that may be given, a century [s]."""
+
+
+def seconds(text: str) -> float:
+    """Read a time such as 90s, 30min, 2h or 1.5d.
+
+    Raises
+    ------
+    InputError
+        If the text is not a time, or the time is not above zero.
+    """
+    number = text.rstrip("abcdefghijklmnopqrstuvwxyz").strip()
+    unit = text[len(number) :].strip() or "s"
+    try:
+        value = float(number) * UNITS[unit]
+    except (ValueError, KeyError):
+        value = 0.0
+    if not 0 < value <= LONGEST:
+        raise InputError(
+            f"--budget {text!r}: give a time above zero, as 90s, 30min, 2h or 1.5d, and at most"
+            f" {LONGEST / UNITS['d']:g}d"
+        )
+    return value
 
 
 def call(
