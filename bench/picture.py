@@ -128,7 +128,9 @@ def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None
             there, value = ([row[name] for row in own] for name in (abscissa, ordinate))
             axis.plot(there, value, marker, mfc="none", color=style["color"])
     for name, level in panel.get("marks", {}).items():
-        axis.axhline(level, color="0.4", ls=":", label=name)
+        axis.axhline(level, color="0.4", ls=":")
+        place = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "bottom"}
+        axis.annotate(name, (0.99, level), fontsize=8, color="0.3", **place)
     axis.set(**{name: _limits(value) for name, value in panel.get("axes", {}).items()})
     if panel.get("ticks"):
         values = sorted({row[x] for row in rows})

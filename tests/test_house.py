@@ -115,7 +115,6 @@ ROOMS = {
         *("learn.request", "learn.surrogate"),
     },
     "bench.references": set(),
-    "bench.farm": REPORTS,
     "bench.solvers": {"bench.references"},
     "bench.stability": {*REPORTS, "bench.references"},
     "bench.surrogates": {*REPORTS, "bench.made_maps"},

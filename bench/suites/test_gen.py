@@ -17,9 +17,8 @@ import pytest
 from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from bench.farm.launch import dispatch, expected, launch
-from bench.farm.writers import Spec, create, require_rows, template_of
-from bench.farm.writers import write as write_rows
+from bench.farm import Spec, create, dispatch, expected, launch, require_rows, template_of
+from bench.farm import write as write_rows
 from bench.references import exact
 from gen import database
 from gen.generation.plan import parameters
@@ -60,7 +59,7 @@ def test_write_by_all(benchmark: Any, tmp_path: Path, size: str) -> None:
     if not database.parallel_hdf5():
         pytest.skip("this h5py has no MPI: make parallel")
     spec = SPECS[size]
-    arguments = (RANKS, "bench.farm.writers", asdict(spec), tmp_path)
+    arguments = (RANKS, "writing", asdict(spec), tmp_path)
     seconds = benchmark.pedantic(launch, args=arguments, rounds=1)
     for writer in ("single", "parallel"):
         (found,) = seconds[writer]
@@ -84,7 +83,7 @@ def test_dispatch_to_workers(benchmark: Any, size: str, tmp_path: Path) -> None:
     tasks = TASKS[size]
     if size != "smoke" and not benchmark.enabled:
         pytest.skip("the smoke size asserts the same; this one is for times")
-    arguments = (RANKS, "bench.farm.launch", {"tasks": tasks}, tmp_path)
+    arguments = (RANKS, "dispatch", {"tasks": tasks}, tmp_path)
     try:
         found = benchmark.pedantic(launch, args=arguments, rounds=1)
     except InputError as error:

@@ -1,1 +1,0 @@
-"""The farm on this machine: speed-up on more processes, and how fast rows are written."""
