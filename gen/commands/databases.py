@@ -35,11 +35,10 @@ def run(
     if dry_run:
         if world.is_master:
             from gen.display import databases
-            from gen.generation.forecast import plan_of
             from gen.generation.functions import completed
             from gen.scene import load
 
-            databases.print_plan(plan_of(completed(load(scene))), output)
+            databases.print_plan(completed(load(scene)), output)
         return 0
     from gen.generation.run import Request, generate_database
 
@@ -64,7 +63,7 @@ def estimate(
     from gen.scene import load
 
     loaded = completed(load(scene))
-    databases.print_estimate(forecast.plan_of(loaded), forecast.estimate(loaded, ranks))
+    databases.print_estimate(loaded, forecast.estimate(loaded, ranks))
 
 
 def info(file: options.Database) -> None:

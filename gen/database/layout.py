@@ -57,21 +57,9 @@ FLAGS: dict[Column, dict[int, str]] = {
 
 
 def chunks(rows: int, bytes_per_row: int, first: int = 0) -> Iterator[tuple[int, int]]:
-    """Split rows into chunks of at most `CHUNK_BYTES`, and of at least one row.
+    """Split the rows from `first` on, up to `rows`, into chunks (start, stop) of a few megabytes.
 
-    Parameters
-    ----------
-    rows : int
-        One past the last row.
-    bytes_per_row : int
-        Size of a row [bytes].
-    first : int
-        First row.
-
-    Yields
-    ------
-    tuple of int
-        First row of a chunk and one past its last.
+    A chunk has `CHUNK_BYTES` at most, and one row at least.
     """
     step = max(1, CHUNK_BYTES // bytes_per_row)
     for start in range(first, rows, step):
@@ -79,19 +67,10 @@ def chunks(rows: int, bytes_per_row: int, first: int = 0) -> Iterator[tuple[int,
 
 
 def write_rows(dataset: h5py.Dataset, start: int, values: NDArray[Any]) -> None:
-    """Write contiguous rows of the column's own type.
+    """Write contiguous rows of the column's own type and shape, from row `start` of the file on.
 
     This does the same as `dataset[start:stop] = values` without h5py's 0.1 ms for the slice; a
     block has forty columns, and one process may write for hundreds.
-
-    Parameters
-    ----------
-    dataset : h5py.Dataset
-        Column to write into.
-    start : int
-        First row in the column.
-    values : ndarray
-        Rows of the column's type and shape.
     """
     rows = dataset.id.get_space()
     rows.select_hyperslab((start,) + (0,) * (values.ndim - 1), values.shape)
@@ -99,21 +78,10 @@ def write_rows(dataset: h5py.Dataset, start: int, values: NDArray[Any]) -> None:
 
 
 def lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str | int]) -> None:
-    """Create a file with dimensions, attributes and empty columns.
+    """Create a file for some rows of a scene: dimensions, attributes and empty columns.
 
     HDF5 allocates the columns; `fill` fills them, because HDF5 crashes if the disk runs full during
     its own filling.
-
-    Parameters
-    ----------
-    path : Path
-        File to create.
-    scene : Scene
-        Scene of the rows.
-    rows : range
-        Rows of the scene that the file holds.
-    attributes : mapping
-        Texts and integers from `provenance`.
     """
     columns = columns_for(scene)
     # Version 2 of the superblock: later ones mark a file as open, and a killed writer would leave
@@ -143,20 +111,7 @@ def _with_rows(
 def rows_of(attributes: Mapping[str, str | int]) -> range:
     """Return the rows of a file in the numbers of its scene's plan.
 
-    Parameters
-    ----------
-    attributes : mapping
-        Attributes of the file.
-
-    Returns
-    -------
-    range
-        Rows of the file.
-
-    Raises
-    ------
-    ValueError
-        If the attributes name rows that the scene does not have.
+    A ValueError says that the attributes name rows that the scene does not have.
     """
     samples = int(attributes["samples"])
     if attributes["schema"] != PART:
@@ -195,16 +150,9 @@ def _add(
 
 
 def fill(file: h5py.File, scene: Scene, first: int, last: int) -> None:
-    """Write fill values (NaN, 0 and empty texts) into rows, which takes up their disk space.
+    """Write fill values (NaN, 0 and empty texts) into the rows first..last - 1 of a file.
 
-    Parameters
-    ----------
-    file : h5py.File
-        Database, open for writing.
-    scene : Scene
-        Its scene.
-    first, last : int
-        First row in the file, and one past the last.
+    They take up the rows' disk space.
     """
     for column in columns_for(scene):
         dataset = file[column.path]
@@ -264,22 +212,9 @@ def _versions() -> dict[str, str]:
 
 
 def read_attributes(file: h5py.File) -> dict[str, str | int]:
-    """Read the attributes of a file.
+    """Read the attributes of a file: texts and integers by their names.
 
-    Parameters
-    ----------
-    file : h5py.File
-        Database.
-
-    Returns
-    -------
-    dict
-        Texts and integers by their names.
-
-    Raises
-    ------
-    ValueError
-        If an attribute is neither a text of fixed length nor an integer.
+    A ValueError names an attribute that is neither a text of fixed length nor an integer.
     """
     check_attributes(file)
     return {
@@ -289,18 +224,7 @@ def read_attributes(file: h5py.File) -> dict[str, str | int]:
 
 
 def check_attributes(file: h5py.File) -> None:
-    """Refuse attributes other than texts of fixed length and single integers.
-
-    Parameters
-    ----------
-    file : h5py.File
-        Database whose attributes have not been read yet.
-
-    Raises
-    ------
-    ValueError
-        If an attribute is of another kind; the message names it.
-    """
+    """Refuse, by a ValueError, attributes other than texts of fixed length and single integers."""
     for name in file.attrs:
         attribute = h5py.h5a.open(file.id, name.encode("utf-8", "surrogateescape"))
         kind = attribute.get_type()
@@ -314,25 +238,10 @@ def check_attributes(file: h5py.File) -> None:
 
 
 def check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
-    """Refuse columns that `gen` cannot have laid out.
+    """Refuse a file whose columns for some rows of a scene `gen` cannot have laid out.
 
-    Time and memory do not depend on the number of rows that the file declares.
-
-    Parameters
-    ----------
-    file : h5py.File
-        Database whose columns have not been read yet.
-    path : Path
-        Name of the database.
-    scene : Scene
-        Its scene, which decides columns and shapes.
-    rows : int
-        Number of its rows.
-
-    Raises
-    ------
-    InputError
-        If a column is missing or laid out otherwise; the message names it.
+    Time and memory do not depend on the number of rows that the file declares. An InputError names
+    a column that is missing or laid out otherwise.
     """
     size = path.stat().st_size
     places = []
@@ -356,15 +265,7 @@ def check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
 
 
 def stored_path(file: h5py.File, column: Column) -> str:
-    """Return the name of a column in a file: in older ones, some have those of the parameters.
-
-    Parameters
-    ----------
-    file : h5py.File
-        Open database.
-    column : Column
-        Column of its scene.
-    """
+    """Return the name of a column in a file: in older ones, some have those of the parameters."""
     older = {name: parameter for parameter, name in DRAWN_NAMES.items()}.get(column.name)
     if older is None or column.path.encode() in h5py.h5g.open(file.id, b"/"):
         return column.path

@@ -42,26 +42,9 @@ def open_file(path: Path, *, writing: bool = False, communicator: Any = None) ->
     """Open an HDF5 file without checking its content.
 
     HDF5's buffer for small writes is off, so that data reach the kernel in the order of the calls,
-    and a failed write leaves nothing that would make closing fail as well.
-
-    Parameters
-    ----------
-    path : Path
-        File to open.
-    writing : bool
-        Open the file for writing too.
-    communicator : mpi4py.MPI.Comm, optional
-        Processes that open the file together, a collective call.
-
-    Returns
-    -------
-    h5py.File
-        The open file.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, unreadable, read-only or no HDF5.
+    and a failed write leaves nothing that would make closing fail as well. With a communicator of
+    mpi4py all its processes open the file together. An InputError says that the file is missing,
+    unreadable, read-only or no HDF5.
     """
     if path.is_dir():
         raise InputError(f"{path} is a folder; give the name of a database")
@@ -106,22 +89,7 @@ def first_line(error: Exception) -> str:
 def checked(file: h5py.File, path: Path) -> Scene:
     """Check that an open file is a database of this layout, and return its scene.
 
-    Parameters
-    ----------
-    file : h5py.File
-        File to check.
-    path : Path
-        Its name.
-
-    Returns
-    -------
-    Scene
-        Scene of the database.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged, or not a database of this layout.
+    An InputError says that it is damaged, or no such database.
     """
     try:
         return _scene_of(file, path)
@@ -165,26 +133,8 @@ def _scene_of(file: h5py.File, path: Path) -> Scene:
 def checked_for(file: h5py.File, path: Path, scene: Scene, *, force: bool) -> Scene:
     """Check that rows of a scene can be written into an open file, and return the file's own scene.
 
-    Parameters
-    ----------
-    file : h5py.File
-        File to check.
-    path : Path
-        Its name.
-    scene : Scene
-        Scene of the rows to be written.
-    force : bool
-        Accept another physics number.
-
-    Returns
-    -------
-    Scene
-        Scene of the database, which may have another number of samples.
-
-    Raises
-    ------
-    InputError
-        If the file is no database of this layout, scene and physics number.
+    That may have another number of samples; with `force` the file may have another physics number.
+    An InputError says that the file is no database of this layout, scene and physics number.
     """
     present = checked(file, path)
     if different := differences(present, scene):
@@ -203,13 +153,7 @@ def checked_for(file: h5py.File, path: Path, scene: Scene, *, force: bool) -> Sc
 
 
 def counts(status: h5py.Dataset) -> Counts:
-    """Count rows by their status.
-
-    Parameters
-    ----------
-    status : h5py.Dataset
-        Column of statuses.
-    """
+    """Count rows by their status, given the column of statuses."""
     done = failed = 0
     for start, stop in chunks(len(status), 1):
         chunk = status[start:stop]
@@ -268,13 +212,7 @@ class OpenDatabase:
         return columns_for(self.scene)
 
     def counts(self) -> Counts:
-        """Count the rows of the file by their status.
-
-        Returns
-        -------
-        Counts
-            Numbers of pending, done and failed rows.
-        """
+        """Count the pending, done and failed rows of the file."""
         return counts(self._file[STATUS.path])
 
 

@@ -73,13 +73,7 @@ class HeldFile:
         os.close(self._descriptor)
 
     def remember(self, columns: Iterable[h5py.Dataset]) -> None:
-        """Record the bytes before and behind the rows, where writers change nothing.
-
-        Parameters
-        ----------
-        columns : iterable of h5py.Dataset
-            All columns of the same file, opened by HDF5.
-        """
+        """Record the bytes before and behind the columns, where writers change nothing."""
         places = [(column.id.get_offset(), column.id.get_storage_size()) for column in columns]
         first = min(offset for offset, _ in places)
         last = max(offset + size for offset, size in places)
@@ -89,13 +83,7 @@ class HeldFile:
         self.check()
 
     def check(self) -> None:
-        """Refuse to continue if the file has been replaced, moved, deleted or overwritten.
-
-        Raises
-        ------
-        InputError
-            If so; the message says which of these has happened.
-        """
+        """Refuse to continue if the file has been replaced, moved, deleted or overwritten."""
         try:
             same = os.path.samestat(self.path.stat(), os.fstat(self._descriptor))
             fate = "" if same else "replaced by another file"
@@ -387,11 +375,6 @@ def coherent(path: Path) -> bool:
 
     Local disks and parallel file systems allow it, NFS and SMB do not. The kind of file system is
     known on Linux only; elsewhere and in doubt the answer is yes.
-
-    Parameters
-    ----------
-    path : Path
-        File or folder.
     """
     real = Path(os.path.realpath(path))  # raises nothing for loops of links
     try:
@@ -407,20 +390,10 @@ def coherent(path: Path) -> bool:
 
 
 def disk_trouble(error: Exception) -> str | None:
-    """Describe an error of the disk in words.
+    """Describe an error of the disk in words; None if the error is not about the disk.
 
     h5py raises OSError, RuntimeError or ValueError for the same error of the system, depending on
     the call; its number is part of the message.
-
-    Parameters
-    ----------
-    error : Exception
-        Error of h5py or of the system.
-
-    Returns
-    -------
-    str, optional
-        Description; None if the error is not about the disk.
     """
     match = re.search(r"errno = (\d+)", str(error))
     number = int(match[1]) if match else getattr(error, "errno", None)

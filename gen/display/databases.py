@@ -12,14 +12,13 @@ from gen.distribution import limits
 from gen.runtime.memory import size
 from gen.runtime.terminal import echo, print_columns, to_type
 from gen.scene.columns import changes_since
-from gen.scene.tables import UNITS
 from gen.schema import REASONS, RUNTIME, Column, Status
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from gen.database import Reader
-    from gen.generation.forecast import Estimate, Plan
+    from gen.generation.forecast import Estimate
     from gen.generation.run import RunResult
     from gen.scene import Scene
 
@@ -89,50 +88,52 @@ def print_database(reader: Reader) -> None:
             echo("paper: its Table 1, whose bandwidth is defined otherwise and areas end early")
 
 
-def print_plan(plan: Plan, path: Path | None = None) -> None:
-    """Print the numbers of samples, surfaces and nodes of a plan, its loads and the file's size.
+def print_plan(scene: Scene, path: Path | None = None) -> None:
+    """Print the numbers of samples, surfaces and nodes of a scene, its loads and the file's size.
 
     Parameters
     ----------
-    plan : Plan
-        Plan of a scene, from `gen.generation.forecast.plan_of`.
+    scene : Scene
+        Scene, completed as for a run.
     path : Path, optional
         Database that would be written.
     """
-    low, mean, high = plan.load
+    from gen.generation.forecast import planned_loads
+    from gen.scene import row_bytes
+
+    contact, (nx, ny) = scene.contact, scene.shape
+    low, mean, high = planned_loads(scene)
     echo(
-        f"{plan.samples} samples on {plan.surfaces} surfaces of"
-        f" {plan.shape[0]} x {plan.shape[1]} nodes"
-        f"{'' if plan.boundary == 'free' else f', {plan.boundary} boundary'}"
-        f"{', each against another rough one' if plan.two_rough else ''}"
+        f"{scene.samples} samples on {scene.surfaces} surfaces of {nx} x {ny} nodes"
+        f"{f', {contact.boundary} boundary' if scene.edgeless else ''}"
+        f"{'' if scene.surface.against is None else ', each against another rough one'}"
     )
-    name = "Delta" if plan.quantity == "delta" else plan.quantity
-    unit = UNITS[plan.quantity]
-    measure = "" if unit == "1" else f" {unit}"
+    name = "Delta" if scene.quantity == "delta" else scene.quantity
+    measure = "" if scene.load_unit == "1" else f" {scene.load_unit}"
     echo(f"  {name:<9} {low:.4g} to {high:.4g}{measure}, {mean:.4g}{measure} on average")
-    if plan.hardness is not None:
-        least, most = plan.hardness
+    if contact.hardness_limits is not None:
+        least, most = contact.hardness_limits
         drawn = "" if least == most else f" to {most:.4g}"
         echo(f"  hardness  {least:.4g}{drawn} MPa")
-    for doubt in plan.doubts:
+    for doubt in contact.doubts:
         echo(f"  warning: {doubt}")
-    echo(f"  file      {size(plan.file_bytes)}")
+    echo(f"  file      {size(scene.samples * row_bytes(scene))}")
     if path is not None:
         state = "exists" if path.exists() else "does not exist yet"
         echo(f"  output    {path} {state}; nothing was written")
 
 
-def print_estimate(plan: Plan, estimate: Estimate) -> None:
+def print_estimate(scene: Scene, estimate: Estimate) -> None:
     """Print the time and the memory that a run is going to need.
 
     Parameters
     ----------
-    plan : Plan
-        Plan of a scene, from `gen.generation.forecast.plan_of`.
+    scene : Scene
+        Scene, completed as for a run.
     estimate : Estimate
         Its costs, from `gen.generation.forecast.estimate`.
     """
-    print_plan(plan)
+    print_plan(scene)
     hours, rest = divmod(round(estimate.seconds), 3600)
     echo(
         f"  time      {hours}:{rest // 60:02}:{rest % 60:02} h on {estimate.workers} workers:"

@@ -137,18 +137,7 @@ def _bare(doi: str) -> str:
 
 
 def words(reader: Reader) -> str:
-    """Describe a dataset in a few sentences.
-
-    Parameters
-    ----------
-    reader : Reader
-        Database.
-
-    Returns
-    -------
-    str
-        Sentences on surfaces, contact and loads.
-    """
+    """Describe surfaces, contact and loads of a dataset in a few sentences."""
     scene = reader.scene
     (nx, ny), (along, across) = scene.shape, scene.sides
     bodies = "elastic bodies" if scene.contact.hardness_limits is None else "bodies that yield"
@@ -170,22 +159,7 @@ def scene_text(reader: Reader) -> str:
 
 
 def card(reader: Reader, about: About, done: int) -> str:
-    """Write the data card of an export.
-
-    Parameters
-    ----------
-    reader : Reader
-        Database.
-    about : About
-        Title, creator, licence and identifier.
-    done : int
-        Number of rows that are exported.
-
-    Returns
-    -------
-    str
-        The card in Markdown.
-    """
+    """Write the data card of an export of some done rows, in Markdown."""
     environment = Environment(
         loader=PackageLoader("gen.export", "."),
         autoescape=False,
@@ -256,26 +230,7 @@ def _limit(value: float) -> str:
 def describe(
     reader: Reader, about: About, words: str, folder: Path, pieces: Iterable[Piece]
 ) -> str:
-    """Describe the files of an export.
-
-    Parameters
-    ----------
-    reader : Reader
-        Database.
-    about : About
-        Title, creator, licence and identifier.
-    words : str
-        Description of the dataset in a few sentences.
-    folder : Path
-        Folder of the export, whose Parquet files are written.
-    pieces : iterable of Piece
-        These files.
-
-    Returns
-    -------
-    str
-        The description as JSON.
-    """
+    """Describe the files of an export, which are written, as JSON."""
     rows, *others = pieces
     distribution: list[mlc.FileObject | mlc.FileSet] = [_file(folder, rows)]
     records = [_record_set("rows", rows.schema, file_object=rows.name)]

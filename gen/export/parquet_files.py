@@ -70,19 +70,9 @@ def fields(reader: Reader) -> list[Column]:
 
 
 def schema_of(reader: Reader, columns: list[Column]) -> pa.Schema:
-    """Return the schema of Arrow for columns, with units and meanings in its metadata.
+    """Return the schema of Arrow for columns beside `sample`, the index of the row in the scene.
 
-    Parameters
-    ----------
-    reader : Reader
-        Database.
-    columns : list of Column
-        Columns of the table beside `sample`, the index of the row in the scene.
-
-    Returns
-    -------
-    pyarrow.Schema
-        Types, with the keys `unit` and `long_name` in the metadata of every column.
+    The metadata of every column have the keys `unit` and `long_name`.
     """
     sample = pa.field(
         "sample",
@@ -110,34 +100,12 @@ def _metadata(unit: str, long_name: str) -> dict[str, str]:
 
 
 def done_rows(reader: Reader) -> Mask:
-    """Tell which rows of a database are done.
-
-    Parameters
-    ----------
-    reader : Reader
-        Database, perhaps of a run that goes on.
-
-    Returns
-    -------
-    ndarray of bool, shape (rows,)
-        Whether each row of the file is done at this moment.
-    """
+    """Tell which rows of a file are done at this moment, (rows,); a run may go on meanwhile."""
     return np.asarray(reader.column(STATUS.name) == Status.DONE)
 
 
 def pieces(reader: Reader) -> list[Piece]:
-    """List the files of an export.
-
-    Parameters
-    ----------
-    reader : Reader
-        Database.
-
-    Returns
-    -------
-    list of Piece
-        The table of all rows, and the files of fields.
-    """
+    """List the files of an export: the table of all rows, and the files of fields."""
     found = [Piece(ROWS, schema_of(reader, scalars(reader)), reader.rows)]
     for column in fields(reader):
         schema = schema_of(reader, [column])
@@ -151,25 +119,10 @@ def pieces(reader: Reader) -> list[Piece]:
 def write(
     piece: Piece, folder: Path, reader: Reader, done: Mask, advance: Callable[[int], None]
 ) -> None:
-    """Write a file of an export, unless it is there already.
+    """Write a file of an export with the rows that are done, unless it is there already.
 
-    Parameters
-    ----------
-    piece : Piece
-        The file.
-    folder : Path
-        Folder of the export.
-    reader : Reader
-        Database.
-    done : ndarray of bool, shape (rows,)
-        Rows of the file to export.
-    advance : callable
-        Called with the number of rows after each piece of them.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
+    `done` has a truth value for each row of the database, and `advance` is called with the number
+    of rows after each piece of them.
     """
     path, first = folder / piece.name, reader.rows.start
     chosen = done[piece.rows.start - first : piece.rows.stop - first]
@@ -189,23 +142,9 @@ def write(
 
 
 def tables(reader: Reader, schema: pa.Schema, part: range, done: Mask) -> Iterator[pa.Table]:
-    """Read the done rows among some rows, a few megabytes at a time.
+    """Read the done rows of a part, by their indices in the scene, a few megabytes at a time.
 
-    Parameters
-    ----------
-    reader : Reader
-        Database.
-    schema : pyarrow.Schema
-        Schema of the columns, from `schema_of`.
-    part : range
-        Rows, by their indices in the scene.
-    done : ndarray of bool, shape (rows,)
-        Which rows of the file to export, from `done_rows`.
-
-    Yields
-    ------
-    pyarrow.Table
-        A row for each done row, in their order.
+    `done` has a truth value for each row of the database.
     """
     names = schema.names[1:]
     row = max(
@@ -238,19 +177,7 @@ def identity(reader: Reader) -> dict[str, object]:
 
 
 def origin_of(path: Path) -> dict[str, object] | None:
-    """Return the entries of a Parquet file on its origin.
-
-    Parameters
-    ----------
-    path : Path
-        File, which need not exist.
-
-    Returns
-    -------
-    dict, optional
-        Identity of the database, rows and number of those done; None if it is no whole file of an
-        export.
-    """
+    """Return the origin that a Parquet file states; None if it is no whole file of an export."""
     try:
         if not path.is_file() or kind_of(path) != "parquet":
             return None
@@ -262,20 +189,7 @@ def origin_of(path: Path) -> dict[str, object] | None:
 
 
 def require_own_folder(folder: Path, reader: Reader) -> None:
-    """Refuse a folder with other files than those of an export of this database.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the export, which need not exist.
-    reader : Reader
-        Database.
-
-    Raises
-    ------
-    InputError
-        If the folder holds something else.
-    """
+    """Refuse a folder with other files than those of an export of this database."""
     if not folder.is_dir():
         return
     names = {path.name for path in folder.iterdir() if not path.name.startswith(".asperity")}

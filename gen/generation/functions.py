@@ -158,17 +158,10 @@ def completed(scene: Scene, home: Path | None = None) -> Scene:
 
 
 def rehearse(scene: Scene) -> None:
-    """Call a scene's functions once, so that one that fails does so before there is a database.
+    """Call the functions of a completed scene once, so that one that fails does so beforehand.
 
-    Parameters
-    ----------
-    scene : Scene
-        A scene that `completed` has returned.
-
-    Raises
-    ------
-    SourceError
-        If a function fails for the first surface, or for the first contact that has a solution.
+    A SourceError says that one fails for the first surface, or for the first contact that has a
+    solution.
     """
     if scene.store.function is None and not isinstance(scene.surface, PythonSurface):
         return

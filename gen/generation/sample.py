@@ -346,12 +346,9 @@ def _contact(scene: Scene, heights: Heights, plan: Parameters, row: int) -> bem.
 
 
 def first_surface(scene: Scene) -> Heights | None:
-    """Make a scene's first surface; return None if that leaves the range of numbers.
+    """Make a scene's first surface; None if that leaves the range of numbers.
 
-    Raises
-    ------
-    SourceError
-        If what the surfaces are made of is missing or has changed.
+    A SourceError says that what it is made of is missing or has changed.
     """
     try:
         return surface_of(scene, parameters(scene, 0, 1), 0)
@@ -362,24 +359,9 @@ def first_surface(scene: Scene) -> Heights | None:
 
 
 def first_contact(scene: Scene, rows: int) -> tuple[int, bem.Contact] | None:
-    """Solve the first of a scene's rows that has a solution.
+    """Solve the first of a scene's first rows that has a solution; None if none of them has.
 
-    Parameters
-    ----------
-    scene : Scene
-        Description of the samples.
-    rows : int
-        Number of rows to try.
-
-    Returns
-    -------
-    tuple of int and bem.Contact, or None
-        The row and its contact; None if no row has a solution.
-
-    Raises
-    ------
-    SourceError
-        If what the surfaces are made of is missing or has changed.
+    A SourceError says that what the surfaces are made of is missing or has changed.
     """
     plan = parameters(scene, 0, rows)
     for row in range(rows):

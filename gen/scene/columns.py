@@ -163,13 +163,7 @@ def row_bytes(scene: Scene) -> int:
 
 
 def markdown_table() -> str:
-    """Write the table of columns that stands in `docs/how-to/reading.md`.
-
-    Returns
-    -------
-    str
-        Lines of Markdown: name, unit, meaning and the paper's range of every column.
-    """
+    """Write the table of columns that stands in `docs/how-to/reading.md`, in Markdown."""
     lines = ["| Column | Unit | Meaning | Paper's range |", "|---|---|---|---|"]
     for column in ALL_COLUMNS:
         span = "{:g} to {:g}".format(*column.paper_range) if column.paper_range else ""

@@ -67,19 +67,9 @@ def one_line(message: str) -> str:
 
 
 def first_fault(error: ValidationError, root: type[Table]) -> str:
-    """Describe the first fault of a scene, and say how many more there are.
+    """Describe the first fault of a scene in one line, and say how many more there are.
 
-    Parameters
-    ----------
-    error : ValidationError
-        All faults.
-    root : type of Table
-        The table that the locations of faults begin at.
-
-    Returns
-    -------
-    str
-        One line.
+    Locations of faults begin at the table `root`.
     """
     faults = error.errors(include_url=False)
     # A misspelt key makes another one look missing: the misspelt one is the better news.
