@@ -5,20 +5,24 @@ basis function of length 1 that is not fitted (Appendix A), kernel ridge a linea
 without units need another length: see `learn.comparison.spaces.baseline`.
 """
 
+from __future__ import annotations
+
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gen.runtime.errors import InputError
 from learn.arrays import Indices, Values
-from learn.dataset import Dataset
 from learn.features import chosen
 from learn.metrics import usual_size
+
+if TYPE_CHECKING:
+    from learn.dataset import Dataset
 
 NORMALISATIONS = ("l2", "standard", "min-max", "none")
 """Scalings of the rows: every row to unit length (the paper's), every input to mean 0 and

@@ -86,11 +86,15 @@ class Learnt:
 
     def _predict(self, inputs: Values) -> Values:
         """Predict some rows, kernel ridge without scikit-learn's checks of its training rows."""
-        if self._expansion is None:
+        (_, scaling), (_, estimator) = self.pipeline.steps
+        without_factor = self.has_spread and estimator.L_ is None
+        if self._expansion is None and not without_factor:
             return np.asarray(self.pipeline.predict(inputs), dtype=np.float64).reshape(-1)
-        centres, squares, gamma, weights = self._expansion
-        scaling = self.pipeline.steps[0][1]
         scaled = inputs if scaling == "passthrough" else scaling.transform(inputs)
+        if self._expansion is None:  # scikit-learn 1.7 asks for the factor also for the mean
+            kernel = estimator.kernel_(scaled, estimator.X_train_)
+            return np.asarray(kernel @ estimator.alpha_, dtype=np.float64).reshape(-1)
+        centres, squares, gamma, weights = self._expansion
         distances = squares - 2.0 * (scaled @ centres.T)
         distances += np.einsum("ij,ij->i", scaled, scaled)[:, None]
         np.maximum(distances, 0.0, out=distances)

@@ -125,21 +125,8 @@ class Surrogate:
     def load(cls, path: Path | str) -> Self:
         """Read a surrogate's file; no code that it names is imported or runs.
 
-        Parameters
-        ----------
-        path : Path or str
-            File that `learn fit` or `save` wrote.
-
-        Returns
-        -------
-        Surrogate
-            The surrogate in the file.
-
-        Raises
-        ------
-        InputError
-            If the file is no surrogate, is damaged or of another format, or does not fit the
-            libraries installed here.
+        InputError is raised if the file, that `learn fit` or `save` wrote, is damaged or of another
+        format, or does not fit the libraries installed here.
         """
         return cls(**file.load(Path(path)))
 
@@ -296,11 +283,6 @@ class Surrogate:
         name : str
             Name of the surface in messages.
 
-        Returns
-        -------
-        OnSurface
-            The surrogate with the features of this surface.
-
         Raises
         ------
         InputError
@@ -382,17 +364,12 @@ class Surrogate:
         rows : Rows
             The rows.
         e_star, level : float, optional
-            See `predict`.
+            See `predict`; InputError is raised if E* is not above 0.
         std : bool
             True to add the standard deviations of Gaussian processes.
         reasons : bool
             False to skip the check of training ranges; a prediction that is not finite still has
             a reason.
-
-        Raises
-        ------
-        InputError
-            If `e_star` is not above 0.
         """
         if e_star is not None and not 0 < e_star < np.inf:
             raise InputError(f"E* {e_star:g}: give a modulus above 0 MPa")
@@ -491,12 +468,12 @@ class OnSurface:
         std: bool = False,
         reasons: bool = True,
     ) -> Prediction:
-        """Predict contacts at one or more displacements.
+        """Predict contacts at one or more displacements above 0 [um].
 
         Parameters
         ----------
         delta : ArrayLike
-            One displacement above 0, or n of them [um].
+            One displacement, or n of them [um].
         e_star, hardness : float, optional
             See `Surrogate.predict` [MPa].
         level, std, reasons : float or bool

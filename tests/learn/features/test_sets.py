@@ -79,16 +79,6 @@ def test_what_surrogates_see_has_no_units_either(name, blocks):
         np.testing.assert_allclose(first[:, wanted.columns.index(root)] ** 2, first[:, column])
 
 
-@pytest.mark.parametrize("name", FREE)
-def test_units_other_than_powers_of_two_change_no_more_than_rounding(name):
-    z, deltas = surface(3, 129), np.array([2.0, 11.0, 40.0])
-    micrometres = SurfaceFeatures(z, (1000.0, 1000.0)).features(SETS[name], deltas)
-    millimetres = SurfaceFeatures(z / 1000, (1.0, 1.0)).features(SETS[name], deltas / 1000)
-    other_length = SurfaceFeatures(z, (0.3, 0.3)).features(SETS[name], deltas)
-    np.testing.assert_allclose(millimetres, micrometres, rtol=1e-9)
-    np.testing.assert_allclose(other_length, micrometres, rtol=1e-9)
-
-
 def test_the_papers_features_know_their_units():
     z = surface(3)
     small = SurfaceFeatures(z / 1000, (1.0, 1.0)).features(SETS["paper"], np.array([0.01]))

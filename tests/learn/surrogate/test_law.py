@@ -46,13 +46,6 @@ def test_surfaces_without_asperities_are_left_out_of_a_population(work, capsys):
     assert Path("law.csv").read_text() == mixed
 
 
-def test_one_name_is_enough_for_all_files_of_a_law(work):
-    ask = ["many/s0.npy", "--side", "1000", "--solver", "--pressure", "1,2,5", *STEEL, "-o", "all"]
-    run("law", *ask)
-    names = {path.name for path in Path().glob("all*")}
-    assert names == {"all.csv", "all.json", "all.h", "all-calculix.inp", "all-abaqus.inp"}
-
-
 def test_the_solver_solves_at_the_pressures_asked_for(work, capsys):
     """Not on a grid of Delta, between which it would interpolate; a surrogate is not needed."""
     contacts = solved_by_gen("many/s0.npy", *LOADS)
@@ -75,29 +68,6 @@ def test_the_solver_solves_at_the_pressures_asked_for(work, capsys):
         assert f"{float(found[1]['delta_um']):.4g}" in said, "the pressures asked for are printed"
         assert "warning: from Delta" in said
         assert "real metals and polymers would have yielded" in said
-
-
-def test_a_solved_population_has_bands_at_given_delta_and_pressure(work):
-    files = [f"many/s{seed}.npy" for seed in range(3)]
-    run("law", "many", "--side", "1000", "--solver", *LOADS, *STEEL, "--csv", "law.csv", *FREE)
-    contacts = [solved_by_gen(file, *LOADS) for file in files]
-    found = rows_of("law.csv", "pressure_MPa")
-    for name in COLUMNS:
-        every = np.array([column(each, name) for each in contacts])
-        np.testing.assert_allclose(column(found, name), every.mean(axis=0), rtol=1e-6)
-        for end, share in (("low", 0.05), ("high", 0.95)):
-            ends = column(found, f"{name}_{end}")
-            np.testing.assert_allclose(ends, np.quantile(every, share, axis=0), rtol=1e-6)
-        assert (column(found, f"{name}_low") < column(found, f"{name}_high")).all()
-    over_delta = rows_of("law.csv", "delta_um")[1:]
-    np.testing.assert_allclose(column(over_delta, "delta_um"), column(found, "delta_um"))
-    deltas = ",".join(row["delta_um"] for row in over_delta)
-    contacts = [solved_by_gen(file, "--delta", deltas) for file in files]
-    for name in ("area_percent", "force_uN", "mean_gap_um", "pressure_MPa"):
-        every = np.array([column(each, name) for each in contacts])
-        np.testing.assert_allclose(column(over_delta, name), every.mean(axis=0), rtol=1e-6)
-        ends = column(over_delta, f"{name}_high")
-        np.testing.assert_allclose(ends, np.quantile(every, 0.95, axis=0), rtol=1e-6)
 
 
 SCENE = """
@@ -178,29 +148,6 @@ boundary = "mirror"
 [delta]
 pieces = [{ share = 1.0, range = [0.5, 3.0] }]
 """
-
-
-def test_a_law_of_solved_surfaces_is_that_of_pieces_between_their_mirror_images(work):
-    """The mean gap falls by Delta, and the table ends below full contact."""
-    np.save("cells.npy", np.load("many/s0.npy")[:-1, :-1])
-    ask = ["cells.npy", "--side", "1000", "--solver"]
-    run("law", *ask, "--pressure", "0.001,0.01,1", "--csv", "law.csv", "--header", "law.h")
-    assert "patches without edges: mirror boundary" in Path("law.h").read_text()
-    contacts = list(
-        bem.ladder(np.load("cells.npy"), 1000.0, pressures=[0.001, 0.01, 1.0], boundary="mirror")
-    )
-    assert contacts.pop().area_percent == 100
-    found = rows_of("law.csv", "pressure_MPa")
-    assert {row["boundary"] for row in found} == {"mirror"}
-    for name, values in (
-        ("delta_um", [each.delta for each in contacts]),
-        ("area_percent", [each.area_percent for each in contacts]),
-    ):
-        np.testing.assert_allclose(column(found, name), values, rtol=1e-6)
-    rest = np.ptp(np.load("cells.npy")) - np.load("cells.npy").mean()
-    closure = column(found, "mean_gap_um") + column(found, "delta_um")
-    np.testing.assert_allclose(closure, rest, rtol=1e-6)
-    assert len(found) == 2
 
 
 def test_a_population_without_edges_has_a_law(work, mirrored):
@@ -370,29 +317,6 @@ def test_laws_of_scenes_databases_and_given_pressures(work, capsys):
     np.testing.assert_allclose(column(rows, "pressure_MPa"), np.linspace(0, 0.005, 6))
     run(*ask, "--pressure", "9", ends=2)
     assert "give a larger --delta" in capsys.readouterr().err
-
-
-def test_a_solved_law_takes_a_hardness(work, capsys):
-    """As `gen contact` does; the hardness stands in the title, the table and the header."""
-    load = ["--delta", "5,20", *FREE, "--e-star", "1", "--hardness", "0.01"]
-    ask = ["many/s0.npy", "--side", "1000", "--solver", *load]
-    capsys.readouterr()
-    run("law", *ask, "--csv", "law.csv", "--header", "law.h")
-    said = " ".join(capsys.readouterr().out.split())
-    assert "E* = 1 MPa, hardness = 0.01 MPa" in said
-    arguments = ["contact", "many/s0.npy", "--side", "1000", *load, "--csv", "gen.csv"]
-    assert gen_cli.main(arguments) == 0
-    contacts, found = rows_of("gen.csv"), rows_of("law.csv", "delta_um")[1:]
-    for name in ("area_percent", "force_uN", "mean_gap_um"):
-        np.testing.assert_allclose(column(found, name), column(contacts, name), rtol=1e-6)
-    assert set(column(found, "hardness_MPa")) == {0.01}
-    assert "hardness 0.01" in Path("law.h").read_text()
-    run("law", "many/s0.npy", "--side", "1000", "--solver", *load[:-2], "--csv", "elastic.csv")
-    elastic = rows_of("elastic.csv", "delta_um")[1:]
-    assert (column(found, "area_percent") > column(elastic, "area_percent")).all()
-    assert "hardness_MPa" not in elastic[0]
-    run("law", *ask[: -len(load)], "--pressure", "0.02", *load[2:], ends=2)
-    assert "0.01" in capsys.readouterr().err, "no pressure is above the hardness"
 
 
 def test_a_predicted_law_of_bodies_that_yield_is_near_the_solved_one(yielding, work, capsys):

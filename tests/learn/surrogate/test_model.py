@@ -71,14 +71,13 @@ def test_every_model_fits_saves_loads_and_predicts_the_same(
     assert scores["r2"] > (60 if model == "decision-tree" else 80)  # 58 rows trained it
 
 
-@pytest.mark.parametrize("features", ["paper", "dimensionless"])
-def test_what_it_predicts_are_the_rows_of_its_test(solved, features):
+def test_what_it_predicts_are_the_rows_of_its_test(solved):
     from gen.database import Reader
     from gen.generation.plan import parameters
     from gen.generation.sample import surface_of
     from learn import dataset, metrics
 
-    surrogate = fitted(solved, features=features)
+    surrogate = fitted(solved)
     rows = dataset.read(solved, "force")
     test = split.draw(rows).test
     with Reader(solved) as reader:
