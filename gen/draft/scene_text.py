@@ -23,6 +23,7 @@ from gen.draft.proposal import (
 )
 from gen.draft.survey import FORM, MapSurvey, remarks
 from gen.generators.scans import MOST_PATTERNS
+from gen.maps.read import in_words
 from gen.runtime.errors import InputError
 from gen.runtime.files import atomic
 from gen.runtime.terminal import to_type
@@ -160,7 +161,7 @@ def _windows(proposal: Proposal) -> Iterator[Key]:
     yield Key(said + _width(side, proposal.length), "nodes", str(nodes))
     if proposal.spacing is None:
         yield Key(
-            f"All maps have a node every {_spacing(proposal.used[0])} um, and keep it."
+            f"All maps have a node every {in_words(proposal.used[0].spacing)} um, and keep it."
             " With the key spacing they would be resampled to another one."
         )
         return
@@ -325,12 +326,6 @@ def contact_keys(material: Material, boundary: str) -> Iterator[Key]:
             "hardness",
             number(material.hardness),
         )
-
-
-def _spacing(look: MapSurvey) -> str:
-    """Write the spacing of a map, once if it is the same along both axes."""
-    x, y = (f"{step:.6g}" for step in look.spacing)
-    return x if x == y else f"{x} x {y}"
 
 
 def _names(names: list[str], most: int = 3) -> str:

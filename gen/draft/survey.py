@@ -18,7 +18,7 @@ from gen.maps.doubts import FLAT, STEEP, tilt
 from gen.maps.files import digest
 from gen.maps.filters import scaled_distances
 from gen.maps.prepare import MANY_SPIKES, MOST_HOLES, prepare, resampled
-from gen.maps.read import Sides, Topography, read
+from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import print_table
@@ -344,12 +344,11 @@ def _cells(look: MapSurvey) -> list[str]:
     use = f"no: {look.fault}" if look.fault else "; ".join(["yes", *remarks(look)])
     if not look.shape[0]:
         return [look.path.name, *["-"] * (len(TITLES) - 2), use]
-    dx, dy = (f"{step:.4g}" for step in look.spacing)
     texture = look.texture
     return [
         look.path.name,
         f"{look.shape[0]} x {look.shape[1]}",
-        dx if dx == dy else f"{dx} x {dy}",
+        in_words(look.spacing, 4),
         look.unit or "um?",
         f"{100 * look.holes:.2g}",
         "-" if look.spikes is None else str(look.spikes.number),

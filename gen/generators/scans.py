@@ -310,14 +310,15 @@ class ScanSurface(GeneratedSurface):
 
     def remarks(self) -> list[str]:
         """Return lines about the maps for the user of a run: numbers, place and warnings."""
+        from gen.maps.read import in_words
+
         if isinstance(self.against, tuple):
             both = enumerate((self.alone(), self.opposite()), start=1)
             return [_of_body(number, line) for number, body in both for line in body.remarks()]
         alone = self.alone()
-        maps, (dx, dy) = _OPEN[alone], self.known().spacing
-        step = f"{dx:g} um" if dx == dy else f"{dx:g} x {dy:g} um"
+        maps, step = _OPEN[alone], in_words(self.known().spacing)
         tiles = self._tiling().total
-        size = f"{len(maps.maps)} maps with a node every {step}, {tiles} tiles"
+        size = f"{len(maps.maps)} maps with a node every {step} um, {tiles} tiles"
         lines = [f"{size}; they are kept prepared in {maps.file}"]
         for each, prepared in zip(self.known().maps, maps.maps, strict=True):
             lines += [f"warning: {Path(each.file).name}: {remark}" for remark in prepared.remarks]

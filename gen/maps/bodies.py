@@ -20,7 +20,7 @@ import numpy as np
 from gen.arrays import Heights, Values
 from gen.maps.prepare import prepare, require_useful_heights
 from gen.maps.read import Sides, Topography, intervals, read
-from gen.maps.settings import Reading
+from gen.maps.settings import Reading, numbers_in
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
 
@@ -71,10 +71,7 @@ class Placement:
             raise InputError(f"--turned {shown(turned)}: give one of {', '.join(TURNS)}")
         if not shift:
             return cls(turned)
-        try:
-            distances = [float(part) for part in shift.split(",")]
-        except ValueError:
-            distances = []
+        distances = numbers_in(shift)
         if len(distances) != 2 or not all(map(math.isfinite, distances)):
             raise InputError(f"--shift {shown(shift)}: give the distances along x and y in um: 5,0")
         return cls(turned, (distances[0], distances[1]))

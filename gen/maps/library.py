@@ -24,7 +24,7 @@ import numpy as np
 
 from gen.arrays import Heights
 from gen.maps.prepare import is_same, prepare, resampled
-from gen.maps.read import Topography, read
+from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import Reading
 from gen.maps.windows import Shape
 from gen.runtime.errors import InputError
@@ -33,8 +33,6 @@ from gen.runtime.installation import versions
 
 READER = 2
 """Number of this way to read and prepare: raised whenever the code gives other heights."""
-
-Spacing = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -46,14 +44,14 @@ class Wanted:
     window : tuple of int
         Nodes of a window along x and y, which every map has to hold.
     spacing : tuple of float, optional
-        Spacing along x and y to resample the maps to [um]; None takes that of the first map, which
+        Sides along x and y to resample the maps to [um]; None takes that of the first map, which
         the others have to share.
     reading : Reading
         How the files are read and prepared.
     """
 
     window: Shape
-    spacing: Spacing | None = None
+    spacing: Sides | None = None
     reading: Reading = field(default_factory=Reading)
 
     def key(self, sha256s: Sequence[str]) -> str:
@@ -86,7 +84,7 @@ class Library:
     """
 
     maps: tuple[PreparedMap, ...]
-    spacing: Spacing
+    spacing: Sides
     file: Path
 
     @property
@@ -183,7 +181,7 @@ def _file(folder: Path, key: str) -> Path:
     return folder / f"asperity-{key[:16]}.maps"
 
 
-def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, Spacing]]:
+def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, Sides]]:
     """Read and prepare one map after the other; all have the spacing of the first."""
     spacing, first = wanted.spacing, None
     for path in paths:
@@ -194,8 +192,8 @@ def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, 
             spacing, first = _square(topography.spacing), path
         elif not all(map(is_same, topography.spacing, spacing)):
             raise InputError(
-                f"{path} has a node every {_words(topography.spacing)} um, {first} every"
-                f" {_words(spacing)} um: give spacing, to which all are resampled, or downsample"
+                f"{path} has a node every {in_words(topography.spacing)} um, {first} every"
+                f" {in_words(spacing)} um: give spacing, to which all are resampled, or downsample"
             )
         _require_window(path, topography.heights.shape, wanted.window)
         yield PreparedMap(topography.heights, topography.warnings), _square(spacing or (1.0, 1.0))
@@ -210,7 +208,7 @@ def _read(path: Path, wanted: Wanted) -> Topography:
         raise InputError(text if str(path) in text else f"{path}: {text}") from None
 
 
-def _square(spacing: Spacing) -> Spacing:
+def _square(spacing: Sides) -> Sides:
     """Round two spacings to 12 digits, and make them equal if they nearly are."""
     x, y = (float(f"{step:.12g}") for step in spacing)
     return (x, x) if is_same(x, y) else (x, y)
@@ -224,12 +222,6 @@ def _require_window(path: Path, shape: tuple[int, ...], window: Shape) -> None:
             f"{path}: has {nx} x {ny} nodes after its preparation, less than the window of"
             f" {wx} x {wy}: give fewer nodes, or leave the map out"
         )
-
-
-def _words(spacing: Spacing) -> str:
-    """Write two spacings, one if they are the same."""
-    x, y = (f"{step:.6g}" for step in spacing)
-    return x if x == y else f"{x} x {y}"
 
 
 def _is_writable(folder: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -11,10 +12,16 @@ from gen.arrays import Heights
 from gen.maps import filters
 from gen.maps.doubts import advised, tilt, with_level_warning, with_tilt_warning
 from gen.maps.filters import filled_harmonically, least_squares, plane, quadratic, without_spikes
-from gen.maps.read import Sides, Topography, intervals
-from gen.maps.settings import Reading
+from gen.maps.read import Topography, in_words, intervals
+from gen.maps.settings import Reading, keys, numbers_in
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import MAGNITUDES
+
+ROUNDING = 1e-9
+"""Relative difference of lengths that are taken for the same."""
+
+MANY_SPIKES = 0.01
+"""Share of nodes above which those taken out as spikes are probably part of the surface."""
 
 MANY_HOLES = 0.1
 """Share of missing heights above which filling them deserves a warning."""
@@ -26,7 +33,7 @@ MOST_HOLES = 0.5
 def prepare(topography: Topography, settings: Reading) -> Topography:
     """Crop, invert, mask, despike, level, fill, filter and downsample a map, in this order.
 
-    The order is a metrologist's. Heights out of range are no part of any median, so the mask comes
+    Heights out of range are no part of any median, so the mask comes
     before the spikes. Spikes would bend a fit, and stand at the rims of holes, which are filled
     from there. The level or form is fitted to measured nodes only. A filter needs all nodes, and
     no slope that its weights would cut off at the borders. Means come last, when the S-filter has
@@ -56,77 +63,35 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     topography = replace(topography, followed=followed, asked=settings.asked)
     if settings.despike or settings.form or settings.filter or settings.downsample:
         require_useful_heights(topography)
-    topography = _with_measured_nodes(topography, settings)
+    for key in keys("preparation"):
+        if key == "filter":
+            _require_all_heights(topography)
+        if getattr(settings, key):
+            topography = STEPS[key](topography, settings)
+    return with_tilt_warning(topography)
+
+
+def _require_all_heights(topography: Topography) -> None:
+    """Refuse holes, which the steps from here on cannot take."""
     if topography.missing:
         fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
         remedies = ("fill", "closes holes"), ("crop", "leaves them out")
         raise InputError(f"{topography.name}: {advised(topography, fault, *remedies)}")
-    short, long = settings.cutoffs()
-    if short is not None or long is not None:
-        topography = filtered(topography, short, long)
-    if settings.downsample is not None:
-        topography = downsampled(topography, settings.downsample)
-    return with_tilt_warning(topography)
 
 
-def _with_measured_nodes(topography: Topography, settings: Reading) -> Topography:
-    """Take the steps for which measured nodes are enough, up to the filling of the others."""
-    if settings.crop:
-        topography = cropped(topography, settings.crop)
-    if settings.invert:
-        topography = changed(topography, -topography.heights, "turned upside down")
-    kept = settings.kept_heights()
-    if kept is not None:
-        topography = masked(topography, kept)
-    if settings.despike is not None:
-        topography = despiked(topography, settings.despike)
-    sloping = topography
-    if settings.level:
-        topography = _levelled(topography, settings.level)
-    if settings.form is not None:
-        topography = without_form(topography, settings.form)
-    topography = with_level_warning(sloping, topography)
-    if (settings.fill or settings.fill_most) and topography.missing:
-        topography = _filled(topography, insisted=settings.fill_most)
-    return topography
-
-
-def _filled(topography: Topography, *, insisted: bool) -> Topography:
-    """Fill holes; warn of many, and refuse more holes than heights unless the user insists."""
-    missing, size = topography.missing, topography.heights.size
-    share = f"{100 * missing / size:.3g} %"
-    if missing > MOST_HOLES * size and not insisted:
-        raise InputError(
-            f"{topography.name}: {missing} of {size} heights are missing ({share}):"
-            f" {topography.said('fill')} would make up more than was measured; crop, measure again,"
-            f" or insist by {topography.said('fill_most')}"
-        )
-    periodic = topography.boundary == "periodic"
-    heights = filled_harmonically(topography.heights, topography.spacing, periodic=periodic)
-    filled = changed(topography, heights, f"filled {missing} nodes ({share}) harmonically")
-    if missing <= MANY_HOLES * size:
-        return filled
-    warning = f"{share} of the heights were missing and are filled: filled parts are too smooth"
-    return replace(filled, warnings=(*filled.warnings, warning))
-
-
-def _levelled(topography: Topography, level: str) -> Topography:
-    """Subtract a least-squares fit of the measured nodes."""
-    heights = topography.heights
-    if level == "mean":
-        mean = float(np.nanmean(heights))
-        return changed(topography, heights - mean, f"levelled by the mean, {mean:.6g} um")
-    slopes = tilt(topography)
-    fit, _ = least_squares(heights, plane if level == "plane" else quadratic)
-    was = f"tilt was {slopes[0]:.4g} along x, {slopes[1]:.4g} along y"
-    return changed(topography, heights - fit, f"levelled by a {level} ({was})")
-
-
-ROUNDING = 1e-9
-"""Relative difference of lengths that are taken for the same."""
-
-MANY_SPIKES = 0.01
-"""Share of nodes above which those taken out as spikes are probably part of the surface."""
+STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {
+    "crop": lambda given, how: cropped(given, how.crop),
+    "invert": lambda given, _: changed(given, -given.heights, "turned upside down"),
+    "mask": lambda given, how: masked(given, how.kept_heights()),
+    "despike": lambda given, how: despiked(given, how.despike),
+    "level": lambda given, how: with_level_warning(given, levelled(given, how.level)),
+    "form": lambda given, how: with_level_warning(given, without_form(given, how.form)),
+    "fill": lambda given, how: filled(given, insisted=how.fill_most),
+    "fill_most": lambda given, how: filled(given, insisted=how.fill_most),
+    "filter": lambda given, how: filtered(given, *how.cutoffs()),
+    "downsample": lambda given, how: downsampled(given, how.downsample),
+}
+"""What each key of the preparation does, if it is given."""
 
 
 def changed(topography: Topography, heights: Heights, step: str) -> Topography:
@@ -144,10 +109,7 @@ def require_useful_heights(topography: Topography) -> None:
 def cropped(topography: Topography, text: str) -> Topography:
     """Cut out the nodes within "x0:x1,y0:y1" [um]."""
     named = topography.said("crop")
-    try:
-        limits = [[float(end) for end in part.split(":")] for part in text.split(",")]
-    except ValueError:
-        limits = []
+    limits = [numbers_in(part, ":") for part in text.split(",")]
     if len(limits) != 2 or any(len(ends) != 2 for ends in limits):
         raise InputError(f"{named} {text!r}: give x0:x1,y0:y1 in um, as 100:900,0:500")
     parts, sides = [], []
@@ -214,6 +176,39 @@ def without_form(topography: Topography, degree: int) -> Topography:
     span = f"{np.ptp(fit[~np.isnan(heights)]):.4g} um"
     step = f"form taken out: a polynomial of degree {degree}, which spans {span}"
     return changed(topography, heights - fit, step)
+
+
+def levelled(topography: Topography, level: str) -> Topography:
+    """Subtract a least-squares fit of the measured nodes."""
+    heights = topography.heights
+    if level == "mean":
+        mean = float(np.nanmean(heights))
+        return changed(topography, heights - mean, f"levelled by the mean, {mean:.6g} um")
+    slopes = tilt(topography)
+    fit, _ = least_squares(heights, plane if level == "plane" else quadratic)
+    was = f"tilt was {slopes[0]:.4g} along x, {slopes[1]:.4g} along y"
+    return changed(topography, heights - fit, f"levelled by a {level} ({was})")
+
+
+def filled(topography: Topography, *, insisted: bool) -> Topography:
+    """Fill holes, if any; warn of many, and refuse more than heights unless the user insists."""
+    missing, size = topography.missing, topography.heights.size
+    if not missing:
+        return topography
+    share = f"{100 * missing / size:.3g} %"
+    if missing > MOST_HOLES * size and not insisted:
+        raise InputError(
+            f"{topography.name}: {missing} of {size} heights are missing ({share}):"
+            f" {topography.said('fill')} would make up more than was measured; crop, measure again,"
+            f" or insist by {topography.said('fill_most')}"
+        )
+    periodic = topography.boundary == "periodic"
+    heights = filled_harmonically(topography.heights, topography.spacing, periodic=periodic)
+    whole = changed(topography, heights, f"filled {missing} nodes ({share}) harmonically")
+    if missing <= MANY_HOLES * size:
+        return whole
+    warning = f"{share} of the heights were missing and are filled: filled parts are too smooth"
+    return replace(whole, warnings=(*whole.warnings, warning))
 
 
 def filtered(topography: Topography, short: float | None, long: float | None) -> Topography:
@@ -307,8 +302,8 @@ def resampled(topography: Topography, spacing: tuple[float, float]) -> Topograph
     nx, ny = heights.shape
     if min(nx, ny) < 2:
         raise InputError(
-            f"{topography.name}: a spacing of {_words(spacing)} leaves {nx} x {ny} nodes, give one"
-            " that leaves 2 x 2 or more"
+            f"{topography.name}: a spacing of {in_words(spacing)} um leaves {nx} x {ny} nodes,"
+            " give one that leaves 2 x 2 or more"
         )
     sides = tuple(
         intervals(nodes, topography.boundary) * step
@@ -316,7 +311,10 @@ def resampled(topography: Topography, spacing: tuple[float, float]) -> Topograph
     )
     steps = topography.steps
     if heights is not topography.heights:
-        steps = (*steps, f"resampled to {nx} x {ny} nodes every {_words(spacing)} by cubic splines")
+        steps = (
+            *steps,
+            f"resampled to {nx} x {ny} nodes every {in_words(spacing)} um by cubic splines",
+        )
     return replace(topography, heights=heights, sides=(sides[0], sides[1]), steps=steps)
 
 
@@ -338,9 +336,3 @@ def _along(topography: Topography, heights: Heights, axis: int, new: float) -> H
         edges = np.minimum(new * np.arange(int(length) + 1), (nodes - 1) * old)
         values = np.diff(spline.antiderivative()(edges), axis=axis) / new
     return np.ascontiguousarray(values)
-
-
-def _words(spacing: Sides) -> str:
-    """Write two spacings as one if they are equal."""
-    x, y = spacing
-    return f"{x:g} um" if x == y else f"{x:g} x {y:g} um"

@@ -17,7 +17,7 @@ import numpy as np
 from gen.arrays import Heights
 from gen.maps import instruments, text
 from gen.maps.scan import Channel, Scan, arranged, choice_in_words, choose_channel
-from gen.maps.settings import Asked, Reading, said
+from gen.maps.settings import Asked, Reading, numbers_in, said
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import magnitude
 
@@ -102,6 +102,12 @@ def intervals(nodes: int, boundary: Boundary) -> int:
     The rule is that of `bem.spacing.node_spacing`, without loading the solver.
     """
     return nodes - 1 if boundary == "free" else nodes
+
+
+def in_words(spacing: Sides, digits: int = 6) -> str:
+    """Write two spacings to some digits, once if they are the same."""
+    x, y = (f"{step:.{digits}g}" for step in spacing)
+    return x if x == y else f"{x} x {y}"
 
 
 def read(
@@ -216,10 +222,7 @@ def sides_from(text: str, asked: Asked = "option") -> Sides:
     InputError
         If the text is anything else, or a length is not above 0.
     """
-    try:
-        lengths = [float(part) for part in text.split(",")]
-    except ValueError:
-        lengths = []
+    lengths = numbers_in(text)
     if len(lengths) not in {1, 2} or not all(map(magnitude, lengths)):
         raise InputError(
             f"{said('side', asked)} {text!r}: give the scan length in um, a number above 0, or two"

@@ -29,6 +29,14 @@ HIGHEST_DEGREE = 20
 LEVELS = ("mean", "plane", "quadratic")
 
 
+ORDER = (
+    *("crop", "invert", "mask", "despike", "level", "form", "fill", "fill_most", "filter"),
+    "downsample",
+)
+"""Keys of the preparation in the order in which their steps are taken, which is a metrologist's;
+that of the fields of `Reading` is the order of the options."""
+
+
 def said(phrase: str, asked: Asked) -> str:
     """Write a key, alone or with its value, in the words of who asks.
 
@@ -41,6 +49,14 @@ def said(phrase: str, asked: Asked) -> str:
     """
     name, blank, value = phrase.partition(" ")
     return f"--{name.replace('_', '-')}{blank}{value}" if asked == "option" else phrase
+
+
+def numbers_in(text: str, separator: str = ",") -> list[float]:
+    """Return the numbers of a text; none if one of its parts is no number."""
+    try:
+        return [float(part) for part in text.split(separator)]
+    except ValueError:
+        return []
 
 
 class Key(NamedTuple):
@@ -170,6 +186,32 @@ class Reading(FileReading):
     """
 
     override_scale: Annotated[bool, Key("Let --side and --unit overrule the file's own.")] = False
+    fill: Annotated[
+        bool,
+        _step(
+            "Close holes by Laplace's equation.",
+            "",
+            "true or false",
+            "",
+            "Fill holes by Laplace's equation between the heights of their rims. Holes at the"
+            " border of a periodic map are filled across the border.",
+        ),
+    ] = False
+    fill_most: Annotated[
+        bool,
+        _step("Fill even if more than half is missing.", "", "true or false", "", ""),
+    ] = False
+    level: Annotated[
+        str,
+        _step(
+            "Subtract the mean, plane or quadratic fit.",
+            "HOW",
+            "'mean', 'plane' or 'quadratic'",
+            "mean`, `plane` or `quadratic",
+            "Subtract this least-squares fit over the measured nodes.",
+            choices=LEVELS,
+        ),
+    ] = ""
     crop: Annotated[
         str,
         _step(
@@ -211,17 +253,6 @@ class Reading(FileReading):
             " times the robust scatter of these distances. A slope is no spike.",
         ),
     ] = None
-    level: Annotated[
-        str,
-        _step(
-            "Subtract the mean, plane or quadratic fit.",
-            "HOW",
-            "'mean', 'plane' or 'quadratic'",
-            "mean`, `plane` or `quadratic",
-            "Subtract this least-squares fit over the measured nodes.",
-            choices=LEVELS,
-        ),
-    ] = ""
     form: Annotated[
         int | None,
         _step(
@@ -233,21 +264,6 @@ class Reading(FileReading):
             least=1,
         ),
     ] = None
-    fill: Annotated[
-        bool,
-        _step(
-            "Close holes by Laplace's equation.",
-            "",
-            "true or false",
-            "",
-            "Fill holes by Laplace's equation between the heights of their rims. Holes at the"
-            " border of a periodic map are filled across the border.",
-        ),
-    ] = False
-    fill_most: Annotated[
-        bool,
-        _step("Fill even if more than half is missing.", "", "true or false", "", ""),
-    ] = False
     filter: Annotated[
         str,
         _step(
@@ -340,17 +356,15 @@ class Reading(FileReading):
         text = getattr(self, key)
         if not text:
             return None
-        try:
-            ends = [float(part) if part.strip() else None for part in text.split(":")]
-        except ValueError:
-            ends = []
-        given = [end for end in ends if end is not None]
-        if len(ends) != 2 or not given or not all(map(math.isfinite, given)):
+        parts = [part.strip() for part in text.split(":")]
+        given = numbers_in(":".join(filter(None, parts)), ":")
+        if len(parts) != 2 or not given or not all(map(math.isfinite, given)):
             raise InputError(f"{self.said(key)} {shown(text)}: {advice}")
         if len(given) == 2 and given[0] >= given[1]:
             named = f"{self.said(key)} {shown(text)}"
             raise InputError(f"{named}: the first number is below the second; {advice}")
-        return ends[0], ends[1]
+        low, high = (float(part) if part else None for part in parts)
+        return low, high
 
     def of(self, table: str) -> dict[str, Any]:
         """Return the values of the keys of a table of scenes."""
@@ -366,7 +380,8 @@ def keys(table: str) -> dict[str, Key]:
         Name of the table.
     """
     found = {name: kind.__metadata__[0] for name, kind in _annotations().items()}
-    return {name: key for name, key in found.items() if key.table == table}
+    names = ORDER if table == "preparation" else found
+    return {name: found[name] for name in names if found[name].table == table}
 
 
 @cache
