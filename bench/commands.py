@@ -62,10 +62,10 @@ def run(
 ) -> int:
     """Make all reports, or those named, and one page of them: DIR/index.html, without network.
 
-    Every part runs in turn as a command of its own, in DIR/PART, and stays where the same command
-    has made it from the same inputs, with the same code and packages: after Ctrl-C the same
-    command goes on. A short run leaves alone what a full one has made. Exit code 1 if a check
-    failed or a part could not be made.
+    Every part runs as a command of its own, in DIR/PART, two at a time but those that measure
+    times, which run alone. A part stays where the same command has made it from the same inputs,
+    with the same code and packages: after Ctrl-C the same command goes on. A short run leaves alone
+    what a full one has made. Exit code 1 if a check failed or a part could not be made.
     """
     from bench import run as running
     from bench.record import Inputs

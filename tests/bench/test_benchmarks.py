@@ -12,6 +12,8 @@ from bench.benchmarks import contents
 from bench.contents import Absent, Table, Words
 from gen.runtime.errors import InputError
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).resolve().parents[2]
 
 

@@ -73,27 +73,6 @@ def test_a_kind_has_its_lay_and_its_skewness(made):
     assert low < skewness(heights) < high
 
 
-@pytest.mark.parametrize("made", [made for made in MAPS if made.kind == "turned"], ids=str)
-def test_turned_surfaces_repeat_with_the_feed(made):
-    profile = surface(made)[:, 0]
-    power = np.abs(np.fft.rfft(profile - profile.mean())) ** 2
-    wavelength = made.shape[0] * made.spacing[0] / int(np.argmax(power))
-    assert wavelength == pytest.approx(made.length, rel=0.15)
-
-
-@pytest.mark.parametrize("made", [made for made in MAPS if made.kind == "honed"], ids=str)
-def test_grooves_of_honed_surfaces_cross(made):
-    """Directions of the steepest slopes lie on both sides of y = 0, in two narrow fans."""
-    slope_x, slope_y = np.gradient(surface(made), *made.spacing)
-    steep = np.hypot(slope_x, slope_y)
-    chosen = steep > np.quantile(steep, 0.8)
-    angle = np.degrees(np.arctan(slope_y[chosen] / slope_x[chosen]))
-    for sign in (1, -1):
-        fan = np.mean((sign * angle > 20) & (sign * angle < 45))
-        assert fan > 0.3  # 0.14 without a lay
-    assert np.mean(np.abs(angle) > 60) < 0.1
-
-
 @by_map
 def test_faults_are_those_asked_for(made):
     clean, heights = surface(made), measured(made)

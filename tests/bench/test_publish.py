@@ -84,14 +84,6 @@ def test_several_states_of_the_code_are_refused_unless_they_are_asked_for(made: 
     published(made, [ONE, PICTURED])  # all of one state again
 
 
-def test_what_is_in_the_results_already_counts_too(made: Path) -> None:
-    published(made, [PICTURED])
-    record = made / "one" / "one.part.json"
-    record.write_text(json.dumps(json.loads(record.read_text()) | {"state": "b" * 64}))
-    with pytest.raises(InputError, match="several states"):
-        published(made, [ONE])
-
-
 def test_too_much_is_refused_before_anything_is_written(
     made: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

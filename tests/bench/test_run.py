@@ -6,18 +6,18 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from page_parts import WRITE, inputs, long_part, makes, part, record, shows_made, written
+from page_parts import WRITE, inputs, makes, part, record, shows_made, written
 
 from bench import run as running
 from bench.__main__ import main
 from bench.circumstances import circumstances, code_state
 from bench.page import write_page
-from bench.record import Inputs
 from bench.report import PARTS, Part
-from bench.run import Outcome, planned, seconds, told
+from bench.run import Outcome, seconds
 from gen.runtime.errors import InputError
 from gen.runtime.lock import lock_folder
 
@@ -46,14 +46,6 @@ def test_a_part_that_fails_is_named_and_does_not_stop_the_others(
     page = write_page([failing], inputs(tmp_path)).read_text(encoding="utf-8")
     assert "Missing option" in page
     assert makes(tmp_path, [failing]).failed == ("one",)  # tried again, not taken as made
-
-
-def test_only_parts_of_the_run_are_made(tmp_path: Path) -> None:
-    parts = [part("one", WRITE), long_part("two", WRITE)]
-    makes(tmp_path, parts)
-    assert not (tmp_path / "two").exists()
-    makes(tmp_path, parts, full=True)
-    assert (tmp_path / "two" / "made.txt").exists()
 
 
 def failing_check(name: str, *, judges: bool, crashes: bool = False) -> Part:
@@ -141,10 +133,11 @@ def test_a_part_that_does_not_heed_a_signal_is_killed(
     )
     monkeypatch.setattr(running, "PATIENCE", 0.5)
     began = time.monotonic()
-    outcome = makes(tmp_path, [part("deaf", str(deaf)), part("two", WRITE)])
+    parts = [part("deaf", str(deaf)), part("two", WRITE), part("three", WRITE)]
+    outcome = makes(tmp_path, parts)
     assert outcome.signal == signal.SIGINT
     assert time.monotonic() < began + 30
-    assert not (tmp_path / "two").exists()
+    assert not (tmp_path / "three").exists()
 
 
 def test_commands_make_and_rewrite_a_page(
@@ -168,7 +161,7 @@ def test_commands_make_and_rewrite_a_page(
     ("arguments", "message"),
     [
         (["run", "nothing", "-o", "here"], "nothing: give one of solver, peers"),
-        (["run", "threads", "-o", "here"], "threads: takes long, and needs --full"),
+        (["run", "speedup", "-o", "here"], "speedup: takes long, and needs --full"),
         (["run", "scale", "-o", "here"], "scale: left with commit d9d1fb3"),
         (["run", "-o", "here", "--comparison", "nowhere"], "--comparison nowhere: give a folder"),
         (["run", "-o", "file"], "file is a file: give a folder"),
@@ -301,21 +294,6 @@ def test_times_are_those_of_the_same_command_here_else_of_what_is_published(
     assert seconds(one, full) == 600
 
 
-def test_what_is_there_takes_no_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    one, two = part("one", WRITE), part("two", WRITE)
-    makes(tmp_path, [one])
-    monkeypatch.setattr(running, "PARTS", (one, two))
-    lines = planned(Inputs(tmp_path, None, None, full=False)).splitlines()
-    assert lines[0].split()[:3] == ["one", "is", "there"]
-    assert lines[-1] == "1 parts to make: 0 s by earlier records and 1 of an unknown time"
-    assert [told(each) for each in (None, 99.4, 100, 7200)] == [
-        "not known",
-        "99 s",
-        "2 min",
-        "120 min",
-    ]
-
-
 def test_the_times_of_all_parts_of_a_short_run_are_known(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -327,9 +305,12 @@ def test_the_times_of_all_parts_of_a_short_run_are_known(
     assert f"{len(short)} parts to make: " in said
 
 
-def test_command_plans_and_makes_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    assert main(["run", "--full", "-o", str(tmp_path / "report"), "--plan"]) == 0
-    said = capfd.readouterr().out
-    assert "coverage " in said
-    assert "parts to make: " in said
-    assert not (tmp_path / "report").exists()
+def test_parts_run_together_unless_they_measure_times_or_need_each_other(tmp_path: Path) -> None:
+    one, two, three = (part(name, WRITE) for name in ("one", "two", "three"))
+    timed = replace(part("timed", WRITE), alone=True)
+    reading = part("reading", WRITE + "#{cost}")
+    cost = part("cost", WRITE)
+    together = running._batches([one, two, three, timed, cost, reading], inputs(tmp_path))
+    assert [[each.name for each in batch] for batch in together] == [
+        *(["one", "two"], ["three"], ["timed"], ["cost"], ["reading"])
+    ]

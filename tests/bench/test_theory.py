@@ -12,9 +12,7 @@ from launch import launch
 
 from bem.analytic import BUSH_GIBSON_THOMAS, PERSSON
 from bench import theory
-from bench.__main__ import main
 from bench.report import Report
-from gen.runtime.installation import command_for
 from gen.spectral import SelfAffineSpectrum
 
 Curves = dict[tuple[str, int | str], list[dict[str, Any]]]
@@ -51,13 +49,6 @@ def test_areas_of_the_papers_example(curves: Curves) -> None:
     assert areas["uniform-pressure", 256] == pytest.approx(areas["hertz", ""], rel=0.02)
 
 
-def test_nothing_is_carried_at_first_touch(curves: Curves) -> None:
-    for curve in curves.values():
-        assert [row["delta_um"] for row in curve] == [0.0, 0.5, 1.0]
-        assert curve[0]["force_uN"] == curve[0]["area_percent"] == 0
-        assert (np.diff([row["force_uN"] for row in curve]) > 0).all()
-
-
 def test_command_writes_table_and_picture(tmp_path: Path) -> None:
     done = launch(0, "hertz", "-o", "new/reports", folder=tmp_path, module="bench")
     assert (done.returncode, done.stderr) == (0, "")
@@ -83,16 +74,6 @@ def test_folders_that_cannot_be_written_are_refused(folder: str, tmp_path: Path)
     assert len(done.stderr.splitlines()) == 1
     assert done.stderr.startswith(f"bench: {folder} ")
     assert [entry.name for entry in tmp_path.iterdir()] == ["taken"]
-
-
-def test_missing_matplotlib_is_said_before_anything_is_solved(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    monkeypatch.setattr(theory, "hertz", lambda: pytest.fail("solved"))
-    assert main(["hertz", "-o", str(tmp_path / "new")]) == 2
-    assert f"drawing needs matplotlib: {command_for('plot')}" in capsys.readouterr().err
-    assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["hertz", "--help"]])

@@ -191,21 +191,6 @@ def test_who_fails_at_one_tolerance_is_admitted_to_the_others(small: Case) -> No
     assert [rtol for _, rtol in stub.asked] == [1e-4, 1e-2]
 
 
-def test_who_is_given_the_force_has_no_error_in_it(small: Case) -> None:
-    (point,) = compare("peers", [Stub(control="force")], [small], [1e-2], 1)
-    assert (point["control"], point["force_error"], point["pressure_error"]) == ("force", None, 0.0)
-    assert np.isnan(means("peers", [point]).loc[("stub", 1e-2), "force_error"])
-
-
-def test_who_fails_while_timed_keeps_the_other_tolerances(small: Case) -> None:
-    stub = Stub(fails_below=1e-3)
-    tasks = [Task("peers", stub, small, rtol, find_exact(small)) for rtol in (1e-2, 1e-4)]
-    points, (missing,) = parted(measure(tasks, rounds=3))
-    assert [point["rtol"] for point in points] == [1e-2]
-    assert missing["reason"] == f"{NO_REASON}1e-04: stalled"
-    assert [rtol for _, rtol in stub.asked] == [1e-2, 1e-4, 1e-2, 1e-2]
-
-
 def test_tasks_run_back_and_forth_and_the_shortest_time_counts(small: Case) -> None:
     asked: list[tuple[str, float]] = []
     a = Stub(name="A", asked=asked, seconds=[3.0, 2.0, 4.0])
@@ -228,17 +213,6 @@ def test_curves_are_means_over_the_cases(done: Found) -> None:
     assert uniform.loc[0.1, "force_error"] == pytest.approx(mean)
     unknown = [first[0], *(point | {"convolutions": None} for point in first[1:])]
     assert np.isnan(means("tolerance", unknown).loc[("uniform-pressure", 0.1), "convolutions"])
-
-
-def test_means_of_other_cases_are_not_drawn(done: Found) -> None:
-    tolerance = [point for point in done[0] if point["study"] == "tolerance"]
-    gone = next(
-        point for point in tolerance if (point["rtol"], point["kernel"][0]) == (QUICK.rtols[2], "c")
-    )
-    drawn = means("tolerance", [point for point in tolerance if point is not gone])
-    others = [rtol for rtol in QUICK.rtols if rtol != QUICK.rtols[2]]
-    assert list(drawn.loc["concentrated-force"].index) == others
-    assert list(drawn.loc["uniform-pressure"].index) == list(QUICK.rtols)
 
 
 def test_the_finest_grid_is_not_drawn_against_itself(done: Found) -> None:

@@ -19,6 +19,8 @@ from gen.database import Reader
 from gen.runtime.errors import InputError
 from learn.surrogate.break_even import break_even
 
+pytestmark = pytest.mark.long
+
 COST = ("asked", "solver", "features", *("rows", "database", "tuning", "fit", "solve", "query"))
 NAMES = set(report.PARTS)
 

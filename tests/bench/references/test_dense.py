@@ -50,20 +50,6 @@ def test_convolution_is_the_product_with_the_matrix(kernel: Kernel) -> None:
     np.testing.assert_allclose(convolved.reshape(-1), moved, atol=1e-13)
 
 
-@pytest.mark.parametrize(("kernel", "smallest"), [(KERNELS[0], 0.58), (KERNELS[1], 0.08)])
-def test_how_well_a_kernel_resists_short_waves(kernel: Kernel, smallest: float) -> None:
-    """The figures that the stability table gives as a reason."""
-    eigenvalues = np.linalg.eigvalsh(dense.influence_matrix((33, 33), kernel))
-    assert eigenvalues[0] == pytest.approx(smallest, abs=0.005)
-
-
-@pytest.mark.parametrize("aspect", [1.0, 5.0])
-def test_flat_punch_moves_all_nodes_by_one(aspect: float) -> None:
-    punch = half_space.flat_punch((7, 12), "uniform-pressure", aspect)
-    moved = dense.influence_matrix((7, 12), "uniform-pressure", aspect) @ punch.reshape(-1)
-    np.testing.assert_allclose(moved, 1, rtol=1e-11)
-
-
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("seed", range(10))
 def test_dense_solve_is_nonnegative_least_squares(seed: int, kernel: Kernel) -> None:
@@ -145,40 +131,6 @@ def test_any_positive_definite_problem_is_solved(seed: int, data: st.DataObject)
     expected, _ = scipy_nnls(factor.T, np.linalg.solve(factor, interference))
     assert (pressure >= 0).all()
     np.testing.assert_allclose(pressure, expected, rtol=1e-7, atol=1e-10)
-
-
-def test_a_node_that_entered_too_early_is_released() -> None:
-    """The stiff one overlaps most and enters first; the soft one pulls it off: three solves."""
-    matrix = np.array([[4.0, 1.9], [1.9, 1.0]])
-    pressure, solves = dense.solve_by_nnls(matrix, np.array([1.0, 0.9]), rtol=1e-12)
-    np.testing.assert_allclose(pressure, [0.0, 0.9], rtol=1e-14)
-    assert solves == 3
-
-
-def test_contacts_take_a_solve_for_each_node() -> None:
-    """So the time grows with the fourth power of their number."""
-    heights = rough(65, seed=3)
-    pressure, solves = dense.press_by_nnls(heights, 3.0)
-    touching = np.count_nonzero(pressure)
-    assert touching > 100
-    assert touching <= solves < 1.2 * touching
-
-
-def test_full_contact() -> None:
-    matrix = dense.influence_matrix((3, 3), "uniform-pressure")
-    pressure, solves = dense.solve_by_nnls(matrix, np.ones(9))
-    np.testing.assert_allclose(matrix @ pressure, 1.0, rtol=1e-13)
-    assert solves == 9
-
-
-def test_loose_tolerances_stop_early() -> None:
-    heights = rough()
-    loose, few = dense.press_by_nnls(heights, 5.0, rtol=0.1)
-    _, many = dense.press_by_nnls(heights, 5.0, rtol=1e-8)
-    assert few < many
-    moved = dense.displace(loose, "uniform-pressure")
-    gap = moved - ((heights - heights.max()) / 5.0 + 1)
-    assert -0.1 <= gap.min() < 0
 
 
 def test_matrices_that_are_not_positive_definite_are_refused() -> None:

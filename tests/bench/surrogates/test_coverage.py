@@ -6,8 +6,10 @@ import pytest
 from bench import __main__ as bench
 from bench.contents import contents_of
 from bench.surrogates import coverage as study
-from bench.surrogates.coverage import FEW, HARDNESS, Case, cases, column, coverage, pools, verdict
+from bench.surrogates.coverage import FEW, HARDNESS, cases, column, coverage, verdict
 from gen.runtime.errors import InputError
+
+pytestmark = pytest.mark.long
 
 SMALL = {
     "paper": "[surface]\nnodes = 17\n",
@@ -88,23 +90,6 @@ def test_rows_of_a_finer_grid_all_train(made):
     assert not (parts.calibration.database == 1).any()
 
 
-def test_rows_of_several_scenes_are_told_apart(made):
-    folder, _ = made
-    pool = ("paper", "midpoint")
-    paths = {name: folder / "databases" / f"{name}.h5" for name in pool}
-    hybrids = {
-        name: study.hybrid_rows(path, study.Executor(), bool) for name, path in paths.items()
-    }
-    rows = study._read(paths, hybrids, pool)
-    first = np.flatnonzero(rows.database == 0)
-    judged, none = np.setdiff1d(np.arange(rows.size), first[:200]), np.array([], dtype=np.int64)
-    case = Case("half", "others", pool, first[:200], judged, none, np.zeros(rows.size, dtype=bool))
-    together, *scenes = study._judged(case, rows, 200, 0)
-    assert [row["tested_on"] for row in scenes] == ["others: paper", "others: midpoint"]
-    for name in ("judged", "unflagged"):
-        assert together[name] == sum(row[name] for row in scenes)
-
-
 def test_the_table_pools_the_seeds(made):
     found, table = (made[1].tables[name] for name in ("coverage-seeds", "coverage"))
     assert len(table) == 7
@@ -136,11 +121,6 @@ def test_the_command_writes_what_the_page_shows(made, tmp_path, monkeypatch):
         "coverage.txt",
     }
     assert contents_of("coverage", tmp_path)
-
-
-def test_pools_hold_every_broad_scene():
-    assert sum(len(names) for names in study.KINDS.values()) == len(study.BROAD)
-    assert set(pools()[-1]) == set(study.BROAD)
 
 
 def test_too_few_rows_are_refused(tmp_path):

@@ -11,6 +11,8 @@ from bench.surrogates.scans import Judged, judged_scans, scans
 from gen.database import Reader
 from gen.runtime.errors import InputError
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
