@@ -15,10 +15,11 @@ from gen.law import c_header, finite_elements
 from gen.law.contact_law import Law
 from gen.law.curves import CONDUCTANCE, STIFFNESS, Curve, Curves
 from gen.options import LawOutputs
+from gen.runtime import VERSION
 from gen.runtime.documents import Row, text_of, write_csv
 from gen.runtime.figure import save
 from gen.runtime.files import write
-from gen.runtime.installation import git_commit, versions
+from gen.runtime.installation import git_commit
 from gen.runtime.terminal import brief, echo, print_table
 
 if TYPE_CHECKING:
@@ -193,7 +194,7 @@ def write_json(path: Path, law: Law) -> None:
         "notes": list(law.notes),
         "command": law.order.command,
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
-        "asperity": versions(["asperity"]).get("asperity", ""),
+        "asperity": VERSION,
         "commit": git_commit(),
         "tables": [_json_table(law.over_delta), _json_table(law.over_pressure)],
     }

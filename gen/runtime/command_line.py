@@ -15,14 +15,14 @@ from dataclasses import fields, is_dataclass
 from functools import cache, wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, TextIO, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
 from gen.runtime import VERSION, farm, memory
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
-from gen.runtime.terminal import OUTPUT, echo, started_as, to_type
+from gen.runtime.terminal import drop, echo, put, started_as, to_type
 
 CommandLineError: Any = typer.BadParameter.__mro__[2]
 """Base class of typer's errors about a command line; typer has moved it twice."""
@@ -80,43 +80,8 @@ def start(*, default_sigint: bool) -> None:
             os.fstat(descriptor)
             continue
         os.open(os.devnull, os.O_RDWR)  # takes the lowest free number
-    sys.stdout = _text(_Output(1, "w", closefd=False), sys.stdout, "replace")
-    sys.stderr = _text(_Remarks(2, "w", closefd=False), sys.stderr, "backslashreplace")
-
-
-class _Output(io.FileIO):
-    """Standard output, named in the errors that it raises."""
-
-    def write(self, data: Any) -> int:
-        """Write bytes and return their number."""
-        try:
-            return super().write(data) or 0
-        except OSError as error:
-            raise OSError(error.errno, error.strerror, OUTPUT) from None
-
-
-class _Remarks(io.FileIO):
-    """Standard error, whose errors are ignored: a full device or a lost reader ends no command."""
-
-    def write(self, data: Any) -> int:
-        """Write bytes; on an error, pretend that all of them were written."""
-        try:
-            return super().write(data) or 0
-        except OSError:
-            return memoryview(data).nbytes
-
-
-def _text(raw: io.FileIO, like: TextIO | None, errors: str) -> io.TextIOWrapper:
-    """Open a text stream on a descriptor with the encoding of Python's own stream.
-
-    Characters that the encoding lacks, for example in a title, are replaced.
-    """
-    return io.TextIOWrapper(
-        io.BufferedWriter(raw),
-        getattr(like, "encoding", None) or "utf-8",
-        errors,
-        line_buffering=getattr(like, "line_buffering", False),
-    )
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # characters that the encoding lacks, in a title
 
 
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -298,11 +263,9 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
     except (KeyboardInterrupt, typer.Abort):
         return 130, f"{name}: interrupted"
     except BrokenPipeError:  # the reader of our output, for example `head`, has ended
-        _drop_output()
+        drop(sys.stdout)
         return 141, ""
     except (CommandLineError, InputError, ModuleNotFoundError, OSError) as error:
-        if isinstance(error, OSError) and error.filename == OUTPUT:
-            _drop_output()
         return 2, _in_words(name, error)
     except MemoryError as error:
         allowed = memory.size(memory.allowed())
@@ -327,12 +290,11 @@ def _require_values(arguments: Sequence[str]) -> None:
 
 
 def _invoke(app: typer.Typer, name: str, arguments: Sequence[str]) -> int:
-    """Run a command and flush its output, so that errors of the output are raised here."""
+    """Run a command; print what is left of its output, so that its errors are raised here."""
     command = _built(app)
     with command.make_context(name, list(arguments)) as context:
         code = command.invoke(context)
-    if sys.stdout is not None:
-        sys.stdout.flush()
+    put("", sys.stdout)
     return code if isinstance(code, int) else 0
 
 
@@ -377,13 +339,5 @@ def _complain(message: str) -> None:
     line = " ".join(message.split())
     if len(line) > LONGEST:  # holds a name or a number that nobody has typed by hand
         line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
-    with suppress(OSError, ValueError):
+    with suppress(ValueError):
         echo(line, err=True)
-
-
-def _drop_output() -> None:
-    """Discard buffered output, which Python would otherwise try to write again as it exits."""
-    with suppress(OSError, ValueError, AttributeError):
-        null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, sys.stdout.fileno())
-        os.close(null)

@@ -5,6 +5,7 @@ them could clear the screen, rename the window or forge a line of ours. So every
 printed passes through `printable`.
 """
 
+import os
 import sys
 import time
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -56,7 +57,7 @@ def echo(line: str, *, err: bool = False) -> None:
     err : bool
         Print on standard error instead of standard output.
     """
-    _put(f"{printable(line)}\n", sys.stderr if err else sys.stdout)
+    put(f"{printable(line)}\n", sys.stderr if err else sys.stdout)
 
 
 def print_table(table: Any, width: int = ENDLESS) -> None:
@@ -69,6 +70,8 @@ def print_table(table: Any, width: int = ENDLESS) -> None:
     width : int
         Width without a terminal; with one, the terminal's [characters].
     """
+    if sys.stdout is None:
+        return
     from rich.console import Console
     from rich.segment import Segment, Segments
 
@@ -79,7 +82,7 @@ def print_table(table: Any, width: int = ENDLESS) -> None:
     ]
     with console.capture() as captured:
         console.print(Segments(pieces), end="")
-    _put(captured.get(), sys.stdout)
+    put(captured.get(), sys.stdout)
 
 
 def print_columns(
@@ -106,11 +109,40 @@ def print_columns(
     print_table(table)
 
 
-def _put(text: str, stream: Any) -> None:
-    """Write a text on a standard stream, which a process without one does not have."""
-    if stream is not None:
+def put(text: str, stream: Any) -> None:
+    """Write a text on a standard stream at once, if this process has the stream.
+
+    Errors of standard error are ignored: a full device or a lost reader ends no command.
+
+    Parameters
+    ----------
+    text : str
+        Text that holds no control characters of strangers.
+    stream : text file or None
+        `sys.stdout` or `sys.stderr`.
+
+    Raises
+    ------
+    OSError
+        If standard output cannot be written, with its name; BrokenPipeError if its reader is gone.
+    """
+    if stream is None:
+        return
+    try:
         stream.write(text)
         stream.flush()
+    except OSError as error:
+        drop(stream)
+        if stream is not sys.stderr:
+            raise OSError(error.errno, error.strerror, OUTPUT) from None
+
+
+def drop(stream: Any) -> None:
+    """Discard what a stream still holds, which Python would try to write again as it exits."""
+    with suppress(OSError, ValueError, AttributeError):
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, stream.fileno())
+        os.close(null)
 
 
 def shortened(name: str) -> str:
