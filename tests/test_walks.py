@@ -31,7 +31,7 @@ MOST = {
     "scene": Counts(55, 393, 31),  # a scene to the rows of a database
     "fit": Counts(43, 248, 24),  # a database to a surrogate
     "predict": Counts(30, 182, 19),  # a surrogate and a map to a prediction
-    "law": Counts(60, 413, 30),  # a map to its contact law
+    "law": Counts(60, 407, 30),  # a map to its contact law
 }
 """Most of each that a walk may pass."""
 

@@ -64,19 +64,13 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     if settings.despike or settings.form or settings.filter or settings.downsample:
         require_useful_heights(topography)
     for key in keys("preparation"):
-        if key == "filter":
-            _require_all_heights(topography)
+        if key == "filter" and topography.missing:  # from here on every node is needed
+            fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
+            remedies = ("fill", "closes holes"), ("crop", "leaves them out")
+            raise InputError(f"{topography.name}: {advised(topography, fault, *remedies)}")
         if getattr(settings, key):
             topography = STEPS[key](topography, settings)
     return with_tilt_warning(topography)
-
-
-def _require_all_heights(topography: Topography) -> None:
-    """Refuse holes, which the steps from here on cannot take."""
-    if topography.missing:
-        fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
-        remedies = ("fill", "closes holes"), ("crop", "leaves them out")
-        raise InputError(f"{topography.name}: {advised(topography, fault, *remedies)}")
 
 
 STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {

@@ -182,13 +182,13 @@ def read(
 
 def _absurd(topography: Topography) -> list[str]:
     """Warn of a scale that no instrument has; say which number it is."""
-    side, unit, overrule = map(topography.said, ("side", "unit", "override_scale"))
     span = float(np.nanmax(topography.heights)) - float(np.nanmin(topography.heights))
     numbers = {step: f"its nodes are {step:.3g} um apart" for step in topography.spacing}
     numbers[span] = f"its heights span {span:.3g} um"
     return [
         f"{absurd}, which no instrument measures; compare with the instrument's own display, and"
-        f" overrule the file by {side} or {unit} with {overrule}"
+        f" overrule the file by {topography.said('side')} or {topography.said('unit')} with"
+        f" {topography.said('override_scale')}"
         for number, absurd in numbers.items()
         if number and not NEAREST <= number <= WIDEST
     ]

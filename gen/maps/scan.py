@@ -96,13 +96,13 @@ def choose_channel(path: Path, channels: Sequence[Channel], reading: Reading) ->
     InputError
         If there is no such channel, it holds no heights, or several have the name.
     """
-    labels = ", ".join(channel.label for channel in channels)
     wanted, named = reading.channel, reading.said("channel")
-    if not wanted:
-        first = next((channel for channel in channels if channel.heights), None)
-        if first is None:
-            raise InputError(f"{path}: holds no heights; its channels are {labels}")
+    first = next((channel for channel in channels if channel.heights), None)
+    if not wanted and first is not None:
         return first
+    labels = ", ".join(channel.label for channel in channels)
+    if not wanted:
+        raise InputError(f"{path}: holds no heights; its channels are {labels}")
     matches = [channel for channel in channels if channel.name == wanted]
     matches = matches or [channel for channel in channels if str(channel.index) == wanted]
     if len(matches) != 1:

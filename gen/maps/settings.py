@@ -296,8 +296,10 @@ class Reading(FileReading):
         InputError
             If a setting is out of its range, or a level and a form are asked for together.
         """
-        self.kept_heights()
-        self.cutoffs()
+        if self.mask:
+            self.kept_heights()
+        if self.filter:
+            self.cutoffs()
         if self.despike is not None and not 0 < self.despike < math.inf:
             raise InputError(
                 f"{self.said('despike')} {self.despike:g}: give a number above 0, as 7"

@@ -89,7 +89,7 @@ class Matrix:
         """Factor and unit of the numbers; the unit is "" if the header has none."""
         if "value unit" not in self.entries and "nm per value" in self.entries:
             return _quantity(self.entries["nm per value"])[0] or 1.0, "nm"
-        return 1.0, _unit(self.entries.get("value unit", ""))
+        return 1.0, _unit(self.entries["value unit"]) if "value unit" in self.entries else ""
 
     @property
     def names(self) -> list[str]:
@@ -102,6 +102,8 @@ class Matrix:
 
         The lengths count whole pixels; None if the header lacks one of them.
         """
+        if not self.entries:
+            return None
         lines, columns = self.numbers.shape
         spaced = "x spacing" in self.entries
         names = ("x spacing", "y spacing") if spaced else ("width", "height")
