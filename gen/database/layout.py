@@ -193,38 +193,24 @@ def identity(scene: Scene) -> dict[str, str | int]:
 
 def provenance(scene: Scene) -> dict[str, str | int]:
     """Return all attributes of a new file for a scene."""
+    numerics = versions(("asperity", "numpy", "scipy", "pyfftw", "h5py"))
     return {
         "Conventions": "CF-1.11",
         **identity(scene),
         "schema": SCHEMA,
         "physics": physics_of(scene),
         "physics_forced": 0,
-        "versions": json.dumps(_versions()),
+        "versions": json.dumps(numerics | {"hdf5": h5py.version.hdf5_version}),
         "git_commit": git_commit(),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
 
-def _versions() -> dict[str, str]:
-    """Return the versions of the packages that determine the numbers."""
-    hdf5 = {"hdf5": h5py.version.hdf5_version}
-    return versions(("asperity", "numpy", "scipy", "pyfftw", "h5py")) | hdf5
-
-
 def read_attributes(file: h5py.File) -> dict[str, str | int]:
     """Read the attributes of a file: texts and integers by their names.
 
-    A ValueError names an attribute that is neither a text of fixed length nor an integer.
+    A ValueError names an attribute that is neither a text of fixed length nor a single integer.
     """
-    check_attributes(file)
-    return {
-        name: value.decode() if isinstance(value, bytes) else int(value)
-        for name, value in file.attrs.items()
-    }
-
-
-def check_attributes(file: h5py.File) -> None:
-    """Refuse, by a ValueError, attributes other than texts of fixed length and single integers."""
     for name in file.attrs:
         attribute = h5py.h5a.open(file.id, name.encode("utf-8", "surrogateescape"))
         kind = attribute.get_type()
@@ -235,6 +221,10 @@ def check_attributes(file: h5py.File) -> None:
         if not wanted or not single or attribute.get_storage_size() > LARGEST_ATTRIBUTE:
             kind_wanted = "integer" if name in NUMBERS else "text of fixed length"
             raise ValueError(f"attribute {name!r} is not one {kind_wanted}")
+    return {
+        name: value.decode() if isinstance(value, bytes) else int(value)
+        for name, value in file.attrs.items()
+    }
 
 
 def check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:

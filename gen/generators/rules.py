@@ -109,6 +109,9 @@ class GeneratedSurface(Table):
     PLACES: ClassVar[Mapping[str, str]] = {}
     """Columns that say where a surface was taken from, with their meanings."""
 
+    WINDOWS: ClassVar[bool] = False
+    """Whether surfaces are pieces of larger ones: without edges, and with loads of their own."""
+
     # Without the key the other body is flat.
     against: Another | None = Field(
         default=None,

@@ -149,6 +149,7 @@ AnotherOrFiles = Annotated[str | tuple[str, ...], PlainValidator(_another_or_fil
 class ScanSurface(GeneratedSurface):
     """Windows of measured maps."""
 
+    WINDOWS: ClassVar[bool] = True
     PLACES: ClassVar[Mapping[str, str]] = {
         "map": "index of the surface's map",
         "tile": "index of the tile of all maps, or of paired tiles",

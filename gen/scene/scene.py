@@ -19,7 +19,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from gen.distribution import Distribution, Table, limits
-from gen.generators import DisplacedSurface, ScanSurface, Surface, tag_of
+from gen.generators import TAGS, DisplacedSurface, Surface, tag_of
 from gen.generators.rules import Grid
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
@@ -63,12 +63,17 @@ class Scene(Table):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, content: Any) -> Any:
-        """Give a scene without loads the paper's displacements, and windows of maps no edges."""
+        """Give a scene without loads the paper's displacements, and windows no edges.
+
+        A window is a piece of a larger surface: a free patch would have edges where the surface has
+        none.
+        """
         if not isinstance(content, dict):
             return content
-        content = _with_mirrored_windows(content)
-        if _has_windows(content):
-            return content
+        if TAGS[tag_of(content.get("surface"))].WINDOWS:
+            contact = content.get("contact", {})
+            mirrored = {"boundary": "mirror", **contact} if isinstance(contact, dict) else contact
+            return {**content, "contact": mirrored}
         if content.keys().isdisjoint({"delta", "load"}):
             return {**content, "delta": Delta()}
         return content
@@ -96,11 +101,20 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _require_surfaces_and_solutions(self) -> Self:
-        """Refuse surfaces that cannot be made, and loads all of which exceed the hardness."""
-        if not self.surface.has_sides():  # known when its maps have been looked for
+        """Refuse surfaces that cannot be made, and loads all of which exceed the hardness.
+
+        Those of maps are known once a run has found them. Corrected areas need square cells.
+        """
+        if not self.surface.has_sides():
             return self
         if fault := self.surface.fault_on(self.grid):
             raise PydanticCustomError("conflict", f"surface: {fault}")
+        along, across = self.spacing
+        if self.store.corrected_area_percent and not math.isclose(along, across, rel_tol=1e-9):
+            raise PydanticCustomError(
+                "conflict",
+                f"store.corrected_area_percent needs square cells, not {along:g} x {across:g} um",
+            )
         hardness = self.contact.hardness_limits
         if hardness is None or self.quantity not in {"pressure", "force"}:
             return self
@@ -115,24 +129,11 @@ class Scene(Table):
             )
         return self
 
-    @model_validator(mode="after")
-    def _require_square_cells(self) -> Self:
-        """Refuse corrected areas of oblong cells, those of maps once a run has found them."""
-        if self.store.corrected_area_percent and self.surface.has_sides():
-            along, across = self.spacing
-            if not math.isclose(along, across, rel_tol=1e-9):
-                raise PydanticCustomError(
-                    "conflict",
-                    f"store.corrected_area_percent needs square cells, not {along:g} x {across:g}"
-                    " um",
-                )
-        return self
-
     @model_serializer(mode="wrap")
     def _without_absent_loads(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out the table of loads that the scene does not have."""
         content: dict[str, Any] = handler(self)
-        if isinstance(self.surface, ScanSurface):  # their boundary is not free by default
+        if self.surface.WINDOWS:  # their boundary is not free by default
             content["contact"]["boundary"] = self.contact.boundary
         return {name: value for name, value in content.items() if value is not None}
 
@@ -453,23 +454,6 @@ def _difference(key: Location, old: object, new: object) -> str:
     if key in {("surface", "source"), ("store", "source")} and None not in {old, new}:
         return f"{dotted(key)}: the source of the function's module has changed"
     return f"{dotted(key)}: {shown(old)} in the file, {shown(new)} asked for"
-
-
-def _has_windows(content: dict[str, Any]) -> bool:
-    """Tell whether the surfaces of a scene are windows of maps."""
-    return tag_of(content.get("surface")) == "<scans>"
-
-
-def _with_mirrored_windows(content: dict[str, Any]) -> dict[str, Any]:
-    """Continue windows of maps by their mirror images unless the scene gives a boundary.
-
-    A window is a piece of a larger surface: a free patch would have edges where the surface has
-    none.
-    """
-    contact = content.get("contact", {})
-    if not _has_windows(content) or not isinstance(contact, dict):
-        return content
-    return {**content, "contact": {"boundary": "mirror", **contact}}
 
 
 def _leaves(value: object, location: Location = ()) -> Iterator[tuple[Location, object]]:
