@@ -12,22 +12,11 @@ from itertools import pairwise, product
 from math import inf, log2, prod, sqrt
 from typing import Any
 
-from gen.runtime.errors import InputError
 from learn.comparison.spaces import Space
 from learn.models import MODELS, Model
 
 Settings = dict[str, Any]
 """Values by setting."""
-
-SERVED: dict[str, dict[str, tuple[Any, ...]]] = {
-    "xgboost": {"booster": (None, "gbtree"), "early_stopping_rounds": (None,)},
-    "gradient-boost": {"n_iter_no_change": (None,)},
-}
-"""Values, by model and setting, with which the first k trees of a fit are the model with k trees.
-
-DART scales earlier trees as it adds later ones, linear boosting has no trees, and a boosting that
-stops early also trains on fewer rows.
-"""
 
 
 @dataclass(frozen=True)
@@ -124,26 +113,11 @@ def size(space: Space) -> int:
     return prod(map(len, space.values()))
 
 
-def require_served(model: Model, space: Space) -> None:
-    """Refuse a space with boosting whose smaller numbers of trees one fit does not serve.
-
-    Raises
-    ------
-    InputError
-        If there is a value of `SERVED`'s settings that it does not list.
-    """
-    for name, served in SERVED.get(model.name, {}).items():
-        for value in space.get(name, []):
-            if value not in served:
-                listed = " or ".join(map(repr, served))
-                raise InputError(
-                    f"{model.name}: {name}={value!r} cannot be searched, since one fit serves all"
-                    f" numbers of trees and its first trees are no model then: give {listed}"
-                )
-
-
 def grid(model: Model, space: Space, inputs: int) -> Grid:
     """Find the candidates of a grid that differ.
+
+    Boosting whose first trees are no model of their own (DART, linear, stopped early) must not be
+    among them: one fit serves all numbers of trees.
 
     Parameters
     ----------
@@ -154,13 +128,7 @@ def grid(model: Model, space: Space, inputs: int) -> Grid:
     inputs : int
         Number of inputs of the data: it decides which of `max_features` are the same. The square
         root of 23 and its logarithm are both 4.
-
-    Raises
-    ------
-    InputError
-        If one fit does not serve all numbers of trees of the space.
     """
-    require_served(model, space)
     candidates = points(space)
     numbers: dict[str, int] = {}
     differing: list[Settings] = []

@@ -7,7 +7,7 @@ left of it is shared evenly among the searches that are left.
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -19,7 +19,6 @@ from learn.comparison import grid as grids
 from learn.comparison import halving, results, spaces, timing
 from learn.comparison.folder import Folder
 from learn.comparison.search import GridSearch
-from learn.comparison.spaces import Space
 from learn.comparison.timing import FitResult, TimedFit
 from learn.comparison.training import Training, prepare
 from learn.comparison.trials import Trials
@@ -49,10 +48,11 @@ class _Target:
         return self.executor.call(timing.fit_in_time, self.training, task)
 
     @contextmanager
-    def searching(self, model: Model, source: str, space: Space) -> Iterator[GridSearch]:
-        """Open the finished fits of a model's grid, whose name is `source`."""
-        grid = grids.grid(model, space, self.training.columns)
+    def searching(self, model: Model) -> Iterator[GridSearch]:
+        """Open the finished fits of a model's grid."""
         features, columns = self.request.features, self.training.columns
+        source, space = spaces.of(model.name, features)
+        grid = grids.grid(model, space, columns)
         _, known = spaces.untuned(model.name, features)
         path = self.folder.path / "trials" / f"{model.name}.jsonl"
         with Trials(path, self.folder.record()["conditions"]) as trials:
@@ -64,25 +64,7 @@ class _Target:
 
 
 def compare(request: Request, executor: Executor) -> int:
-    """Fit, score and time the baselines of all models that are asked for.
-
-    Parameters
-    ----------
-    request : Request
-        Database, folder, targets and models.
-    executor : Executor
-        Does the fits.
-
-    Returns
-    -------
-    int
-        Number of the signal that stopped the job, 0 if none did.
-
-    Raises
-    ------
-    InputError
-        For input that cannot be used.
-    """
+    """Fit, score and time the baselines of all models that are asked for; see `tune`."""
     models = models_named(list(request.models))
     with Interruption(listening=True) as interruption:
         for target in _targets(request, models, executor, interruption, searched=False):
@@ -105,7 +87,7 @@ def _fit_baseline(target: _Target, model: Model, say: Callable[[str], None]) -> 
     results.print_result(say, task, result)
 
 
-def tune(request: Request, executor: Executor, given: Mapping[str, Space] | None = None) -> int:
+def tune(request: Request, executor: Executor) -> int:
     """Search the models' grids, then fit, score and time the winners.
 
     Parameters
@@ -114,9 +96,6 @@ def tune(request: Request, executor: Executor, given: Mapping[str, Space] | None
         Database, folder, targets, models, and the time for all searches.
     executor : Executor
         Does the fits.
-    given : mapping, optional
-        A grid for each model; those of `learn.comparison.spaces` if left out. Boosting whose first
-        trees are no model of their own (DART, linear, or stopped early) is refused.
 
     Returns
     -------
@@ -128,45 +107,19 @@ def tune(request: Request, executor: Executor, given: Mapping[str, Space] | None
     InputError
         For input that cannot be used.
     """
-    return _search(request, executor, _tune_model, given)
+    return _search(request, executor, _tune_model)
 
 
 def estimate(request: Request, executor: Executor) -> int:
-    """Estimate the times of the models' whole grids from fits that are drawn at random.
-
-    Parameters
-    ----------
-    request : Request
-        Database, folder, targets, models, and the time for all estimates.
-    executor : Executor
-        Does the fits.
-
-    Returns
-    -------
-    int
-        Number of the signal that stopped the job, 0 if none did.
-
-    Raises
-    ------
-    InputError
-        For input that cannot be used.
-    """
+    """Estimate the times of the models' whole grids from fits drawn at random; see `tune`."""
     return _search(request, executor, _estimate_model)
 
 
 def _search(
-    request: Request,
-    executor: Executor,
-    work: Callable[[_Target, GridSearch, float], None],
-    given: Mapping[str, Space] | None = None,
+    request: Request, executor: Executor, work: Callable[[_Target, GridSearch, float], None]
 ) -> int:
     """Do some work on the grid of each model and target, each until its share of the time ends."""
     began, models = time.time(), models_named(list(request.models))
-    spaces_of = {model.name: spaces.of(model.name, request.features) for model in models}
-    if given is not None:
-        spaces_of = {model.name: (spaces.GIVEN, given[model.name]) for model in models}
-    for model in models:
-        grids.require_served(model, spaces_of[model.name][1])
     end = math.inf if request.limit is None else began + request.limit
     left = len(models) * len(request.targets)
     with Interruption(listening=True) as interruption:
@@ -176,7 +129,7 @@ def _search(
                     break
                 until = time.time() + max(end - time.time(), 0.0) / left
                 left -= 1
-                with target.searching(model, *spaces_of[model.name]) as search:
+                with target.searching(model) as search:
                     work(target, search, until)
     return interruption.signal
 

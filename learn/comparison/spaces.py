@@ -172,49 +172,16 @@ TABLE_2 = "Table 2"
 SCALED_GRID = "for features without units"
 """Name of the grids `SCALED` in results and tables."""
 
-GIVEN = "given"
-"""Name of a grid that a program passed to `learn.comparison.jobs.tune`."""
-
 
 def of(model: str, features: str) -> tuple[str, Space]:
-    """Return the grid of a model for a feature set, and the grid's name in tables.
-
-    Parameters
-    ----------
-    model : str
-        Name of the model.
-    features : str
-        Name of the feature set.
-
-    Returns
-    -------
-    name : str
-        Name of the grid.
-    space : dict
-        Values to try, by setting.
-    """
+    """Return the name in tables, and the grid, of a model for a feature set."""
     if chosen(features).scaled and model in SCALED:
         return SCALED_GRID, SCALED[model]
     return TABLE_2, SPACES[model]
 
 
 def untuned(model: str, features: str) -> tuple[str, dict[str, Any]]:
-    """Return settings for a model that was not searched, and their origin.
-
-    Parameters
-    ----------
-    model : str
-        Name of the model.
-    features : str
-        Name of the feature set.
-
-    Returns
-    -------
-    origin : str
-        Where the settings come from, for tables.
-    settings : dict
-        Values by setting.
-    """
+    """Return the origin, for tables, and settings for a model that was not searched."""
     if chosen(features).scaled and model in SCALED_OPTIMA:
         return "built in", dict(SCALED_OPTIMA[model])
     return "the paper's optimum", dict(OPTIMA[model])
@@ -226,13 +193,6 @@ def baseline(model: str, features: str) -> dict[str, Any]:
     The paper's Gaussian process has a kernel of length 1, over which standardised rows are not
     correlated at all (R2 below 0). There it gets the length that gamma = 1 / d means, which is
     scikit-learn's choice for the same kernel in kernel ridge.
-
-    Parameters
-    ----------
-    model : str
-        Name of the model.
-    features : str
-        Name of the feature set.
     """
     if model == "gaussian-process" and chosen(features).scaled:
         return {"kernel__length_scale": round(sqrt(len(SETS[features].columns) / 2), 4)}

@@ -14,7 +14,7 @@ from gen.runtime.figure import draw_parity, log_axis, parity_axes
 from gen.runtime.terminal import echo, print_table, printable
 from learn.grow.accuracy import LEVEL, RISK, Appraisal
 from learn.grow.curve import Curve
-from learn.grow.rounds import Ending, Grown, asked_for
+from learn.grow.rounds import Ending, Growth, asked_for
 from learn.grow.rows import stock
 from learn.request import Request
 from learn.surrogate.break_even import Payback, answer_seconds
@@ -30,7 +30,7 @@ QUARTERS = 4
 
 COLOUR, MARK = "tab:blue", "tab:red"
 
-WORDS: dict[Ending, str] = {
+WORDS: dict[Ending | None, str] = {
     "met": "The mark is met",
     "budget": "The budget is used up before the mark is met",
     "rows": "The allowed rows are used up before the mark is met",
@@ -40,7 +40,7 @@ WORDS: dict[Ending, str] = {
 """Why a growth has ended."""
 
 
-def show(request: Request, grown: Grown, found: Appraisal, most: int) -> None:
+def show(request: Request, grown: Growth, found: Appraisal, most: int) -> None:
     """Print the end of a growth.
 
     Parameters
@@ -77,7 +77,7 @@ def show(request: Request, grown: Grown, found: Appraisal, most: int) -> None:
     echo(payback(request, grown, found).in_words())
 
 
-def _verdict(grown: Grown, found: Appraisal, most: int) -> Iterator[str]:
+def _verdict(grown: Growth, found: Appraisal, most: int) -> Iterator[str]:
     """Say how the growth has ended, and what can be done."""
     bound = found.bound(found.worst)
     worst = f"nMAE of {found.worst} {found.judged[found.worst].accuracy.nmae:.2f} %"
@@ -124,7 +124,7 @@ def _errors(found: Appraisal) -> object:
     return table
 
 
-def payback(request: Request, grown: Grown, found: Appraisal) -> Payback:
+def payback(request: Request, grown: Growth, found: Appraisal) -> Payback:
     """Return the times of the surrogate's making, of one of its answers and of a solve."""
     from gen.scene import Scene
 

@@ -111,24 +111,3 @@ def test_cheap_fits_on_few_rows_stand_for_those_that_take_too_long_on_all(model)
     assert (found.fits, found.rows) == (3, ROWS)
     # From 370 to 3,333 rows nothing was timed, then three fits: their times stand for the growth.
     assert found.seconds == pytest.approx(seconds_of(whole), rel=1e-9)
-
-
-def test_growth_that_was_not_measured_is_carried_on():
-    model = "random-forest"
-    grid = grid_of(model)
-    every = fits(model, grid, drawn(grid, 0), lambda family: 1.0)
-    first = cost(MODELS[model], grid, grown(every, 123, 1.0), ROWS, 0)
-    assert (first.fits, first.rows, first.error) == (0, 123, None)
-    both = grown(every, 123, 2.0) | grown(every, 370, 1.0)
-    second = cost(MODELS[model], grid, both, ROWS, 0)
-    assert (second.fits, second.rows, second.error) == (0, 370, None)
-    # The work of the drawn fits and of the grid grow alike: only the carried growth differs.
-    assert second.seconds / 2**3 == pytest.approx(first.seconds / 3 ** (1.5 * 4))
-
-
-def test_drawn_families_differ_and_depend_on_the_seed():
-    grid = grid_of("xgboost")
-    first = drawn(grid, 0)
-    assert len({family for family, _ in first}) == len(first) == 40
-    assert drawn(grid, 0) == first != drawn(grid, 1)
-    assert {fold for _, fold in first} == set(range(FOLDS))

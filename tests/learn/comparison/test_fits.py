@@ -64,13 +64,6 @@ def test_a_fit_that_diverges_is_a_failure_that_the_next_run_can_read(searching, 
         assert again.finished == trials.finished
 
 
-def test_tiny_alphas_have_scores_and_a_warning_that_is_kept(searching):
-    space = {"alpha": [1e-15, 1e-5], "gamma": [1e-5], "kernel": ["rbf"]}
-    scores = searching("kernel-ridge", space).exhaustive().scores
-    assert np.isfinite(scores.folds).all()
-    assert any("condition about" in remark for remark in scores.remarks)
-
-
 def test_a_machine_without_the_memory_for_a_fit_ends_the_search(searching, monkeypatch):
     monkeypatch.setattr(memory, "available", lambda: memory.PROCESS)
     with pytest.raises(InputError, match="svm: too little memory is free for a fit"):

@@ -2,7 +2,6 @@
 
 import pytest
 
-from gen.runtime.errors import InputError
 from learn.comparison import grid as grids
 from learn.comparison.spaces import SPACES
 from learn.models import MODELS
@@ -39,25 +38,3 @@ def test_what_is_left_of_the_full_grids(model, nominal, differing, fits):
         assert 5 * nominal >= 10 * fits
     assert sorted(number for family in grid.families for number in family) == [*range(differing)]
     assert grid.first(grid.canonical[-1]) in grid.candidates
-
-
-def test_with_as_many_inputs_that_the_root_and_the_logarithm_differ_both_are_tried():
-    space = {"max_features": ["sqrt", "log2"]}
-    few = grids.grid(MODELS["decision-tree"], space, inputs=23)
-    many = grids.grid(MODELS["decision-tree"], space, inputs=100)
-    assert (len(few.differing), len(many.differing)) == (1, 2)
-
-
-@pytest.mark.parametrize(
-    ("model", "setting", "value"),
-    [
-        ("xgboost", "booster", "dart"),
-        ("xgboost", "early_stopping_rounds", 5),
-        ("gradient-boost", "n_iter_no_change", 5),
-    ],
-)
-def test_boosting_that_staged_fits_do_not_serve_is_refused_in_one_line(model, setting, value):
-    space = {"n_estimators": [10, 50], setting: [None, value]}
-    with pytest.raises(InputError, match=f"{model}: {setting}={value!r} cannot be") as refusal:
-        grids.grid(MODELS[model], space, 6)
-    assert "\n" not in str(refusal.value)

@@ -13,7 +13,6 @@ from comparisons import run, table
 from launch import TIMEOUT, command, environment, mpiexec
 from walk import walk
 
-from learn import columns
 from learn.columns import INPUTS
 from learn.comparison import folder, spaces, tables
 
@@ -49,16 +48,6 @@ def test_compare_tune_and_show(work, capsys):
     assert len(record["conditions"]["database_sha256"]) == 64
     parts = [row["part"] for row in table("out/area/rows.csv")]
     assert (parts.count("train"), parts.count("test")) == (72, 18)
-
-
-def test_what_is_there_is_not_measured_again_unless_asked(work, capsys):
-    arguments = ["compare", "database.h5", "-o", "out", "--model", "decision-tree"]
-    assert run(*arguments) == 0
-    first = (work / "out/area/baseline/decision-tree.json").read_bytes()
-    assert run(*arguments) == 0
-    assert (work / "out/area/baseline/decision-tree.json").read_bytes() == first
-    assert run(*arguments, "--again") == 0
-    assert (work / "out/area/baseline/decision-tree.json").read_bytes() != first
 
 
 def test_both_targets_have_folders_and_force_has_no_nmse(work):
@@ -154,13 +143,9 @@ def test_all_nine_models_survive_odd_data(work, change, words, capsys, monkeypat
         assert max(float(row["r2"]) for row in scores) > 90
 
 
-def test_a_search_in_which_every_fit_fails_says_why(work, capsys):
-    from learn.comparison.jobs import tune
-    from learn.executor import Executor
-    from learn.request import Request
-
-    request = Request(work / "database.h5", work / "out", models=("svm",))
-    assert tune(request, Executor(), {"svm": {"C": [-1.0, -2.0]}}) == 0
+def test_a_search_in_which_every_fit_fails_says_why(work, capsys, monkeypatch):
+    monkeypatch.setitem(spaces.SPACES, "svm", {"C": [-1.0, -2.0]})
+    assert run("tune", "database.h5", "-o", "out", "--model", "svm") == 0
     assert "'C' parameter" in capsys.readouterr().err
     assert run("show", "out") == 0
     assert "failed" in capsys.readouterr().out
@@ -244,18 +229,3 @@ def test_tables_do_not_depend_on_the_number_of_ranks(work):
     predictions = ("baseline/kernel-ridge.csv", "tuned/kernel-ridge.csv")
     for name in (*names, *predictions):
         assert (work / "r0/area" / name).read_bytes() == (work / "r3/area" / name).read_bytes()
-
-
-def test_the_database_is_read_once_for_all_targets(work, monkeypatch):
-    opened = []
-
-    class Counted(columns.Reader):
-        def __init__(self, path):
-            opened.append(path)
-            super().__init__(path)
-
-    monkeypatch.setattr(columns, "Reader", Counted)
-    arguments = ["--model", "decision-tree", "--target", "both"]
-    assert run("compare", "database.h5", "-o", "out", *arguments) == 0
-    assert len(opened) == 1
-    assert table("out/area/scores.csv") != table("out/force/scores.csv")

@@ -124,8 +124,3 @@ def test_predictions_that_are_no_numbers_are_refused(folder, capsys):
     for damaged in ("", whole + "7,nan,1\n", whole + "7\n", whole + "a,b,c\n"):
         table.write_text(damaged)
         assert "decision-tree.csv" in refusal(capsys, "show", "found")
-
-
-def test_the_folder_is_sound_as_it_was_made(folder, capsys):
-    assert cli.main(list(SHOW)) == 0
-    assert cli.main(list(FIT)) == 0, capsys.readouterr().err

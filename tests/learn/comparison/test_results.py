@@ -93,20 +93,6 @@ def test_a_winner_that_is_not_fitted_in_time_is_fitted_by_the_next_call(work, ca
 
 
 @pytest.mark.usefixtures("few")
-def test_a_baseline_beside_which_nothing_was_judged_is_not_said_to_be_better(
-    work, monkeypatch, capsys
-):
-    monkeypatch.setattr(GridSearch, "tasks", lambda *arguments: [])
-    assert run("tune", "database.h5", "-o", "out", *TREE, "--budget", "1h") == 0
-    said = "Decision Tree: the baseline stays, no candidate was finished on five folds"
-    shown = capsys.readouterr()
-    assert said in shown.out
-    assert said in shown.err
-    (found,) = table("out/area/tuning.csv")
-    assert (found["winner"], found["grid_r2"], found["candidates_scored"]) == ("baseline", "", "0")
-
-
-@pytest.mark.usefixtures("few")
 def test_a_search_within_a_time_goes_on_where_it_was_and_decides_alike(work, monkeypatch, capsys):
     from learn.comparison.trials import Trials
 
@@ -131,17 +117,6 @@ def test_a_search_within_a_time_goes_on_where_it_was_and_decides_alike(work, mon
         assert (work / "cut/area" / name).read_bytes() == (work / "whole/area" / name).read_bytes()
 
 
-def test_boosting_that_a_search_cannot_serve_is_one_line_and_code_2(work, capsys, monkeypatch):
-    space = {"booster": ["gbtree", "dart"], "n_estimators": [10, 50]}
-    monkeypatch.setitem(spaces.SPACES, "xgboost", space)
-    for verb in ("tune", "estimate"):
-        assert run(verb, "database.h5", "-o", "out", "--model", "xgboost") == 2
-        said = capsys.readouterr().err
-        assert said.count("\n") == 1
-        assert "xgboost: booster='dart' cannot be searched" in said
-        assert not (work / "out").exists()
-
-
 def test_perceptrons_are_scored_as_they_are_fitted_in_the_end(work, monkeypatch):
     """Search and last fit build the same estimator: epochs, seed, early stopping."""
     from sklearn.neural_network import MLPRegressor
@@ -164,3 +139,17 @@ def test_perceptrons_are_scored_as_they_are_fitted_in_the_end(work, monkeypatch)
     assert len(searched) == 5
     assert all(params == searched[0] for params in [*searched, *refitted])
     assert (searched[0]["max_iter"], searched[0]["random_state"]) == (20_000, 3)
+
+
+@pytest.mark.usefixtures("few")
+def test_a_baseline_beside_which_nothing_was_judged_is_not_said_to_be_better(
+    work, monkeypatch, capsys
+):
+    monkeypatch.setattr(GridSearch, "tasks", lambda *arguments: [])
+    assert run("tune", "database.h5", "-o", "out", *TREE, "--budget", "1h") == 0
+    said = "Decision Tree: the baseline stays, no candidate was finished on five folds"
+    shown = capsys.readouterr()
+    assert said in shown.out
+    assert said in shown.err
+    (found,) = table("out/area/tuning.csv")
+    assert (found["winner"], found["grid_r2"], found["candidates_scored"]) == ("baseline", "", "0")

@@ -126,13 +126,6 @@ def test_candidates_that_fail_come_last_with_their_reason(searching):
     assert scores.failures[reason] == 5
 
 
-def test_adaboost_that_ends_early_has_the_same_model_for_all_larger_numbers(searching):
-    # A tree that fits perfectly ends the boosting.
-    space = {"estimator__max_depth": [18], "n_estimators": [1, 2, 50], "learning_rate": [2.0]}
-    scores = searching("adaboost", space).exhaustive().scores
-    assert np.isfinite(scores.means).all()
-
-
 def test_finished_fits_are_not_done_again(searching, trees, tmp_path):
     path = tmp_path / "cut.jsonl"
     with Trials(path, {"seed": 0}) as opened:

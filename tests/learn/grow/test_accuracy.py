@@ -51,15 +51,6 @@ def test_the_bound_fails_about_as_often_as_it_may(groups):
     assert failed < risk + 3 * math.sqrt(risk / trials) + 0.003
 
 
-def test_errors_are_measured_by_magnitudes():
-    """A negative target has no negative error, and a signed one of mean 0 has an error at all."""
-    random = np.random.default_rng(5)
-    errors, truth, groups = random.uniform(0, 1, 30), random.uniform(1, 2, 30), np.arange(30)
-    wanted = accuracy(errors, truth, groups)
-    assert accuracy(errors, -truth, groups) == wanted
-    assert accuracy(errors, truth * (-1.0) ** groups, groups) == wanted
-
-
 @given(st.integers(1, 400))
 def test_sizes_are_whole_surfaces_that_grow_by_about_the_square_root_of_two(per_surface):
     sizes = Sizes(per_surface)
@@ -107,15 +98,6 @@ def test_windows_of_one_tile_are_in_one_part(populations):
     assert not set(rows.groups[test]) & set(rows.groups[train])
 
 
-def test_rows_that_repeat_a_surface_follow_its_first_row(populations):
-    rows = dataset.read(populations / "python.h5", "area")
-    repeated = replace(rows, groups=np.arange(rows.size) % 20)
-    test, train = module.split_holdout(repeated)
-    for group in range(20):
-        assert len(set(test[repeated.groups == group])) == 1
-    assert (train == ~test).all()
-
-
 def test_rows_linked_to_rows_of_the_holdout_train_never_and_test_no_more(populations):
     rows = dataset.read(populations / "scans.h5", "area")
     test, _ = module.split_holdout(rows)
@@ -142,3 +124,21 @@ def test_parts_without_a_test_row_are_refused(solved):
     test, _ = module.split_holdout(rows)
     with pytest.raises(InputError, match="over the 0 test rows"):
         module.parted([rows.at(np.flatnonzero(~test))], seed=0)
+
+
+def test_errors_are_measured_by_magnitudes():
+    """A negative target has no negative error, and a signed one of mean 0 has an error at all."""
+    random = np.random.default_rng(5)
+    errors, truth, groups = random.uniform(0, 1, 30), random.uniform(1, 2, 30), np.arange(30)
+    wanted = accuracy(errors, truth, groups)
+    assert accuracy(errors, -truth, groups) == wanted
+    assert accuracy(errors, truth * (-1.0) ** groups, groups) == wanted
+
+
+def test_rows_that_repeat_a_surface_follow_its_first_row(populations):
+    rows = dataset.read(populations / "python.h5", "area")
+    repeated = replace(rows, groups=np.arange(rows.size) % 20)
+    test, train = module.split_holdout(repeated)
+    for group in range(20):
+        assert len(set(test[repeated.groups == group])) == 1
+    assert (train == ~test).all()

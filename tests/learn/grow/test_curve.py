@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from learn.grow import curve as module
 from learn.grow.accuracy import Accuracy, Sizes
 from learn.grow.curve import Curve, advise, fitted, values
 
@@ -55,13 +54,3 @@ def test_a_floor_above_the_mark_is_hopeless():
     advice = advise(appraised(4.0, 0.1, 2.0), curve_of((3.0, 15.5, 0.5)), Sizes(1), 20_000)
     assert math.isinf(advice.rows)
     assert advice.hopeless == 1.0
-
-
-@pytest.mark.parametrize("rows", [60, 500, 100_000])
-def test_parts_lie_in_the_database_and_do_not_overlap(rows):
-    parts = list(module._parts(rows))
-    for size in {size for size, _ in parts}:
-        starts = [start for each, start in parts if each == size]
-        assert starts == [draw * size for draw in range(len(starts))]
-        assert starts[-1] + size <= rows
-        assert module.FEWEST_ROWS <= size <= module.MOST_ROWS

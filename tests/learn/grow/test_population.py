@@ -39,11 +39,6 @@ def test_options_of_maps_are_refused_for_scenes():
         population("quick", "--young").check(Path("my.surrogate"))
 
 
-def test_a_surrogate_among_the_maps_is_refused(maps):
-    with pytest.raises(InputError, match="among the maps"):
-        population(maps).check(maps / "my.surrogate")
-
-
 def test_the_scene_of_a_folder_is_written_once_and_is_the_same_again(maps, tmp_path):
     file, said = tmp_path / "my.toml", []
     first = scene_of(population(maps), file, said.append)

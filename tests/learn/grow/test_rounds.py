@@ -158,17 +158,6 @@ def test_a_stop_ends_between_rows_and_the_growth_goes_on(whole, tmp_path):
     assert parts(tmp_path / "my.surrogate") == parts(folder / "my.surrogate")
 
 
-def test_a_mark_that_is_met_already_ends_at_once(whole, monkeypatch):
-    folder, grown, _ = whole
-    monkeypatch.setattr(rounds, "generate", None)  # nothing is to be generated
-    before = deterministic_bytes(folder / "my.h5")
-    again, said = grow(order(folder))
-    assert again.ending == "met"
-    assert again.last.rows == grown.last.rows
-    assert len([line for line in said if "nMAE of area" in line]) == 1
-    assert deterministic_bytes(folder / "my.h5") == before
-
-
 def test_a_mark_out_of_reach_is_said_to_be(tmp_path):
     grown, said = grow(order(tmp_path, mark=1e-4))
     assert grown.ending == "hopeless"
@@ -177,12 +166,6 @@ def test_a_mark_out_of_reach_is_said_to_be(tmp_path):
     assert "does not come to it" in said[-1]
     assert grown.last.rows < 500  # it takes few rows to see that
     assert parts(tmp_path / "my.surrogate")[1]["met"] is False
-
-
-def test_no_more_rows_are_made_than_are_allowed(tmp_path):
-    grown, _ = grow(order(tmp_path, mark=0.9, most=70))
-    assert grown.ending in {"rows", "hopeless"}
-    assert grown.last.rows <= 70
 
 
 @pytest.mark.parametrize("limit", [0.05, 1.0])
