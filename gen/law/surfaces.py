@@ -263,7 +263,6 @@ def read_subjects(
     seconds = [] if opposite is None else _seconds(opposite, boundary)
     facing = "" if opposite is None else f" against {opposite.path}"
     for text in inputs:
-        path = Path(text)
         if is_scene(text):
             if opposite is not None:
                 raise InputError(
@@ -274,20 +273,33 @@ def read_subjects(
             subjects += _population(scenes[-1], text, surfaces)
             origins.append(f"{text}: its first {surfaces} surfaces{_facing(scenes[-1])}")
             continue
-        for file in files_in([path])[0]:
-            first, warnings = _read(file, reading, boundary)
-            pairs = [(first, warnings)]
-            if opposite is not None:
-                sums = (composite(first, second, opposite.placement) for second in seconds)
-                pairs = [(each, surface_warnings(each)) for each in sums]
-            for topography, warned in pairs:
-                if topography.heights.max() == topography.heights.min():
-                    raise InputError(f"{file}: is flat: all of it touches at once, there is no law")
-                subject, doubtful = _subject(topography, warned, say)
-                subjects.append(subject)
-                doubts += [f"warning: {text}{facing}: {doubt}" for doubt in doubtful]
         origins.append(f"{text}{facing}")
+        for file in files_in([Path(text)])[0]:
+            for topography, warnings in _pressed(file, reading, boundary, opposite, seconds):
+                subjects.append(_subject(topography, warnings, say))
+                doubts += [f"warning: {text}{facing}: {doubt}" for doubt in topography.warnings]
     return LawSurfaces(subjects, scenes, origins, list(dict.fromkeys(doubts)))
+
+
+def _pressed(
+    file: Path,
+    reading: Reading,
+    boundary: Boundary,
+    opposite: Opposite | None,
+    seconds: Sequence[Topography],
+) -> Iterator[tuple[Topography, list[str]]]:
+    """Yield the surface of a file, or its sums with all second bodies, with warnings about each."""
+    if is_table(file):
+        raise InputError(f"{file}: a law needs surfaces, not their statistics")
+    first, warnings = read_surface(file, reading, boundary)
+    pairs = [(first, warnings)]
+    if opposite is not None:
+        sums = (composite(first, second, opposite.placement) for second in seconds)
+        pairs = [(each, surface_warnings(each)) for each in sums]
+    for topography, warned in pairs:
+        if topography.heights.max() == topography.heights.min():
+            raise InputError(f"{file}: is flat: all of it touches at once, there is no law")
+        yield topography, warned
 
 
 def _seconds(opposite: Opposite, boundary: Boundary) -> list[Topography]:
@@ -306,24 +318,16 @@ def _facing(scene: Scene) -> str:
     return f" against {named}"
 
 
-def _read(file: Path, reading: Reading, boundary: Boundary) -> tuple[Topography, list[str]]:
-    """Read one surface; return it with the warnings about it."""
-    if is_table(file):
-        raise InputError(f"{file}: a law needs surfaces, not their statistics")
-    return read_surface(file, reading, boundary)
-
-
 def _subject(
     topography: Topography, warnings: Sequence[str], say: Callable[[str], None]
-) -> tuple[LawSurface, Sequence[str]]:
-    """Tell the user how a surface was read; return it with the warnings of its file."""
-    name = topography.name
+) -> LawSurface:
+    """Tell the user how a surface was read, and return it."""
+    name, heights = topography.name, topography.heights
     say(f"{name}: {'; '.join(topography.steps)}")
     for line in warnings:
         say(f"  warning: {line}")
-    heights, sides, spacing = topography.heights, topography.sides, topography.spacing
-    subject = LawSurface(name, heights, sides, spacing, boundary=topography.boundary)
-    return subject, topography.warnings
+    sides, spacing = topography.sides, topography.spacing
+    return LawSurface(name, heights, sides, spacing, boundary=topography.boundary)
 
 
 def is_scene(text: str) -> bool:
