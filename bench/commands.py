@@ -30,7 +30,7 @@ Comparison = Annotated[
     typer.Option(metavar="DIR", help="Folder of learn compare and tune; made if left out."),
 ]
 Full = Annotated[bool, typer.Option("--full", help="Everything: hours. Else ten minutes.")]
-Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="All if none.")]
+Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="All if none.")]
 
 LONGEST = 60  # rows of a table that is printed
 
@@ -144,7 +144,8 @@ def add(part: Part) -> None:
     annotations |= {name: _annotation(said) for name, said in part.options.items()}
     defaults: dict[str, Any] = {} if part.keeps else {"output": None}
     defaults |= {name: _shown(said) for name, said in part.options.items() if "default" in said}
-    defaults |= {name: None for name, said in part.options.items() if "path" in said}
+    paths = {name for name, said in part.options.items() if "path" in said}
+    defaults |= {name: None for name in paths if "argument" not in part.options[name]}
     parameters = [
         inspect.Parameter(name, keyword, annotation=each, default=defaults.get(name, none))
         for name, each in annotations.items()

@@ -53,6 +53,18 @@ PAPERS_NODES = 129
 PAPERS_DELTAS = (5.0, 15.0, 25.0)  # um
 
 
+# On periodic patches.
+HURSTS = (0.8, 0.3, 0.5, 0.65, 0.95)  # one surface each; solvers are timed on the first
+# Mean pressures over E* times the rms slope: some 1, 10, 50, 90 and 99 % of the nodes touch.
+LOADS = (0.004, 0.04, 0.26, 0.75, 1.2)
+
+CLOSEST = "closest_load_error", "closest_misplaced_nodes", "closest_pressure_error"
+MEASURED = "tolerance", "seconds", "times_ours", "convolutions"
+PERIODIC_LADDER = tuple(10.0**-decade for decade in range(2, 13))
+LARGEST = 512  # nodes a side up to which all surfaces are solved, as closely as each solver can
+LONG, FEW_ROUNDS = 512, 3  # nodes a side from which on solves take long, and rounds at most there
+
+
 @lru_cache(maxsize=64)  # the same case has its exact solution found once
 def sample(nodes: int, delta: float, hardness: float | None = None, hurst: float = HURST) -> Case:
     """Return the surface, 2^k + 1 nodes a side, pressed by Delta [um]; the hardness is over E*."""
@@ -278,17 +290,6 @@ def _set_up_seconds(solver: Solver, case: Case) -> float:
     began = time.process_time()
     solver.set_up(case.nodes, case.spacing)
     return time.process_time() - began
-
-
-HURSTS = (0.8, 0.3, 0.5, 0.65, 0.95)  # one surface each; solvers are timed on the first
-# Mean pressures over E* times the rms slope: some 1, 10, 50, 90 and 99 % of the nodes touch.
-LOADS = (0.004, 0.04, 0.26, 0.75, 1.2)
-
-CLOSEST = "closest_load_error", "closest_misplaced_nodes", "closest_pressure_error"
-MEASURED = "tolerance", "seconds", "times_ours", "convolutions"
-PERIODIC_LADDER = tuple(10.0**-decade for decade in range(2, 13))
-LARGEST = 512  # nodes a side up to which all surfaces are solved, as closely as each solver can
-LONG, FEW_ROUNDS = 512, 3  # nodes a side from which on solves take long, and rounds at most there
 
 
 def _edgeless(nodes: int, spacing: float) -> Press:

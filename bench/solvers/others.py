@@ -44,7 +44,7 @@ def fast_grid(nodes: int) -> int:
 def primal_gradients(
     nodes: int, spacing: float, control: Control = "displacement", boundary: Boundary = "free"
 ) -> Press:
-    """Open its default, Polonsky and Keer's conjugate gradients.
+    """Open ContactMechanics' default, Polonsky and Keer's conjugate gradients.
 
     The tolerance is the largest penetration over Delta, and the last change of the force over the
     force; tension cut off in a step, or pressure above the hardness, is not bounded. With a
@@ -68,7 +68,7 @@ def primal_gradients(
 
 
 def dual_gradients(nodes: int, spacing: float, boundary: Boundary = "free") -> Press:
-    """Open its constrained conjugate gradients in pressures, after Bugnicourt and others (2018).
+    """Open ContactMechanics' gradients in pressures, after Bugnicourt and others (2018).
 
     The tolerance is the largest residual gap over Delta. Starts from the overlap as a pressure,
     with which it is faster than from zero.
@@ -130,7 +130,7 @@ OPERATOR = "dcfft"
 
 
 def projected_gradients(nodes: int, spacing: float, boundary: Boundary = "free") -> Press:
-    """Open its projected conjugate gradients, `PolonskyKeerRey`.
+    """Open Tamaas' projected conjugate gradients, `PolonskyKeerRey`.
 
     The tolerance is on its own measure of the sum of pressure times gap.
     """
@@ -186,7 +186,7 @@ def nested_grid(nodes: int) -> int:
 def single_grid(
     nodes: int, spacing: float, precond: str = "fourier", backend: str = "fft"
 ) -> Press:
-    """Open Polonsky and Keer's method with its |q| preconditioner, a stencil or "fourier-fft".
+    """Open ASPHER's Polonsky and Keer with its |q| preconditioner, a stencil or "fourier-fft".
 
     In double precision. The tolerance is on Frank and Wolfe's duality gap over the force, and on
     the largest penetration, both over the range of heights.
@@ -198,7 +198,7 @@ def single_grid(
 
 
 def nested_grids(nodes: int, spacing: float, engine: str, backend: str = "fft") -> Press:
-    """Open the same from coarse to fine grids, in single and then double precision.
+    """Open ASPHER from coarse to fine grids, in single and then double precision.
 
     Every call sets up every grid: that is in the time of the solve. The engine of the
     preconditioner is "stencil", on the nodes in contact, or "fft", by transforms of the grid.
