@@ -28,10 +28,10 @@ class Counts(NamedTuple):
 
 MOST = {
     "heights": Counts(18, 117, 13),  # heights to the pressure on a free patch
-    "scene": Counts(55, 393, 31),  # a scene to the rows of a database
-    "fit": Counts(43, 248, 24),  # a database to a surrogate
-    "predict": Counts(30, 182, 19),  # a surrogate and a map to a prediction
-    "law": Counts(60, 407, 30),  # a map to its contact law
+    "scene": Counts(55, 380, 30),  # a scene to the rows of a database
+    "fit": Counts(43, 242, 24),  # a database to a surrogate
+    "predict": Counts(30, 171, 19),  # a surrogate and a map to a prediction
+    "law": Counts(60, 402, 30),  # a map to its contact law
 }
 """Most of each that a walk may pass."""
 
