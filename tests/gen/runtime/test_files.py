@@ -167,6 +167,27 @@ def test_an_error_midway_leaves_what_was_there(folder):
     assert contents(folder) == before
 
 
+@pytest.mark.parametrize(
+    ("present", "left"), [("replace", "ours"), ("keep", "theirs"), ("refuse", "theirs")]
+)
+def test_a_file_that_appears_meanwhile_is_replaced_only_if_it_may_be(tmp_path, present, left):
+    target = tmp_path / "rows.h5"
+
+    def make():
+        with files.unfinished(target, present, ".part") as made:
+            assert made.parent == tmp_path
+            made.write_text("ours")
+            target.write_text("theirs")
+
+    if present == "refuse":
+        with pytest.raises(FileExistsError):
+            make()
+    else:
+        make()
+    assert target.read_text() == left
+    assert [each.name for each in tmp_path.iterdir()] == ["rows.h5"]
+
+
 def test_files_in_an_input_folder_are_inputs(folder):
     check_outputs([Output(folder / "table.csv", "-o")], [folder])  # results of earlier runs
     (folder / "heights.csv").write_text("0,1\n1,0\n")
