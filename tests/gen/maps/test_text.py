@@ -243,28 +243,15 @@ def test_npy_is_known_by_its_content_whatever_its_name(tmp_path):
 
 GOOD = npy(np.eye(4))
 TERABYTES = GOOD.replace(b"(4, 4), }" + b" " * 12, b"(9999999, 9999999), }")  # header as long
-BEYOND = GOOD.replace(b"(4, 4), }" + b" " * 18, b"(9223372036854775808, 9), }")  # as long
 FAULTS = {
-    "no array": ("a.npy", b"1 2\n3 4\n", r"not a whole \.npy file \(.*magic"),
-    "empty npy": ("a.npy", b"", r"not a whole \.npy file \("),
-    "header alone": ("a.npy", GOOD[:40], r"not a whole \.npy file \("),
     "cut off": ("a.npy", GOOD[:-9], r"not a whole \.npy file \("),
-    "broken header": ("a.npy", GOOD.replace(b"'descr'", b"'{([\x00'"), r"not a whole \.npy"),
     "claims terabytes": ("a.npy", TERABYTES, r"not a whole \.npy file \("),
-    "more nodes than integers": ("a.npy", BEYOND, r"not a whole \.npy file \("),
     "objects": ("a.npy", npy(np.array([[1, "a"], [None, 2]], dtype=object)), "Object arrays"),
     "pickle": ("a.npy", pickle.dumps([[1.0, 2.0], [3.0, 4.0]]), r"not a whole \.npy file"),
-    "zip": ("a.npy", b"PK\x03\x04" + b"\x00" * 40, r"not a whole \.npy file"),
     "complex": ("a.npy", npy(np.eye(3) * 1j), "holds complex128 values; save real numbers"),
-    "truth values": ("a.npy", npy(np.eye(3) > 0), "holds bool values; save real numbers"),
-    "texts": ("a.npy", npy(np.array([["1", "2"], ["3", "4"]])), "holds <U1 values; save real"),
-    "dates": ("a.npy", npy(np.zeros((2, 2), "M8[s]")), r"holds datetime64\[s\] values"),
     "one number": ("a.npy", npy(np.float64(3.0)), "holds a single number; give 2-D heights"),
-    "one axis": ("a.npy", npy(np.zeros(9)), "holds 9; give 2-D heights, 2 x 2 or more"),
-    "three axes": ("a.npy", npy(np.zeros((3, 3, 3))), "holds 3 x 3 x 3; give 2-D heights"),
     "no rows": ("a.npy", npy(np.zeros((0, 5))), "holds no heights; give 2-D heights"),
     "one row": ("a.npy", npy(np.zeros((1, 5))), "holds 1 x 5; give 2-D heights"),
-    "one column": ("a.npy", npy(np.zeros((5, 1))), "holds 5 x 1; give 2-D heights"),
     "not finite": (
         "a.npy",
         npy(np.array([[1, np.nan], [np.inf, -np.inf]])),
@@ -272,14 +259,11 @@ FAULTS = {
     ),
     "nan in text": ("a.txt", "1 2\nnan 1e999\n", "1 of 4 heights are infinite"),
     "words": ("a.txt", "# heights\n1 2\n3 x4\n", "line 3: 'x4' is not a number; give numbers sep"),
-    "complex text": ("a.txt", "1 2\n3 4j\n", "line 2: '4j' is not a number"),
     "commas of thousands": ("a.csv", "1,500,000;2\n3;4\n", "line 1: '1,500,000' is not a number"),
     "a gap": ("a.csv", "1,2,3\n4,,6\n", "line 2: '' is not a number"),
     "ragged": ("a.dat", "1;2;3;\n\n4;5;\n", "line 3: 2 numbers where the first row has 3; give"),
     "empty text": ("a.txt", "", "holds no heights; give 2-D heights"),
-    "comments alone": ("a.txt", "# nothing\n\n", "holds no heights; give 2-D heights"),
     "one line": ("a.txt", "1 2 3\n", "holds 1 x 3; give 2-D heights"),
-    "image": ("a.png", b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", r"neither \.npy nor text"),
     "HDF5": ("a.h5", b"\x89HDF\r\n\x1a\n\x00\x00", r"neither \.npy nor text"),
     "utf-32": ("a.txt", "1 2\n3 4\n".encode("utf-32"), r"neither \.npy nor text"),
     "latin-1": ("a.txt", b"1 2\n3 \xb5\n", "line 2: '\ufffd' is not a number"),
