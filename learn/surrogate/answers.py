@@ -23,7 +23,7 @@ from learn.arrays import Indices, Values
 from learn.features import Undefined
 from learn.features.sets import STATISTICS
 from learn.surrogate.flag import pair
-from learn.surrogate.model import OnSurface, Prediction, Surrogate
+from learn.surrogate.model import Prediction, Surrogate
 
 REASONS = 12
 """Reasons that are printed at most."""
@@ -150,7 +150,13 @@ def answers(
                 say(f"  warning: {line}")
             on_surface = surrogate.for_surface(topography.heights, topography.sides, str(path))
             try:
-                prediction = _predicted(on_surface, question)
+                prediction = on_surface.predict(
+                    question.deltas,
+                    e_star=question.e_star,
+                    hardness=question.hardness,
+                    level=question.level,
+                    std=True,
+                )
             except Undefined as error:
                 if len(files) == 1:
                     raise
@@ -158,18 +164,6 @@ def answers(
                 reason = on_surface.surface.description.reason
                 prediction = _unpredicted(surrogate, question.deltas, (UNDEFINED.format(reason),))
             yield from _rows(surrogate, str(path), prediction, warnings)
-
-
-def _predicted(on_surface: OnSurface, question: Question) -> Prediction:
-    """Predict the contacts of one surface."""
-    assert question.deltas is not None
-    return on_surface.predict(
-        question.deltas,
-        e_star=question.e_star,
-        hardness=question.hardness,
-        level=question.level,
-        std=True,
-    )
 
 
 def _unpredicted(surrogate: Surrogate, delta: Values, reasons: tuple[str, ...]) -> Prediction:
