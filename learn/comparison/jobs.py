@@ -29,13 +29,7 @@ from learn.request import Request, hybrid_for
 
 @dataclass(frozen=True)
 class _Target:
-    """One target of a job: its folder, its data, and the executor of its fits.
-
-    Attributes
-    ----------
-    stopping : callable
-        Returns True once a signal has come.
-    """
+    """One target of a job; `stopping` returns True once a signal has come."""
 
     request: Request
     folder: Folder

@@ -41,19 +41,7 @@ WORDS: dict[Ending | None, str] = {
 
 
 def show(request: Request, grown: Growth, found: Appraisal, most: int) -> None:
-    """Print the end of a growth.
-
-    Parameters
-    ----------
-    request : Request
-        Database, surrogate and options.
-    grown : Grown
-        The growth.
-    found : Appraisal
-        Its last surrogate.
-    most : int
-        Largest number of rows that was allowed.
-    """
+    """Print the end of a growth with its last surrogate, within `most` allowed rows."""
     card = found.surrogate.card
     rows = card["rows"]
     by = rows.get("split_by", "surface")
@@ -139,14 +127,7 @@ def payback(request: Request, grown: Growth, found: Appraisal) -> Payback:
 def draw(figure: Any, found: Appraisal, curve: Curve | None) -> None:
     """Draw a surrogate and its learning curve into an empty figure.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        Figure of `WIDTH` x `HEIGHT`.
-    found : Appraisal
-        The surrogate, of which the worst target is drawn.
-    curve : Curve or None
-        Its learning curve, if there are enough rows for one.
+    The figure is of `WIDTH` x `HEIGHT`; the worst target is drawn, with its curve if there is one.
     """
     learning, parity, coverage = figure.subplots(1, 3)
     _draw_learning(learning, found, curve)
